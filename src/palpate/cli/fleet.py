@@ -20,6 +20,8 @@ from palpate.cli.options import (
     Folder,
     MethodOptions,
     ResultFolder,
+    Shape,
+    material_of,
     quantity,
 )
 from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table, say, say_path
@@ -62,6 +64,8 @@ def fleet(
     output: ResultFolder,
     choosing: MethodOptions = MethodOptions(),
     diagnosis: Literal["none", "input", "full"] = "input",
+    tip: Shape = None,
+    poisson: float | None = None,
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     as_json: AsJson = False,
     running: Running = Running(),
@@ -75,7 +79,7 @@ def fleet(
     For example:
 
         palpate fleet recordings/ -o results/ --report
-        palpate fleet map.jpk-force-map -o results/
+        palpate fleet map.jpk-force-map -o results/ --tip sphere:radius=5um
         palpate fleet s3://archive/curves.zarr -o results/ --surface estimate
 
     Parameters
@@ -86,6 +90,11 @@ def fleet(
         Folder for the results.
     diagnosis
         Check nothing (none), the data (input), or data and fits with a verdict for each (full).
+    tip
+        Give Young's modulus for this tip, as for palpate identify. Force curves are then identified
+        from their approach: baseline, contact point and modulus, with a verdict for each.
+    poisson
+        Poisson's ratio of the material, for --tip (default: 0.5, incompressible).
     report
         Write report.html to the same folder: distributions, repeats, flags, outliers, failures.
     as_json
@@ -93,7 +102,9 @@ def fleet(
     """
     from palpate.fleet.running import run_fleet
 
+    shape, ratio = material_of(tip, poisson)
     settings = _settings(choosing, diagnosis, reading)
+    settings = replace(settings, tip=shape, poisson_ratio=ratio)
     if report:
         require_figures()
     try:
@@ -185,8 +196,9 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
         marks = [Text(verdict, _STYLES.get(verdict, "")) for verdict, _ in verdicts]
         turns = maps.numbers(table, "frequency") / math.tau
         at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
-        columns = names, marks, *(maps.format_values(table, name) for name in maps.JUDGED), at
-        header = ["contact", "verdict", *maps.JUDGED, "frequency"]
+        shown = maps.quantities_of(table)
+        columns = names, marks, *(maps.format_values(table, name) for name in shown), at
+        header = ["contact", "verdict", *(maps.name_of(name) for name in shown), "frequency"]
         print_table(console, header, [*zip(*columns, strict=True)])
     else:
         counts = Counter(verdict for verdict, _ in verdicts)
@@ -195,8 +207,8 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     if (lag := maps.rig_lag_of(table)) is not None:
         say(console, str(lag), "yellow")
     reasons = maps.reasons_of_verdicts(names, verdicts)
-    for line in reasons[:_MOST_REASONS]:
-        say(console, line, _STYLES[line.partition(":")[0]])
+    for verdict, line in reasons[:_MOST_REASONS]:
+        say(console, line, _STYLES[verdict])
     if found.identified and not any(table.column("verdict").to_pylist()):
         say(console, maps.NO_VERDICT.get(table.column("checked")[0].as_py(), ""), "dim")
     return few and len(reasons) <= _MOST_REASONS
@@ -210,7 +222,7 @@ def map(
     /,
     *,
     by: str = "x,y",
-    of: Literal["stiffness", "damping", "force", "exponent"] = "stiffness",
+    of: Literal["modulus", "stiffness", "damping", "force", "exponent"] | None = None,
     at: Depth | None = None,
     drawing: FigureOptions = FigureOptions(),
 ) -> None:
@@ -228,7 +240,8 @@ def map(
     by
         Two columns for the axes, such as x,y; or one, such as x or index.
     of
-        Quantity to draw, at the working depth of each contact.
+        Quantity to draw: modulus, for results with --tip their default; else, at the working depth
+        of each contact, the stiffness (default), damping or force; or the exponent.
     at
         Common depth, such as 2mm, to compare places pressed to different depths (default: the
         working depth of each contact).

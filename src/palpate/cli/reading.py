@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.estimators import ContactEstimator
     from palpate.identifying import Identification
+    from palpate.quantities.elastic_modulus import Tip
     from palpate.settings import ContactGate
 
 #: One file or several.
@@ -120,11 +121,20 @@ class ReadingOptions:
     save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
     "Write the options to this TOML file, with the choices that palpate made as comments."
 
-    def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
-        """Read the files, each a contact with one object; save the choice of law and method."""
+    def contact(
+        self,
+        files: Sequence[Path],
+        choice: Mapping[str, str] | None = None,
+        *,
+        tip: "Tip | None" = None,
+    ) -> "Contact":
+        """Read the files, each a contact with one object; save the choice of law and method.
+
+        The tip finds the contact point of force curves.
+        """
         from palpate.preparation.preparing import joined
 
-        contact = joined([self._contact(file) for file in files])
+        contact = joined([self._contact(file, tip) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import as_toml, how_made
             from palpate.writing import write_text
@@ -134,14 +144,22 @@ class ReadingOptions:
             write_text(self.save_config, text, inputs=list(files))
         return contact
 
-    def _contact(self, file: Path) -> "Contact":
+    def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
         from palpate.preparation import prepare
+        from palpate.quantities.indentation import contact_of, indentation_of, is_force_curve
 
         recording = None
         try:
             given = ("strict", "curve", "sheet", "header_row")
             options = {name: getattr(self, name) for name in given}
             recording = opened(file, self._channels, max_size=self.max_size, **options)
+            if tip is not None and is_force_curve(recording.channels):
+                if self.surface is not None or self.exponent is not None:
+                    raise InvalidParameterError(
+                        "--tip finds the contact point and sets the exponent of a force curve: "
+                        "drop --surface and --exponent"
+                    )
+                return contact_of(recording, indentation_of(recording, tip))
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
             if recording is not None and recording.losses:  # the column may be in a lost part

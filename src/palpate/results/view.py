@@ -788,7 +788,7 @@ def _describe_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
         return Line(f"{at}not determined: {found.refused}", name)
     ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
     value = found.value if whole else found.value.combined
-    words = f"{at}{format_with_prefix(value, 'Pa')} for {tip}, {ratio}"
+    words = f"{at}{format_with_prefix(value, 'Pa')} ({spoken(found.mark)}) for {tip}, {ratio}"
     return Line(words, name, remarks=found.remarks)
 
 
