@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -28,12 +28,13 @@ from palpate.diagnosis.outcome import Quantity
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import RecordingError
 from palpate.estimators.batch_fit import fit_curves
-from palpate.findings import Check, Finding, worst
+from palpate.findings import Check, Finding, Mark, worst
 from palpate.preparation import Columns, prepare
 from palpate.quantities.elastic_modulus import (
     INCOMPRESSIBLE,
     NEXT_SHAPE,
     ElasticModulus,
+    FlatPunch,
     Tip,
     mark_of_error,
 )
@@ -48,14 +49,16 @@ ZONE = 1.0 / 3.0
 LIGHT = 0.63
 # Largest numbers of means of consecutive samples: in the search, in air and nearer afterwards.
 _SEARCHED, _AIR, _NEAR = 2048, 96, 192
-_STEPS, _REFIT_STEPS = 20, 3
+_STEPS, _SEARCH_STEPS, _REFIT_STEPS = 20, 10, 3
 _TOGETHER = 12  # means in a block of residuals
 _FEWEST = 10  # samples in contact, and in air
 _SURE = 3.0  # standard errors, or standard deviations of the noise
 _LEAST_PULL = 0.02  # of the peak force
-_STRAIGHT = "let the instrument settle before the approach, or start it nearer to the sample"
+_BLURRED = "check the tip for a particle; look for a layer on the sample or a rough surface"
 _UNEVEN = "check the shape of the tip, and whether the sample is uniform and thick enough"
-_AGAINST_ADHESION = "measure in a liquid, or coat the tip, so that it does not stick"
+_STRAIGHT = "let the instrument settle before the approach, or start it nearer to the sample"
+_ADHESION = "measure in a liquid, or coat the tip, so that it does not stick"
+_DEEP = "press less deep, or use a larger tip"
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,9 +237,8 @@ def _search(approach: Floats, exponent: float) -> tuple[float, float, float]:
     raise np.linalg.LinAlgError
 
 
-@dataclass(frozen=True, slots=True)
-class _SystematicPart:
-    """A relative error of the modulus, the end of the sentence about it, and the next step."""
+class _SystematicPart(NamedTuple):
+    """A relative error of the modulus, its cause as a clause, and the next step."""
 
     size: float
     reason: str
@@ -311,11 +313,11 @@ class _ApproachFit:
                 width = zone * (1.0 - solution[1])
                 weight = counts * np.minimum(np.abs(depth) / width, 1.0) ** 2
             touching = depth > 0.0
+            inside = np.where(touching, depth, 1.0)  # log 1 = 0
             if extra == "exponent":
                 m = self.tip.exponent + solution[4]
-                inside = np.where(touching, depth, 1.0)  # log 1 = 0
                 columns[4] = solution[0] * inside**m * np.log(inside)
-            slope = (depth * touching) ** (m - 1.0) * touching
+            slope = inside ** (m - 1.0) * touching
             columns[0] = depth * slope
             columns[1] = -m * solution[0] * slope
             if extra == "jump":
@@ -326,8 +328,10 @@ class _ApproachFit:
             change = inverse @ (weighted @ rest)
             most = 0.3 * (1.0 - solution[1])
             change[1] = min(max(change[1], -most), most)
+            if extra == "exponent":
+                change[4] = min(max(change[4], -0.3), 0.3)
             solution = solution + change
-            if abs(change[1]) < 1e-3 * most:
+            if abs(change[1]) < 1e-3 * most and (extra != "exponent" or abs(change[4]) < 0.01):
                 break
         # Neighbouring residuals have common causes: the sums of the scores of blocks vary.
         free, scores = depth < -ZONE, weighted * rest
@@ -366,57 +370,41 @@ class _ApproachFit:
         """
         if not self.pull_off and self.retract.size:
             return 0.0, 0.0
-        solution, errors = self.minimise(self.solution, steps=_STEPS, extra="jump")
+        solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="jump")
         if not solution[-1] < -(1.0 if self.pull_off else _SURE) * errors[-1]:
             return 0.0, 0.0
         return -self.peak * float(solution[-1]), self.stiffness_change((solution, errors))
 
     def check_exponent(self) -> Iterator[Finding]:
-        """Check that the force grows with depth as under this tip."""
+        """Check that the force grows with depth as under this tip.
+
+        Under any tip it grows at least as under a flat punch.
+        """
         expected = self.tip.exponent
         with suppress(np.linalg.LinAlgError):
-            solution, errors = self.minimise(self.solution, steps=_STEPS, extra="exponent")
+            solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="exponent")
             difference, error = float(solution[4]), float(errors[4])
-            if max(NEXT_SHAPE, _SURE * error) < abs(difference) <= 1.0:
-                yield Check.TIP_SHAPE.finding(
-                    "the force grows with depth to the power "
-                    f"{with_error(expected + difference, error)}, but under a {self.tip.kind} it "
-                    f"has the power {expected:g}",
-                    _UNEVEN,
-                    mark="with-care",
-                )
+            power = with_error(expected + difference, error)
+            if max(NEXT_SHAPE, _SURE * error) < abs(difference):
+                words = f"the force grows with depth to the power {power}, but under a "
+                words += f"{self.tip.kind} it has the power {expected:g}"
+                impossible = expected + difference + _SURE * error < FlatPunch.exponent
+                mark: Mark = "do-not-trust" if impossible else "with-care"
+                yield Check.TIP_SHAPE.finding(words, _UNEVEN, mark=mark)
 
     def systematic_parts(self, depth: float) -> list[_SystematicPart]:
         """Return the systematic errors of the modulus at a depth, the largest first."""
-        uneven = self.stiffness_change(self.minimise(self.solution, deepest=LIGHT))
+        uneven = abs(self.stiffness_change(self.minimise(self.solution, deepest=LIGHT)))
         pull, by_pull = self.pulled_in
-        parts = [
-            _SystematicPart(
-                abs(self.stiffness_change(self.unweighted)),
-                "since the force next to the contact point does not follow the law of the tip",
-                "check the tip for a particle; look for a layer on the sample or a rough surface",
-            ),
-            _SystematicPart(
-                0.5 * abs(uneven),
-                f"since light and deep touch differ by {rough_percent(abs(uneven))}",
-                _UNEVEN,
-            ),
-            _SystematicPart(
-                abs(self.stiffness_change(self.bent)), "since the baseline bends", _STRAIGHT
-            ),
-            _SystematicPart(
-                abs(by_pull),
-                f"since the sample pulls the tip in with {format_quantity(pull, 'N')}",
-                _AGAINST_ADHESION,
-            ),
-            _SystematicPart(
-                self.tip.departure(depth),
-                f"since the tip sinks in by {rough_percent(10.0 * self.tip.departure(depth))} of "
-                "its radius",
-                "press less deep, or use a larger tip",
-            ),
-        ]
-        return sorted(parts, key=lambda part: -part.size)
+        ball = self.tip.departure(depth)
+        parts = (
+            (abs(self.stiffness_change(self.unweighted)), "the contact point is blurred", _BLURRED),
+            (0.5 * uneven, f"light and deep touch differ by {rough_percent(uneven)}", _UNEVEN),
+            (abs(self.stiffness_change(self.bent)), "the baseline bends", _STRAIGHT),
+            (abs(by_pull), f"adhesion begins with {format_quantity(pull, 'N')}", _ADHESION),
+            (ball, f"the tip sinks in by {rough_percent(10.0 * ball)} of its radius", _DEEP),
+        )
+        return sorted((_SystematicPart(*part) for part in parts), key=lambda part: -part.size)
 
     def result(self, poisson_ratio: float | None) -> Indentation:
         """Return the modulus with its errors, its mark and the findings."""
@@ -441,16 +429,11 @@ class _ApproachFit:
         mark = worst(*(each.stiffness for each in findings))
         reasons = [each.message for each in findings if each.stiffness == mark != "trust"]
         ratio = INCOMPRESSIBLE if poisson_ratio is None else poisson_ratio
-        modulus = ElasticModulus(
-            UNKNOWN if refused else stiffness.scaled((1.0 - ratio**2) / tip.factor),
-            tip,
-            ratio,
-            Quantity(tip.exponent, 0.0, 0.0),
-            poisson_ratio is None,
-            refused,
-            (*reasons[:1], *tip.limitations(depth)),
-            mark,
-        )
+        exponent = Quantity(tip.exponent, 0.0, 0.0)
+        known = (tip, ratio, exponent, poisson_ratio is None, refused)
+        value = UNKNOWN if refused else stiffness.scaled((1.0 - ratio**2) / tip.factor)
+        remarks = (*reasons[:1], *tip.limitations(depth))
+        modulus = ElasticModulus(value, *known, remarks, mark)
         fitted = baseline[0] + slope * self.depths + stiffness.value * self.depths**tip.exponent
         residual = float(np.sqrt(np.mean((self.approach[1, self.inside] - fitted) ** 2)))
         largest, samples = self.scale * (1.0 - point), self.inside.size
@@ -464,56 +447,44 @@ class _ApproachFit:
         contact, air = self.depths.size, self.air
         depth, error = self.scale * (1.0 - self.solution[1]), self.scale * self.errors[1]
         if contact < _FEWEST or air < _FEWEST or self.x[0] > -1.0:
+            words = f"at an edge of the approach: {air} samples in air, {contact} in contact"
+            remedy = "start farther above the sample, or record more samples in contact"
             yield Check.CONTACT_POINT.finding(
-                f"the contact point lies at an edge of the approach: {air} samples in air before "
-                f"it, {contact} in contact",
-                "start the approach farther above the sample, or record more samples in contact",
-                mark="do-not-trust",
+                f"the contact point lies {words}", remedy, mark="do-not-trust"
             )
         force = self.peak * self.solution[0] * (1.0 - self.solution[1]) ** self.tip.exponent
         if not (force > _SURE * self.noise and depth > _SURE * error):
-            yield Check.INDENTATION.finding(
-                f"the indentation, {format_quantity(depth, 'm')} at {format_quantity(force, 'N')}, "
-                f"is below three times its noise, {format_quantity(error, 'm')} and "
-                f"{format_quantity(self.noise, 'N')}",
-                "press harder, or average several curves of one place",
-                mark="do-not-trust",
-            )
+            deep = with_error(1e9 * depth, 1e9 * error, unit="nm")
+            size = with_error(1e9 * force, 1e9 * self.noise, unit="nN")
+            words = f"the indentation is below three times its noise: {deep}, {size}"
+            remedy = "press harder, or average several curves of one place"
+            yield Check.INDENTATION.finding(words, remedy, mark="do-not-trust")
         bent, errors = self.bent
         bend, z = 0.25 * self.peak * float(abs(bent[4])), float(abs(bent[4] / errors[4]))
         if z > _SURE and bend > self.noise:
-            change = 100.0 * self.stiffness_change(self.bent)
-            yield Check.BASELINE.finding(
-                f"the baseline bends by {format_quantity(bend, 'N')}",
-                _STRAIGHT,
-                z,
-                moves_percent=(change, math.nan),
-            )
+            moves = 100.0 * self.stiffness_change(self.bent), math.nan
+            words = f"the baseline bends by {format_quantity(bend, 'N')}"
+            yield Check.BASELINE.finding(words, _STRAIGHT, z, moves_percent=moves)
         if self.pull_off or self.pulled_in[0]:
             pull, by_pull = self.pulled_in
             largest = format_quantity(max(self.pull_off, pull), "N")
             words = f"the sample adheres: it pulls the tip with {largest}"
             if pull:
                 words += f", and with {format_quantity(pull, 'N')} already on approach"
-            yield Check.PULL_OFF.finding(
-                words, _AGAINST_ADHESION, moves_percent=(100.0 * by_pull, math.nan)
-            )
+            moves = 100.0 * by_pull, math.nan
+            yield Check.PULL_OFF.finding(words, _ADHESION, moves_percent=moves)
 
 
 def _check_modulus(
     relative: float, parts: Sequence[_SystematicPart], refused: str | None
 ) -> Iterator[Finding]:
     """Report a modulus that is refused, or whose error bar is too wide to trust."""
+    error = math.hypot(relative, *(part.size for part in parts))
     if refused is not None:
         yield Check.MODULUS.finding(f"no modulus: {refused}", mark="do-not-trust")
-        return
-    error = math.hypot(relative, *(part.size for part in parts))
-    if (mark := mark_of_error(error)) != "trust":
-        reason, remedy = "by the noise", "average several curves of one place"
-        if parts[0].size > relative:
-            reason, remedy = parts[0].reason, parts[0].remedy
-        yield Check.MODULUS.finding(
-            f"Young's modulus is known to ± {rough_percent(error)}, {reason}",
-            remedy,
-            mark=mark,
-        )
+    elif (mark := mark_of_error(error)) != "trust":
+        _, cause, remedy = parts[0]
+        if parts[0].size < relative:
+            cause, remedy = "the force scatters", "average several curves of one place"
+        words = f"Young's modulus is known to ± {rough_percent(error)}, since {cause}"
+        yield Check.MODULUS.finding(words, remedy, mark=mark)
