@@ -160,7 +160,9 @@ def test_identify_fleet_and_map_give_the_same_modulus(map_file, run, tmp_path):
     code, out, _ = run("map", folder, "--by", "index", "--figure", tmp_path / "map.svg")
     assert out.startswith("Young's modulus over the whole contact: median 250")
     code, _, error = run("identify", map_file, "--curve", "2", "--tip", TIP, "--exponent", "1.5")
-    assert (code, "drop --surface and --exponent" in error) == (2, True)
+    assert (code, "drop the options for exponent" in error) == (2, True)
+    code, _, error = run("identify", map_file, "--curve", "2", "--tip", TIP, "--stop", "0.3")
+    assert (code, "drop the options for window" in error) == (2, True)
 
 
 def test_arrays_with_a_tip_are_force_curves():

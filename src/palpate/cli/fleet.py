@@ -139,12 +139,10 @@ def _settings(
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
     given = reading.by_default(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}
-    usual = ReadingOptions().preparation
-    own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
     return Settings(
         method=given.kind.method if given is choosing else AUTO,
         estimator=estimator,
-        preparation=own,
+        preparation=reading.changed_preparation,
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
         minimum_force=reading.min_force,

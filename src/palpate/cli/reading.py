@@ -146,7 +146,12 @@ class ReadingOptions:
 
     def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
         from palpate.preparation import prepare
-        from palpate.quantities.indentation import contact_of, indentation_of, is_force_curve
+        from palpate.quantities.indentation import (
+            contact_of,
+            indentation_of,
+            is_force_curve,
+            refuse_options,
+        )
 
         recording = None
         try:
@@ -154,11 +159,8 @@ class ReadingOptions:
             options = {name: getattr(self, name) for name in given}
             recording = opened(file, self._channels, max_size=self.max_size, **options)
             if tip is not None and is_force_curve(recording.channels):
-                if self.surface is not None or self.exponent is not None:
-                    raise InvalidParameterError(
-                        "--tip finds the contact point and sets the exponent of a force curve: "
-                        "drop --surface and --exponent"
-                    )
+                fixed = ["exponent"] if self.exponent is not None else []
+                refuse_options([*self.changed_preparation, *fixed])
                 return contact_of(recording, indentation_of(recording, tip))
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
@@ -210,6 +212,12 @@ class ReadingOptions:
         if self.spot == "inf":
             return {**given, "spot": 1e6}
         return given | quantities(self, spot="penetration")
+
+    @property
+    def changed_preparation(self) -> dict[str, Any]:
+        """The arguments for :func:`palpate.prepare` that are not the default ones."""
+        usual = ReadingOptions().preparation
+        return {name: value for name, value in self.preparation.items() if value != usual[name]}
 
     @property
     def _surface(self) -> Any:

@@ -57,6 +57,7 @@ from palpate.quantities.indentation import (
     fit_approach,
     indentation_of,
     is_force_curve,
+    refuse_options,
 )
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
@@ -286,6 +287,8 @@ def identify_each(
             if isinstance(given, Recording):
                 known = {**place_in_notes(given.notes), **known}
                 if settings.tip is not None and is_force_curve(given.channels):
+                    fixed = settings.estimator.keys() & {"exponent", "surface"}
+                    refuse_options(fixed | settings.preparation.keys())
                     given = indentation_of(given, settings.tip, settings.poisson_ratio)
             if isinstance(given, Indentation):
                 new = [row_of_indentation(given, settings)]

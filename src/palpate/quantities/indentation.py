@@ -15,7 +15,7 @@ weights is one of its systematic errors; nanite has weights of this form within 
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,7 +26,7 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import Quantity
 from palpate.digits import format_quantity, rough_percent, with_error
-from palpate.errors import RecordingError
+from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimators.batch_fit import fit_curves
 from palpate.findings import Check, Finding, Mark, worst
 from palpate.preparation import Columns, prepare
@@ -108,6 +108,15 @@ def force_curve_of(contact: Contact) -> Recording | None:
     if recording is None or recording.source != contact.source:
         return None
     return recording if is_force_curve(recording.channels) else None
+
+
+def refuse_options(names: Iterable[str]) -> None:
+    """Raise for options of the preparation: the tip alone decides how a force curve is read."""
+    if given := ", ".join(sorted({*names} - {"strict"})):
+        raise InvalidParameterError(
+            f"--tip finds baseline, contact point and exponent of a force curve: drop the options "
+            f"for {given}"
+        )
 
 
 def indentation_of(
