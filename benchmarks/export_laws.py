@@ -24,7 +24,7 @@ def made(law: str, to: str, form: str = "auto", mass: float = 1.0) -> exports.Ex
 
 def tip(to: str, form: str = "auto") -> float | None:
     """Return the tip's radius, m, for the engines whose law has it."""
-    return RADIUS if to == "opensim" or form == "hydroelastic" else None
+    return RADIUS if to == "opensim" else None
 
 
 def there(engine: str) -> bool:

@@ -131,7 +131,6 @@ def measure_others() -> Section:
         for form, law, limit in (
             ("nested-spheres", "n = 1.5", 1.0),
             ("nested-spheres", "PVC", 1.0),
-            ("hydroelastic", "PVC", 4.0),
         ):
             rows.append(
                 Row(f"Drake, {form}, {law}", error(law, "drake", form), "%", limit=Limit(limit))

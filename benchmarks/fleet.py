@@ -1,7 +1,7 @@
-"""Many contacts at once: speed, safety, and equal results from any storage.
+"""Many contacts at once: speed and safety.
 
 ``python -m benchmarks.fleet`` takes some ten minutes, 6 GB of disk and two cores; ``--short`` a
-minute, with fewer of everything. ``--only`` chooses among arrays, balance, kills, files, objects,
+minute, with fewer of everything. ``--only`` chooses among arrays, balance, kills, files,
 force-curves, nanite; for the last, ``--nanite`` names the Python of an environment that has it.
 """
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from benchmarks.fleets import arrays, balance, files, force_curves, kills, nanite, objects
+from benchmarks.fleets import arrays, balance, files, force_curves, kills, nanite
 from benchmarks.machine import describe
 from benchmarks.report import Section, page, print_sections
 
@@ -24,7 +24,6 @@ def parts(options: argparse.Namespace) -> dict[str, Callable[[], Section]]:
         "balance": lambda: balance.measure(2_000, folder),
         "kills": lambda: kills.measure(6_000 if short else 40_000, 2 if short else 20, folder),
         "files": lambda: files.measure(40 if short else 10_000, 4 if short else 100, folder),
-        "objects": lambda: objects.measure(20 if short else 200, 200 if short else 5_000, folder),
         "force-curves": force_curves.measure,
         "nanite": lambda: nanite.measure(options.nanite),
     }

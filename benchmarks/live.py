@@ -26,7 +26,7 @@ from palpate.live.diagnosing import Diagnosing
 from palpate.live.laboratory import Laboratory
 from palpate.live.loop import Histogram
 from palpate.live.page import Page
-from palpate.live.realtime import ask_for_realtime, undisturbed
+from palpate.live.realtime import ask_for_realtime, pause_collection
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Session, Sink, Watching
@@ -121,7 +121,7 @@ def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
 
 def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
     lateness, work = Histogram(1e-3), Histogram(20e-6)
-    with undisturbed():
+    with pause_collection():
         if realtime:
             ask_for_realtime()
         due = time.monotonic()

@@ -113,12 +113,12 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     import zenoh
 
     from palpate.live import zenoh as wire
-    from palpate.live.ordering import parsed
+    from palpate.live.ordering import parse_address
 
-    session = wire.opened(parsed("zenoh", f"?listen={where}", wire.OPTIONS))
+    session = wire.open_session(parse_address("zenoh", f"?listen={where}", wire.OPTIONS))
     publishers = [
         session.declare_publisher(
-            wire.key_of(0, name, kind, store.hash_rihs01(kind)),
+            wire.topic_key(0, name, kind, store.hash_rihs01(kind)),
             congestion_control=zenoh.CongestionControl.BLOCK,
             express=True,
         )

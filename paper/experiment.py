@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Figure
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import look_of, style
+from palpate.figures.style import choose_look, style
 from paper.judging import (
     JUDGES,
     Judge,
@@ -26,7 +26,7 @@ from paper.judging import (
     unit_of,
 )
 
-LOOK = look_of(dark=False, width=None)
+LOOK = choose_look(dark=False, width=None)
 THEME = LOOK.theme
 #: Display names of the lab's materials.
 LABELS = {"ball": "ball", "sponge": "sponge", "pvc": "PVC phantom"}

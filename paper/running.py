@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import palpate
-from palpate.figures.style import as_svg, recoloured
+from palpate.figures.style import as_svg, recolour_for_dark
 from palpate.fleet.running import holding_interrupts
 from palpate.writing import check_own, make_folder, write_text
 from paper.experiment import Experiment, Outcome
@@ -161,7 +161,7 @@ def perform(experiments: Sequence[Experiment], given: Given) -> list[Result]:
                 continue
             # Returned, not written: a stopped worker would leave half a file.
             light = as_svg(each.figure(given))
-            results.append((light, recoloured(light)))
+            results.append((light, recolour_for_dark(light)))
         except Exception as error:
             last = traceback.extract_tb(error.__traceback__)[-1]
             place = f"{Path(last.filename).name}:{last.lineno}"

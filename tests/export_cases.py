@@ -33,7 +33,7 @@ def predicted_percent(fragment, law=None):
     """Error of the force predicted, along the motion that it was made for."""
     motion = fragment.request.motion
     reference = motion.force_by(fragment.request.law if law is None else law)
-    return force_error(fragment.predicted(motion), reference, motion.judged)
+    return force_error(fragment.predict_force(motion), reference, motion.judged)
 
 
 def replayed_percent(fragment, most=500):
@@ -44,5 +44,5 @@ def replayed_percent(fragment, most=500):
     assert np.isfinite(ran.force).all()
     return (
         force_error(ran.force, reference, motion.judged),
-        force_error(fragment.predicted(motion), reference, motion.judged),
+        force_error(fragment.predict_force(motion), reference, motion.judged),
     )

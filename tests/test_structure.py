@@ -3,6 +3,7 @@
 import ast
 import re
 from collections import defaultdict
+from functools import cache
 from pathlib import Path
 
 import palpate
@@ -20,6 +21,12 @@ FLOORS = (
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
 
 
+@cache
+def tree(path):
+    """The syntax tree of a file, parsed once for all tests."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def modules():
     """Every module by its name."""
     for path in sorted(HOME.rglob("*.py")):
@@ -27,11 +34,16 @@ def modules():
         yield ".".join(parts[:-1] if parts[-1] == "__init__" else parts), path
 
 
+@cache
 def imports():
     """Who imports whom, by modules."""
+    return list(_imports())
+
+
+def _imports():
     known = dict(modules())
     for name, path in known.items():
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.Import):
                 yield from ((name, each.name) for each in node.names if "palpate" in each.name)
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("palpate"):
@@ -71,7 +83,7 @@ def test_no_imports_go_round_in_a_circle():
 def test_every_noun_is_one_class():
     nouns = defaultdict(list)
     for name, path in modules():
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ClassDef):
                 nouns[node.name].append(name)
     assert not {noun: places for noun, places in nouns.items() if len(places) > 1}
@@ -89,7 +101,7 @@ def test_the_reproduction_of_the_paper_uses_public_names():
     public = {*palpate.__all__, "__version__", "lab"}
     internal = set()
     for path in (Path(__file__).parents[1] / "paper").glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree(path)):
             if isinstance(node, ast.ImportFrom) and node.module.startswith("palpate"):
                 names = {each.name for each in node.names}
                 if node.module == "palpate" and names <= public:

@@ -14,7 +14,7 @@ import pytest
 
 from palpate import InvalidParameterError
 from palpate.estimators import ESTIMATORS
-from palpate.fleet.running import client_of, holding_interrupts
+from palpate.fleet.running import holding_interrupts, open_client
 from palpate.preparation.settings import normal_given
 
 PALPATE = (sys.executable, "-m", "palpate")
@@ -149,7 +149,7 @@ def test_an_interrupt_ends_the_first_imports_and_an_exit_that_waits_for_a_thread
 @pytest.mark.slow
 def test_no_other_process_can_use_a_fleet_on_this_machine():
     pytest.importorskip("distributed")
-    with client_of(workers=1) as client:
+    with open_client(workers=1) as client:
         address = client.scheduler_info()["address"]
         assert client.submit(int, "7").result() == 7
         program = f"""

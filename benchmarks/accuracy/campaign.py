@@ -9,7 +9,7 @@ from typing import Any, Self, TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from palpate.fleet.running import client_of
+from palpate.fleet.running import open_client
 from palpate.fleet.tasks import cores
 
 Item = TypeVar("Item")
@@ -46,7 +46,7 @@ class Campaign:
         )
 
     def __enter__(self) -> Self:
-        client = client_of(workers=self._workers, scheduler=self._scheduler)
+        client = open_client(workers=self._workers, scheduler=self._scheduler)
         self._pool = self._stack.enter_context(client).get_executor(pure=False)
         self._progress.start()
         return self

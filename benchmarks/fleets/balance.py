@@ -19,7 +19,7 @@ from palpate.fleet.tasks import Settings
 
 SAMPLES = 200
 _FOLDER = "PALPATE_BENCHMARK_TIMES"
-_MEASURED = running.timed_batch
+_MEASURED = running.identify_and_time
 
 
 def timed(batch: Any, settings: Settings) -> Any:
@@ -38,11 +38,11 @@ def timing() -> Iterator[dict[int, np.ndarray]]:
     found: dict[int, np.ndarray] = {}
     with tempfile.TemporaryDirectory() as folder:
         os.environ[_FOLDER] = folder
-        running.timed_batch = timed  # type: ignore[assignment]  # without threads, which tasks have
+        running.identify_and_time = timed  # type: ignore[assignment]  # without threads, which tasks have
         try:
             yield found
         finally:
-            running.timed_batch = _MEASURED
+            running.identify_and_time = _MEASURED
             del os.environ[_FOLDER]
         for path in Path(folder).iterdir():
             found[int(path.name)] = np.loadtxt(path, ndmin=2)

@@ -14,7 +14,7 @@ import numpy as np
 from benchmarks.report import Limit, Row, Section
 from palpate.estimators.batch_fit import fit_curves
 from palpate.quantities.elastic_modulus import Sphere
-from palpate.quantities.indentation import indentation_of
+from palpate.quantities.indentation import fit_force_curve
 from palpate.recordings.opening import FORCE_CURVES
 
 _ALONE = Path(__file__).with_name("nanite_alone.py")
@@ -75,7 +75,7 @@ def _compare_moduli(theirs: list[dict[str, Any]], files: list[Path], alone: floa
     best = math.inf
     for _ in range(_ROUNDS):
         begun = time.process_time()
-        fits = [indentation_of(curve, tip) for curve in curves]
+        fits = [fit_force_curve(curve, tip) for curve in curves]
         best = min(best, time.process_time() - begun)
     good, others = [], []
     for fit, other in zip(fits, theirs, strict=True):

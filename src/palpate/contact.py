@@ -16,7 +16,7 @@ from palpate.findings import Finding
 from palpate.validation import (
     Floats,
     Plain,
-    kept,
+    check_field,
     number,
     same_length,
     shown,
@@ -54,10 +54,10 @@ class VelocityFilter(Plain):
     penalty: float | None = None
 
     def __post_init__(self) -> None:
-        kept(self, "samples", 3, 1e300, whole=True)
-        kept(self, "degree", 1, 9, whole=True)
+        check_field(self, "samples", 3, 1e300, whole=True)
+        check_field(self, "degree", 1, 9, whole=True)
         if self.penalty is not None:
-            kept(self, "penalty", 0.0, 1e300, open_low=True)
+            check_field(self, "penalty", 0.0, 1e300, open_low=True)
 
     def as_note(self) -> dict[str, str]:
         """Return the note for a file with this velocity."""
@@ -176,7 +176,7 @@ class Contact:
         timeless: bool = False,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
-        labels = numbered(segment, t.size)
+        labels = number_runs(segment, t.size)
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
         rest = tare_deviation, surface_deviation, delay, tuple(findings), prepared
@@ -185,7 +185,7 @@ class Contact:
             object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):
             if getattr(self, name) is not None:
-                kept(self, name, 0.0, 1e30, open_low=True)
+                check_field(self, name, 0.0, 1e30, open_low=True)
 
     def __len__(self) -> int:
         return len(self.time)
@@ -199,7 +199,7 @@ class Contact:
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
-        return slices_of(self.segment)
+        return run_slices(self.segment)
 
     @property
     def sample_time(self) -> float:
@@ -238,7 +238,7 @@ def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bo
     return keep
 
 
-def numbered(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
+def number_runs(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     """Consecutive numbers of the runs of equal labels; NaN labels count as equal."""
     if segment is None:
         return np.zeros(samples, dtype=np.int64)
@@ -269,7 +269,7 @@ def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
         )
 
 
-def slices_of(labels: NDArray[Any]) -> Iterator[slice]:
+def run_slices(labels: NDArray[Any]) -> Iterator[slice]:
     """Slices of the runs of equal labels, in order."""
     borders = np.flatnonzero(labels[1:] != labels[:-1]) + 1
     for start, stop in itertools.pairwise([0, *borders.tolist(), len(labels)]):

@@ -70,7 +70,7 @@ def interval(value: float, error: float) -> str:
     ends = (value - 1.96 * error, value + 1.96 * error)
     largest, place = _last_place(error)
     power = max(map(_power, (value, largest, *ends)))
-    return _joined(" to ", [(end, _written) for end in ends], place, power)
+    return _join_numbers(" to ", [(end, _format_to_place) for end in ends], place, power)
 
 
 def rounded(value: float, digits: int) -> str:
@@ -89,30 +89,32 @@ def rounded(value: float, digits: int) -> str:
         return "0"
     power = _power(float(f"{value:.{digits - 1}e}"))
     if power in PLAIN:
-        return _trimmed(f"{value:.{max(digits - 1 - power, 0)}f}")
-    return _trimmed(f"{_scaled(value, power):.{digits - 1}f}") + _ten_to(power)
+        return _trim_zeros(f"{value:.{max(digits - 1 - power, 0)}f}")
+    return _trim_zeros(f"{_divide_by_power(value, power):.{digits - 1}f}") + _ten_to(power)
 
 
 def _together(value: float, errors: list[float]) -> str:
     largest, place = _last_place(max(errors))
     power = max(_power(value), _power(largest)) if value else _power(largest)
-    return _joined(" ± ", [(value, _written), *((each, _error) for each in errors)], place, power)
+    return _join_numbers(
+        " ± ", [(value, _format_to_place), *((each, _error) for each in errors)], place, power
+    )
 
 
-def _joined(
+def _join_numbers(
     between: str, numbers: list[tuple[float, Callable[[float, int], str]]], place: int, power: int
 ) -> str:
     """Numbers, each as its function writes it down to a decimal; outside of PLAIN by one power."""
     if power in PLAIN:
         return between.join(write(number, place) for number, write in numbers)
-    parts = (write(_scaled(number, power), place - power) for number, write in numbers)
+    parts = (write(_divide_by_power(number, power), place - power) for number, write in numbers)
     return f"({between.join(parts)}){_ten_to(power)}"
 
 
 def _last_place(error: float) -> tuple[float, int]:
     """Return the rounded error, and the power of ten of its last digit."""
     power = _power(error)
-    leading = int(100.0 * _scaled(error, power))
+    leading = int(100.0 * _divide_by_power(error, power))
     if leading <= 354:
         return error, power - 1
     if leading <= 949:
@@ -122,10 +124,10 @@ def _last_place(error: float) -> tuple[float, int]:
 
 def _error(error: float, place: int) -> str:
     """Format an error to a decimal place; an error of at most half its unit keeps one digit."""
-    return _written(error, min(place, _power(float(f"{error:.0e}"))))
+    return _format_to_place(error, min(place, _power(float(f"{error:.0e}"))))
 
 
-def _written(value: float, place: int) -> str:
+def _format_to_place(value: float, place: int) -> str:
     if place <= 0:
         words = f"{value:.{-place}f}"
     else:
@@ -133,7 +135,7 @@ def _written(value: float, place: int) -> str:
     return words[1:] if words.startswith("-") and not words.strip("-0.") else words
 
 
-def _scaled(value: float, power: int) -> float:
+def _divide_by_power(value: float, power: int) -> float:
     """Return value/10ᵖ, also if 10ᵖ is outside the range of a double."""
     mantissa, exponent = f"{value:.16e}".split("e")
     return float(f"{mantissa}e{int(exponent) - power}")
@@ -144,7 +146,7 @@ def _power(value: float) -> int:
     return Decimal(repr(float(value))).adjusted() if value else 0
 
 
-def _trimmed(words: str) -> str:
+def _trim_zeros(words: str) -> str:
     return words.rstrip("0").rstrip(".") if "." in words else words
 
 

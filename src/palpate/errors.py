@@ -72,10 +72,10 @@ class MissingChannelError(RecordingError):
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
         missing = self.missing or f"no column {self.channel!r}"
-        return f"{where}{missing}; available: {listed(self.available)}"
+        return f"{where}{missing}; available: {list_names(self.available)}"
 
 
-def listed(names: list[str]) -> str:
+def list_names(names: list[str]) -> str:
     """Up to 20 names, each cut after 40 characters."""
     shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
     more = [f"{len(names) - 20} more"] if len(names) > 20 else []
@@ -101,7 +101,7 @@ class MissingExtraError(PalpateError, ImportError):
         return cls.named(what, (error.name or "a package").partition(".")[0], extra)
 
 
-def needed(module: str, what: str, extra: str) -> "Any":
+def import_extra(module: str, what: str, extra: str) -> "Any":
     """Import a module that an extra installs.
 
     Raises

@@ -9,8 +9,8 @@ from palpate.diagnosis import Data, Diagnosis
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ESTIMATORS, ContactEstimator, VariableProjection
 from palpate.estimators.by_law import estimator_by_law
-from palpate.estimators.contact_estimator import Rejection, known_exponent
-from palpate.estimators.estimate import Traced, checked_trace
+from palpate.estimators.contact_estimator import Rejection, check_exponent
+from palpate.estimators.estimate import Traced, check_trace
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.preparing import BY_NAME, Recorded, prepare
@@ -215,8 +215,8 @@ def identify(
         raise InvalidParameterError(BY_NAME)
     if method is not None and estimator is not None:
         raise InvalidParameterError(f"pass estimator or method={method!r}, not both")
-    traced = checked_trace(trace)  # before reading anything
-    estimator = _with_law(method if estimator is None else estimator, law)
+    traced = check_trace(trace)  # before reading anything
+    estimator = _estimator_for_law(method if estimator is None else estimator, law)
     signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     signals |= {"position": position, "rate": rate}
     given = {name: values for name, values in signals.items() if values is not None}
@@ -285,7 +285,7 @@ def compare(
     dict
         An :class:`Identification` for each method's name, in the order of ``ESTIMATORS``.
     """
-    traced = checked_trace(trace)
+    traced = check_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
     data, rejecting = Data(contact), outlier_rejection is not False
     if (
@@ -297,7 +297,7 @@ def compare(
     data = data.samples(rejecting=rejecting)  # checked once for all methods
     chosen = choose_gate(data.contact) if gate is None else gate
     results = {}
-    kept = known_exponent(exponent)
+    kept = check_exponent(exponent)
     able = [
         name
         for name, kind in ESTIMATORS.items()
@@ -319,7 +319,7 @@ def compare(
     return results
 
 
-def _with_law(
+def _estimator_for_law(
     estimator: ContactEstimator | str | None, law: str | None
 ) -> ContactEstimator | str | None:
     """Return the estimator of a law, if one is requested."""

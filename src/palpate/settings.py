@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, kept, shown
+from palpate.validation import Floats, check_field, shown
 
 # The C++ headers define and explain each default.
 _FADING = _core.defaults["FadingForgetting"]
@@ -52,15 +52,15 @@ class ContactGate(_Numbers):
     break_force: float | None = None
 
     def __post_init__(self) -> None:
-        make = kept(self, "make_force", 0.0, 1e100)
+        make = check_field(self, "make_force", 0.0, 1e100)
         given = self.break_force
         if given is None:
             object.__setattr__(self, "break_force", 0.8 * make)
-        if kept(self, "break_force", 0.0, 1e100) > make:
+        if check_field(self, "break_force", 0.0, 1e100) > make:
             raise InvalidParameterError(
                 f"break_force must be in [0, make_force = {make:g}], not {shown(given)}"
             )
-        kept(self, "minimum_penetration", 0.0, 1e100)
+        check_field(self, "minimum_penetration", 0.0, 1e100)
 
     def makes(self, penetration: Floats, force: Floats) -> NDArray[np.bool_]:
         """Whether each sample is deep and firm enough to begin contact."""
@@ -84,7 +84,7 @@ class ConstantForgetting:
     factor: float = 1.0
 
     def __post_init__(self) -> None:
-        kept(self, "factor", 0.0, 1.0, open_low=True)
+        check_field(self, "factor", 0.0, 1.0, open_low=True)
 
     def _plain(self) -> tuple[float, ...]:
         return self.factor, 0.0
@@ -106,8 +106,8 @@ class FadingForgetting(_Numbers):
     rate: float = _FADING["rate"]
 
     def __post_init__(self) -> None:
-        kept(self, "initial_factor", 0.0, 1.0, open_low=True)
-        kept(self, "rate", 0.0, 1e6, open_low=True)
+        check_field(self, "initial_factor", 0.0, 1.0, open_low=True)
+        check_field(self, "rate", 0.0, 1e6, open_low=True)
 
 
 Forgetting = ConstantForgetting | FadingForgetting
@@ -132,8 +132,8 @@ class SelfPerturbation(_Numbers):
     sensitivity: float = _PERTURBATION["sensitivity"]
 
     def __post_init__(self) -> None:
-        kept(self, "gain", 0.0, 1e20)
-        kept(self, "sensitivity", 0.0, 1e40)
+        check_field(self, "gain", 0.0, 1e20)
+        check_field(self, "sensitivity", 0.0, 1e40)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,13 +183,13 @@ class ChangeDetector(_Numbers):
     transition: int = _DETECTOR["transition"]
 
     def __post_init__(self) -> None:
-        kept(self, "drift", 1.0, 24.0)
-        kept(self, "threshold", 0.0, 1e12, open_low=True)
+        check_field(self, "drift", 1.0, 24.0)
+        check_field(self, "threshold", 0.0, 1e12, open_low=True)
         if self.noise is not None:
-            kept(self, "noise", 0.0, 1e30, open_low=True)
-        kept(self, "adaptation", 0.0, 1.0)
-        kept(self, "warm_up", 10, 1_000_000, whole=True)
-        kept(self, "transition", 0, 100, whole=True)
+            check_field(self, "noise", 0.0, 1e30, open_low=True)
+        check_field(self, "adaptation", 0.0, 1.0)
+        check_field(self, "warm_up", 10, 1_000_000, whole=True)
+        check_field(self, "transition", 0, 100, whole=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,7 +214,7 @@ class OutlierRejection:
     threshold: float = _REJECTION["threshold"]
 
     def __post_init__(self) -> None:
-        kept(self, "threshold", 3.0, 1e6)
+        check_field(self, "threshold", 3.0, 1e6)
 
     def _plain(self) -> float:
         return self.threshold
@@ -238,7 +238,7 @@ class Scale(_Numbers):
 
     def __post_init__(self) -> None:
         for name in ("penetration", "velocity", "force"):
-            kept(self, name, 1e-30, 1e30)
+            check_field(self, name, 1e-30, 1e30)
 
 
 class Configured:
@@ -259,7 +259,7 @@ class Configured:
 
     def copy(self) -> Self:
         """Return an independent copy with the same settings and state."""
-        return _restored(type(self), self._settings, self._state())
+        return _restore_object(type(self), self._settings, self._state())
 
     __copy__ = copy
 
@@ -267,7 +267,7 @@ class Configured:
         return self.copy()
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (type(self), self._settings, self._state())
+        return _restore_object, (type(self), self._settings, self._state())
 
     def __repr__(self) -> str:
         given = ", ".join(f"{name}={value!r}" for name, value in self._settings.items())
@@ -277,7 +277,7 @@ class Configured:
 Kind = TypeVar("Kind", bound=Configured)
 
 
-def _restored(kind: type[Kind], settings: dict[str, Any], state: Any) -> Kind:
+def _restore_object(kind: type[Kind], settings: dict[str, Any], state: Any) -> Kind:
     made = kind(**settings)
     try:
         made._restore(state)

@@ -22,7 +22,7 @@ def stage(logger: logging.Logger, words: str) -> Iterator[None]:
     logger.info("%s: %.4f s", words, time.perf_counter() - begun)
 
 
-def timed(words: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
+def log_stage(words: str) -> Callable[[Callable[Given, Result]], Callable[Given, Result]]:
     """Decorate a function so that each call is logged as a stage."""
 
     def decorate(function: Callable[Given, Result]) -> Callable[Given, Result]:

@@ -24,7 +24,7 @@ def shown(value: Any, most: int = 80) -> str:
     return words if len(words) <= most else words[: most - 3] + "…"
 
 
-def defined(value: float | None) -> float | None:
+def finite_or_none(value: float | None) -> float | None:
     """``value`` if it is finite, else None: JSON has no NaN and no infinity."""
     return None if value is None or not math.isfinite(value) else float(value)
 
@@ -32,7 +32,7 @@ def defined(value: float | None) -> float | None:
 def plain(value: Any) -> Any:
     """``value`` as JSON types: None for a number that is not finite, a dict for a dataclass."""
     if isinstance(value, float):
-        return defined(value)
+        return finite_or_none(value)
     if isinstance(value, Mapping):
         return {str(name): plain(each) for name, each in value.items()}
     if isinstance(value, list | tuple | deque):
@@ -92,7 +92,7 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
     return result
 
 
-def kept(
+def check_field(
     owner: Any, name: str, low: float, high: float, *, open_low: bool = False, whole: bool = False
 ) -> float:
     """Check a field of a frozen dataclass by :func:`number_in` and store it as a number."""
@@ -134,7 +134,7 @@ def pair_in(name: str, pair: Any, low: float, high: float) -> tuple[float, float
     return number_in(name, first, low, high), number_in(name, second, low, high)
 
 
-def one_of(name: str, value: Any, allowed: Iterable[str]) -> None:
+def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise unless ``value`` is one of the allowed words."""
     words = list(allowed)
     if not isinstance(value, str) or value not in words:
@@ -151,7 +151,7 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
 
 def real_array(name: str, values: ArrayLike) -> Floats:
     """``values`` as a float array of any shape; raises if a mask hides some."""
-    unmasked(name, values)
+    reject_masks(name, values)
     array = _floats(values)
     if array is None:
         raise InvalidParameterError(
@@ -181,7 +181,7 @@ def together(**arrays: ArrayLike) -> tuple[Floats, ...]:
         ) from None
 
 
-def in_contact(depth: ArrayLike, velocity: ArrayLike = 0.0) -> tuple[Floats, Floats]:
+def broadcast_contact(depth: ArrayLike, velocity: ArrayLike = 0.0) -> tuple[Floats, Floats]:
     """Depths in (0, 1e100] m and finite velocities, m/s, broadcast to one shape."""
     if isinstance(depth, float | int) and isinstance(velocity, float | int):  # the usual case
         x = number_in("depth", depth, 0.0, 1e100, open_low=True)
@@ -202,7 +202,7 @@ def all_good(name: str, values: Floats, good: NDArray[np.bool_], range_: str) ->
     raise InvalidParameterError(f"{name} must be {range_}, not {bad:g}{where}")
 
 
-def unmasked(name: str, values: Any) -> None:
+def reject_masks(name: str, values: Any) -> None:
     """Raise if a mask hides some of an array, because NumPy would ignore the mask."""
     if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         count = int(np.count_nonzero(np.ma.getmaskarray(values)))
@@ -214,7 +214,7 @@ def unmasked(name: str, values: Any) -> None:
 
 def signal(name: str, values: ArrayLike) -> Floats:
     """``values`` as a contiguous one-dimensional float array, copied only if necessary."""
-    unmasked(name, values)
+    reject_masks(name, values)
     array = _floats(values)
     if array is None:
         raise InvalidParameterError(

@@ -53,7 +53,7 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
 
 def write_text(path: Path, text: str, inputs: Sequence[Path] = ()) -> None:
     """Write text as UTF-8, as :func:`write_bytes` does."""
-    write_bytes(path, encoded(text), inputs)
+    write_bytes(path, encode_text(text), inputs)
 
 
 def abandon_output() -> None:
@@ -72,7 +72,7 @@ def as_json(whole: Mapping[str, Any]) -> str:
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
 
 
-def encoded(text: str) -> bytes:
+def encode_text(text: str) -> bytes:
     """The bytes that :func:`write_text` writes."""
     # A file name that is not UTF-8 contains surrogates; JSON has the same escapes.
     return text.encode("utf-8", "backslashreplace")
@@ -111,7 +111,7 @@ def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
         if status is not None and not os.access(path, os.W_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         if status is None or stat.S_ISREG(status.st_mode):
-            with _beside(Path(os.path.realpath(path))) as temporary:
+            with _name_temporary_file(Path(os.path.realpath(path))) as temporary:
                 temporary.touch(exist_ok=False)
         elif stat.S_ISDIR(status.st_mode):
             raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
@@ -131,7 +131,7 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
             raise RecordingError(f"{path}: two outputs name this file; rename one of them")
 
 
-def opened_new(path: Path) -> tuple[IO[bytes], Path]:
+def create_new_file(path: Path) -> tuple[IO[bytes], Path]:
     """Create a file to be written piece by piece; if its name is taken, append a number.
 
     Returns
@@ -166,7 +166,7 @@ def make_folder(path: Path) -> None:
             path.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
             raise RecordingError(f"{path}: this is not a folder; choose another name") from None
-        with _beside(path / "any") as temporary:
+        with _name_temporary_file(path / "any") as temporary:
             temporary.touch(exist_ok=False)
 
 
@@ -213,7 +213,7 @@ def is_standard_output(path: Path) -> bool:
 def _replace(target: Path, content: bytes, former: os.stat_result | None) -> None:
     if former is not None and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
-    with _beside(target) as temporary:
+    with _name_temporary_file(target) as temporary:
         with temporary.open("xb") as file:
             file.write(content)
             file.flush()
@@ -225,7 +225,7 @@ def _replace(target: Path, content: bytes, former: os.stat_result | None) -> Non
 
 
 @contextmanager
-def _beside(target: Path) -> Iterator[Path]:
+def _name_temporary_file(target: Path) -> Iterator[Path]:
     """Name a new file in the same folder; delete it afterwards unless it was renamed."""
     temporary = target.parent / f".palpate-{os.urandom(8).hex()}"
     try:

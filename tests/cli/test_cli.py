@@ -22,7 +22,7 @@ from robots import hand, table_of
 import palpate
 from palpate.cli.application import COMMANDS
 from palpate.digits import with_error
-from palpate.preparation.settings import turned
+from palpate.preparation.settings import rotate_to_base
 from palpate.results.saved import as_toml
 
 
@@ -279,7 +279,7 @@ def test_a_position_that_is_named_keeps_the_orientation_of_its_topic(run, tmp_pa
     turn[3] = np.sqrt(1.0 - turn @ turn)
     still = np.tile([0.0, 0.0, 0.0, 1.0], (len(felt.time), 1))
     turns = np.tile(turn, (len(felt.time), 1))
-    in_tool = turned(felt.force, turns * [-1, -1, -1, 1])
+    in_tool = rotate_to_base(felt.force, turns * [-1, -1, -1, 1])
     wrenches = np.hstack([in_tool, np.zeros_like(in_tool)])
     stamps = 1_700_000_000_000_000_000 + np.rint(1e9 * felt.time).astype(np.int64)
     given = files.Values(stamps, wrenches, np.hstack([felt.position, still]))

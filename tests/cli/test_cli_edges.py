@@ -16,7 +16,7 @@ from recordings import HEADER, changed, recording, rows_of, text_of, written
 import palpate
 from palpate import figures
 from palpate.cli.application import COMMANDS
-from palpate.recordings.recording import truth_of
+from palpate.recordings.recording import read_truth
 
 PALPATE = [sys.executable, "-m", "palpate"]
 FULL = Path("/dev/full")
@@ -232,7 +232,7 @@ NO_TRUTH = ["", "null", "3", "[" * 100_000, '{"a":' * 50_000, '"' + "9" * 5000, 
 
 
 def test_a_note_that_states_no_truth_is_passed_over(run, tmp_path):
-    assert [truth_of({"truth": words}) for words in NO_TRUTH] == [None] * len(NO_TRUTH)
+    assert [read_truth({"truth": words}) for words in NO_TRUTH] == [None] * len(NO_TRUTH)
     file = written(tmp_path / "deep.csv", f"# truth: {'[' * 100_000}\n" + text_of(rows_of()))
     status, out, err = run("identify", file)
     assert (status, err, "truth" in out) == (0, "", False)

@@ -12,7 +12,7 @@ import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
-from palpate.recordings.recording import truth_of
+from palpate.recordings.recording import read_truth
 from palpate.results.truth import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
@@ -102,7 +102,7 @@ def test_a_spectrum_of_ones_own_is_pressed_and_stated(printed, tmp_path):
     printed("lab", kind, *SPECTRUM.split(), "--probe", "ideal", "-o", file, *QUICK)
     spectrum = palpate.RelaxationSpectrum((0.01, 1.0), (1e3, 3e3))
     expected = GeneralisedHuntCrossley(8e3, 1.5, 60.0, 0.5, relaxation=spectrum)
-    assert truth_of(palpate.prepare(file).provenance) == expected
+    assert read_truth(palpate.prepare(file).provenance) == expected
 
 
 def test_sensors_can_be_switched_off(run, tmp_path):

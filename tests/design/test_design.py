@@ -378,7 +378,7 @@ def test_a_motion_goes_into_a_pipe_without_the_tables_and_both_into_a_figure(
 
 
 def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
-    result = design(BALL, noise=0.01, resolution=0.125)
+    result = design(BALL, noise=0.03, resolution=0.125)
     figure = draw_design(result, dark=True)
     titles = [axes.get_title(loc="left") for axes in figure.axes]
     assert titles[:2] == ["Penetration", "Velocity over penetration"]

@@ -70,11 +70,11 @@ def test_a_fleet_and_several_files_take_the_same_delay_out():
     alone = palpate.identify(palpate.prepare(**{**arrays, "time": contact.time}, delay="find"))
     assert table["damping"][0].as_py() == pytest.approx(alone.law.damping, rel=1e-9)
     one, other = recording(5e-3, delay=5e-3), recording(5e-3, delay=(5e-3, 2e-3))
-    both = palpate.preparation.preparing.joined([one, other])
+    both = palpate.preparation.preparing.join_contacts([one, other])
     assert both.delay == other.delay
 
 
-def test_a_saved_result_has_the_delay_that_was_taken_out(tmp_path):
+def test_a_saved_result_has_the_delay_that_was_taken_out(tmp_path, undrawn):
     result = palpate.identify(recording(5e-3, delay="find"))
     result.save(tmp_path)
     assert palpate.load_result(tmp_path).contact.delay == result.contact.delay

@@ -16,10 +16,10 @@ from palpate.diagnosis.material import relaxation_state
 from palpate.diagnosis.recording import CHECKS, SOME
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import MAY_CAP, worst
-from palpate.preparation.held import beat_of
-from palpate.preparation.preparing import joined
-from palpate.preparation.velocity import spiked
-from palpate.recordings.recording import size_of
+from palpate.preparation.held import hold_length
+from palpate.preparation.preparing import join_contacts
+from palpate.preparation.velocity import find_spikes
+from palpate.recordings.recording import unit_size
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -217,7 +217,7 @@ def test_friction_that_jumps_as_the_probe_turns_is_not_called_spikes():
     contact = faults.contact(time, x, faults.noisy(faults.pushed(x, v) + rubbed))
     assert named(contact)[0] in ("precision", "friction")
     assert "spikes" not in named(contact)
-    assert np.mean(spiked(contact.force)) > SOME  # as jumps they are spikes
+    assert np.mean(find_spikes(contact.force)) > SOME  # as jumps they are spikes
 
 
 def test_each_sign_has_its_own_remedy():
@@ -330,7 +330,8 @@ def test_steps_of_a_noisy_or_of_a_ramped_channel_are_not_held():
     random = np.random.default_rng(2)
     for noise in (0.0, 0.3, 1.0):
         assert (
-            beat_of(np.round(np.linspace(0.0, 300.0, 2000) + noise * random.normal(size=2000))) == 0
+            hold_length(np.round(np.linspace(0.0, 300.0, 2000) + noise * random.normal(size=2000)))
+            == 0
         )
 
 
@@ -370,7 +371,7 @@ STATED = [
 
 def pressed(units, depth: float, force: float, **named) -> palpate.Recording:
     """A hard material, or a large one, in the units of a recording's header; SI without any."""
-    size = {name: size_of(name, unit) for name, unit in units.items()}
+    size = {name: unit_size(name, unit) for name, unit in units.items()}
     x = X * depth / X.max()
     f = np.where(x > 0.0, force * np.maximum(x / depth, 0.0) ** 1.5, 0.0)
     f = f + 1e-3 * force * np.random.default_rng(1).standard_normal(x.size)
@@ -393,8 +394,10 @@ def test_a_stated_unit_is_not_guessed(units, depth, force):
     told = palpate.prepare(bare, units={"force": "N"})
     assert told.stated_units == {"force"}
     assert Data(told).findings == ()
-    assert Data(joined([told, told])).findings == ()
-    assert "force unit" in [f.check for f in Data(joined([told, palpate.prepare(bare)])).findings]
+    assert Data(join_contacts([told, told])).findings == ()
+    assert "force unit" in [
+        f.check for f in Data(join_contacts([told, palpate.prepare(bare)])).findings
+    ]
     arrays = dict(zip(("time", "penetration", "force"), bare.channels.values(), strict=True))
     assert [f.check for f in Data(palpate.prepare(**arrays)).findings] == ["force unit"]
     assert Data(palpate.prepare(**arrays, units={"force": "N"})).findings == ()

@@ -22,7 +22,7 @@ from palpate.findings import Check, Finding
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
-from palpate.preparation.along_penetration import at_places
+from palpate.preparation.along_penetration import divide_by_place
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import Surface
@@ -183,7 +183,7 @@ def test_places_keep_every_segment_that_load_transfer_cut() -> None:
     assert sum(len(part.contact) for part in parts) == len(identify(contact).contact)
     rows = identify_many([contact], diagnosis="full").to_pylist()
     assert [answer_in(row) for row in rows] == [answer(part) for part in parts]
-    whole = [own for _, own in at_places(contact, rejecting=False)]
+    whole = [own for _, own in divide_by_place(contact, rejecting=False)]
     assert sum(map(len, whole)) == len(contact)
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
-from palpate.preparation.velocity import filter_gain, velocities_of, velocity_of
+from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
 
 LAW = faults.LAW
 Floats = np.ndarray
@@ -167,7 +167,7 @@ def test_a_fast_motion_keeps_its_velocity(rate, hertz):
     time = np.arange(round(4.0 * rate)) / rate
     turn = 2.0 * math.pi * hertz
     x = 4e-3 * np.sin(turn * time) + 1e-6 * np.random.default_rng(9).standard_normal(time.size)
-    velocity, used, _ = velocities_of(time, x, [slice(None)])
+    velocity, used, _ = estimate_velocities(time, x, [slice(None)])
     true = 4e-3 * turn * np.cos(turn * time)
     kept = float(velocity @ true / (true @ true))
     assert used.penalty is not None
@@ -178,7 +178,7 @@ def test_a_fast_motion_keeps_its_velocity(rate, hertz):
 def test_a_window_that_is_chosen_is_that_of_a_parabola():
     time = np.arange(4000) / 1000.0
     fast = 4e-3 * np.sin(2.0 * math.pi * 12.0 * time)
-    used = velocities_of(time, fast, [slice(None)], 15e-3)[1]
+    used = estimate_velocities(time, fast, [slice(None)], 15e-3)[1]
     assert used == palpate.VelocityFilter(15, 2)
 
 

@@ -1,10 +1,10 @@
 """Every registered estimator keeps every promise, and a broken promise is noticed."""
 
 import pytest
+from conformance import CHECKS, check, variants
 
 import palpate
 from palpate import Status
-from palpate.estimators.conformance import CHECKS, check, variants
 
 
 @pytest.mark.parametrize("name", palpate.ESTIMATORS)

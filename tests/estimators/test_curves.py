@@ -12,7 +12,7 @@ from benchmarks.curves import UNKNOWN, apart_from_the_recursion, rolled
 from benchmarks.curves import parameters as columns
 from palpate import CurveFits, HuntCrossley, InvalidParameterError, fit_curves
 from palpate.estimators.least_squares import least_squares
-from palpate.preparation.surfaces import placed
+from palpate.preparation.surfaces import fit_surface_position
 
 # ``python -m benchmarks.curves`` asks the same of hundreds of curves.
 SURFACES = UNKNOWN["surface_range"]
@@ -91,7 +91,7 @@ def test_all_fits_of_a_law_end_in_the_same_minimum(seed: int) -> None:
     samples = samples[:, samples[0] > SURFACES[0] - 0.1 * depth]  # as fit_curves takes them
     x, v, force = samples = samples / [[depth], [speed], [1.0]]
     starts = np.array([(largest, 0.0, n, 0.0, 0.0) for n in (1.0, 1.5, 2.0)])
-    found = placed(samples, starts)
+    found = fit_surface_position(samples, starts)
 
     def model(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         law, below = HuntCrossley(*parameters[:3]), x - parameters[4]

@@ -58,7 +58,7 @@ OTHERS = [pytest.param(law, marks=pytest.mark.slow) for law in (SPONGE, PHANTOM)
 
 @pytest.mark.parametrize("law", [BALL, *OTHERS], ids=repr)
 def test_a_sensor_of_coarse_steps_gets_a_motion_that_does_not_repeat_them(law):
-    result = design(law, noise=0.01, resolution=0.125)
+    result = design(law, noise=0.02, resolution=0.1)
     assert len(result.better.motion.frequencies) == 2
     assert result.better.worst < result.planned.worst / 2.0
     assert result.better.worst < 1.2 * result.better.relative_errors[-1].max()

@@ -6,6 +6,7 @@ import pickle
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
+import conformance
 import numpy as np
 import pytest
 from cases import contact_of, exciting
@@ -14,7 +15,7 @@ from scipy import optimize
 import palpate
 from palpate import Status, figures, force_laws
 from palpate.design.precision import cramer_rao_bound
-from palpate.estimators import conformance, contact_estimator
+from palpate.estimators import contact_estimator
 from palpate.validation import instance, number_in
 
 
@@ -211,21 +212,20 @@ def test_the_bars_of_a_law_of_ones_own_hold_and_are_at_the_bound(registered):
 
 
 def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_exported(
-    run, tmp_path, registered
+    run, tmp_path, registered, undrawn
 ):
     file, folder = tmp_path / "pressed.csv", tmp_path / "result"
     numbers = [f"--{name}={value}" for name, value in FUNG.as_dict().items()]
     quick = ("--probe", "ideal", "--seconds", 4, "-o", file)
     assert run("lab", "fung", *numbers, *quick)[0] == 0
-    status, out, _ = run("identify", file, "--law", "fung", "--json")
+    status, out, _ = run("identify", file, "--law", "fung", "-o", folder, "-v")
     assert status == 0
-    [result] = json.loads(out)["results"]
+    assert "truth 0.004" in out  # from the file's notes
+    [result] = json.loads((folder / "result.json").read_text(encoding="utf-8"))["results"]
     for name, value in FUNG.as_dict().items():
         assert result["law"][name] == pytest.approx(
             value, abs=4.0 * result["standard_errors"][name]
         )
-    status, out, _ = run("identify", file, "--law", "fung", "-o", folder, "-v")
-    assert "truth 0.004" in out  # from the file's notes
     saved = palpate.load_result(folder)
     assert {"kind": "fung", **saved.law.as_dict()} == result["law"]
     report = (folder / "report.html").read_text(encoding="utf-8")

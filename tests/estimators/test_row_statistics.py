@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from palpate.preparation.gates import LARGEST
-from palpate.preparation.resolution import noise_of, resolutions_of
-from palpate.preparation.velocity import largest_of, spiked, spikes_of_rows, step_of
+from palpate.preparation.resolution import estimate_resolutions, noise_of
+from palpate.preparation.velocity import find_spikes, largest_of, spikes_of_rows, step_of
 
 # So many that cells are looked through, and so few that they are not.
 SIZES = [1, 2, 3, 4, 5, 6, 127, 128, 129, 1000, 2001]
@@ -53,16 +53,19 @@ def test_samples_that_are_not_there_count_for_nothing():
     with_holes = np.insert(values, [0, 5, 5, 300, 900], holes)
     assert noise_of(with_holes) == noise_of(values)
     assert step_of(with_holes) == step_of(values)
-    assert resolutions_of(with_holes[None]).tolist() == resolutions_of(values[None]).tolist()
+    assert (
+        estimate_resolutions(with_holes[None]).tolist()
+        == estimate_resolutions(values[None]).tolist()
+    )
     nothing = np.full(9, math.nan)
     for none in (nothing, nothing[:0]):
         assert (noise_of(none), step_of(none), largest_of(none)) == (0.0, 0.0, 0.0)
-    assert np.isnan(resolutions_of(np.array([nothing, np.ones(9)]))).all()
+    assert np.isnan(estimate_resolutions(np.array([nothing, np.ones(9)]))).all()
     for samples in (0, 1, 4):
         rows = np.ones((3, samples))
-        assert np.isnan(resolutions_of(rows)).all()
+        assert np.isnan(estimate_resolutions(rows)).all()
         assert not spikes_of_rows(rows).any()
-        assert len(resolutions_of(rows[:0])) == 0
+        assert len(estimate_resolutions(rows[:0])) == 0
 
 
 def test_a_spike_is_found_beside_samples_that_are_not_there():
@@ -75,4 +78,4 @@ def test_a_spike_is_found_beside_samples_that_are_not_there():
     for screened in (True, False):
         found = spikes_of_rows(rows, screened=screened, threads=2)
         assert np.argwhere(found).tolist() == [[0, 100]]
-    assert np.flatnonzero(spiked(values)).tolist() == [100]
+    assert np.flatnonzero(find_spikes(values)).tolist() == [100]

@@ -90,7 +90,7 @@ def test_the_force_of_a_row_is_that_of_the_engine_on_any_motion(pull):
         PairRow(900.0, 3e3, (1e-4, 0.05, 0.015, 0.8, 2.5), 1e-3, pull),
     )
     fragment = replace(fitted(KELVIN_VOIGT), rows=PairRows(rows, 1.0))
-    predicted = fragment.predicted(motion)
+    predicted = fragment.predict_force(motion)
     # Without a pull the damper of the second is clipped by itself as a body leaves.
     assert fragment.replay(motion).force == pytest.approx(predicted, rel=1e-9, abs=1e-9)
 
@@ -112,13 +112,13 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     assert hertz.form == "pair"
     assert fitted(HERTZ_LAW).rows == hertz.rows  # what is drawn at random is drawn anew
     law = MOTION.force_by(HERTZ_LAW)
-    predicted = force_error(hertz.predicted(MOTION), law, MOTION.judged)
+    predicted = force_error(hertz.predict_force(MOTION), law, MOTION.judged)
     assert error(hertz, FIRM) == pytest.approx(predicted, abs=1e-6)
     assert predicted < 0.6
     drop = drop_to(HERTZ_LAW, 1.0, 0.012)
     found = hertz.drop_restitution(drop)
     assert found == pytest.approx(drop.restitution, rel=0.03)
-    assert found == pytest.approx(hertz.predicted_restitution(drop), rel=1e-3)
+    assert found == pytest.approx(hertz.predict_restitution(drop), rel=1e-3)
     # solref above 0 would be a time constant, which refsafe and the time step change.
     slow = replace(hertz, request=replace(hertz.request, time_step=5e-3))
     assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
@@ -470,7 +470,7 @@ def test_an_exponent_just_below_one_is_written_as_one():
     pair = fitted(law)
     assert pair.form == "pair"
     assert any("0.9987 is exported as 1" in words for words in map(str, pair.findings))
-    assert force_error(pair.predicted(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
+    assert force_error(pair.predict_force(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
 
 
 LAW = palpate.HuntCrossley(2000.0, 2000.0, 1.3)

@@ -21,7 +21,7 @@ from palpate import (
 )
 from palpate.estimators.estimate import ADVICE
 from palpate.findings import Check, Finding
-from palpate.fleet.files import Results, read_results, sources_of
+from palpate.fleet.files import Results, list_sources, read_results
 from palpate.fleet.maps import (
     format_values,
     kinds_of,
@@ -35,7 +35,7 @@ from palpate.fleet.maps import (
 )  # fmt: skip
 from palpate.fleet.rows import finding_cell, table_of_rows
 from palpate.fleet.running import identify_batch
-from palpate.fleet.tasks import ContactSource, Settings, batches, digest_of, tasks_table
+from palpate.fleet.tasks import ContactSource, Settings, batches, sources_digest, tasks_table
 from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
 
 
@@ -342,7 +342,7 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
     again = zip(cut, batches(sources, work), strict=True)
     assert all(one.table.equals(other.table) for one, other in again)
     changed = [*sources[:-1], ContactSource("m.jpk-force-map", "map", 65, stamp="later")]
-    assert digest_of(changed) != digest_of(sources)
+    assert sources_digest(changed) != sources_digest(sources)
 
 
 @pytest.mark.parametrize("diagnosis, most", [("none", 0.5), ("input", 0.2), ("full", 0.1)])
@@ -637,7 +637,7 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
 ):
     folder = tmp_path / "results"
     write_recordings(tmp_path / "all", 1)
-    sources = sources_of([tmp_path / "all"])
+    sources = list_sources([tmp_path / "all"])
     [batch] = batches(sources, [1.0])
     Results.begin(folder, Settings(), sources).write(batch, judged(count), np.ones(count))
     lines = printed("fleet", tmp_path / "all", "-o", folder).splitlines()

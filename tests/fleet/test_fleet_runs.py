@@ -19,9 +19,9 @@ from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
 import palpate
 from palpate import FleetError, RecordingError, write_contact
 from palpate.fleet import running
-from palpate.fleet.files import Results, described_array, read_results, read_seconds, sources_of
+from palpate.fleet.files import Results, describe_array, list_sources, read_results, read_seconds
 from palpate.fleet.rows import finding_cell
-from palpate.fleet.running import identify_batch, timed_batch
+from palpate.fleet.running import identify_and_time, identify_batch
 from palpate.fleet.tasks import Settings, batches, tasks_table
 
 # Dask closes what it opened a moment after it says so.
@@ -69,7 +69,7 @@ def test_a_folder_of_all_kinds_becomes_a_row_each(
 
 
 def begun(recordings, folder, **settings):
-    sources, chosen = sources_of([recordings]), Settings(**settings)
+    sources, chosen = list_sources([recordings]), Settings(**settings)
     return Results.begin(folder, chosen, sources), sources, chosen
 
 
@@ -78,7 +78,7 @@ def finished(run, most=None, *, seconds=10.0, workers=1):
     results, sources, settings = run
     waiting = batches(sources, [seconds] * len(sources), workers, results.done())[:most]
     for batch in waiting:
-        results.write(batch, *timed_batch(batch.table, settings))
+        results.write(batch, *identify_and_time(batch.table, settings))
     return [k for batch in waiting for k in range(batch.first, batch.end)]
 
 
@@ -102,11 +102,11 @@ def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(printe
 
 def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
     (tmp_path / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
-    for _ in range(2):  # the second time by what is there
-        status, out, err = run("fleet", tmp_path / "bad.csv", "-o", tmp_path / "r", "--workers", 1)
-        assert status == 2
-        assert "failed: bad.csv: there is a penetration, and no force" in out
-        assert err.startswith("palpate: no contact was identified; the column error")
+    finished(begun(tmp_path / "bad.csv", tmp_path / "r"))  # without a worker, which takes seconds
+    status, out, err = run("fleet", tmp_path / "bad.csv", "-o", tmp_path / "r")
+    assert status == 2
+    assert "failed: bad.csv: there is a penetration, and no force" in out
+    assert err.startswith("palpate: no contact was identified; the column error")
 
 
 @pytest.mark.parametrize("seconds, workers", [(0.2, 1), (0.01, 8)])
@@ -128,7 +128,7 @@ def test_a_folder_that_was_begun_goes_on_with_batches_of_any_size_and_comes_to_t
     # What two runs at once wrote, with batches of their own, counts once.
     results, sources, settings = begun_again
     for batch in batches(sources, [0.02] * len(sources))[:2]:
-        results.write(batch, *timed_batch(batch.table, settings))
+        results.write(batch, *identify_and_time(batch.table, settings))
     finished(begun_again)
     assert repr(read_results(tmp_path / "in-two").to_pylist()) == repr(tables[0].to_pylist())
     assert read_seconds(tmp_path / "in-two").num_rows == tables[0].num_rows
@@ -162,7 +162,7 @@ def test_batches_of_uneven_files_take_about_as_long_and_the_longest_come_first(t
     lengths = [200, 400, 800, 1600, 3200, 6400, 12800, 25600]
     for k in range(48):
         write_contact(contact(samples=lengths[k % 8]), tmp_path / f"{k:03d}.csv")
-    sources = sources_of([tmp_path])
+    sources = list_sources([tmp_path])
     work = [source.seconds("full", whole_curve=False) for source in sources]
     assert max(work) > 5.0 * min(work)
     for workers in (1, 2, 4):
@@ -199,21 +199,21 @@ def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
 
 def test_sources_are_listed_once_in_order_without_the_results(recordings, tmp_path, monkeypatch):
     """Twice the same contact would halve the variance of a mean of repeats."""
-    names = [source.name for source in sources_of([recordings])]
+    names = [source.name for source in list_sources([recordings])]
     assert names == sorted(names)
     assert len(names) == 5
-    assert len(sources_of([f"{recordings}/touch-*.csv", recordings / "touch-001.csv"])) == 3
+    assert len(list_sources([f"{recordings}/touch-*.csv", recordings / "touch-001.csv"])) == 3
     folder = tmp_path / "all"
     write_recordings(folder, 2)
     (folder / "link.csv").symlink_to("touch-001.csv")
     (folder / "loop").symlink_to(folder)
     monkeypatch.chdir(tmp_path)
-    assert len(sources_of(["all", folder / "touch-000.csv", "./all/../all", "all/*.csv"])) == 2
+    assert len(list_sources(["all", folder / "touch-000.csv", "./all/../all", "all/*.csv"])) == 2
     finished(begun(folder, folder / "results"))  # results are no recordings
-    assert len(sources_of([folder])) == 2
-    assert len(sources_of([folder], leave_out=folder / "results")) == 2
+    assert len(list_sources([folder])) == 2
+    assert len(list_sources([folder], leave_out=folder / "results")) == 2
     with pytest.raises(RecordingError, match="is the results folder"):
-        sources_of([folder], leave_out=folder)
+        list_sources([folder], leave_out=folder)
 
 
 @pytest.mark.parametrize("name", ["absent", "*.mcap", "empty", "other/*.csv", "al"])
@@ -221,7 +221,7 @@ def test_a_name_of_nothing_is_refused_beside_names_of_something_too(name, record
     (tmp_path / "empty").mkdir()
     for beside in ([], [recordings]):
         with pytest.raises(RecordingError, match=r"no recording found|no such file"):
-            sources_of([*beside, tmp_path / name])
+            list_sources([*beside, tmp_path / name])
 
 
 @pytest.mark.parametrize(
@@ -237,7 +237,7 @@ def test_an_array_of_no_contacts_is_refused(name, values, words, tmp_path):
     for each in (name, "force"):
         group.create_array(each, data=values)
     with pytest.raises(RecordingError, match=words):
-        sources_of([tmp_path / "a.zarr"])
+        list_sources([tmp_path / "a.zarr"])
 
 
 def test_what_cannot_be_read_in_a_folder_is_a_row_with_its_reason(tmp_path):
@@ -245,7 +245,7 @@ def test_what_cannot_be_read_in_a_folder_is_a_row_with_its_reason(tmp_path):
     (tmp_path / "gone.csv").symlink_to("nowhere.csv")
     (tmp_path / "empty.zarr").mkdir()
     os.mkfifo(tmp_path / "pipe.csv")  # nobody writes to it
-    sources = sources_of([tmp_path])
+    sources = list_sources([tmp_path])
     table = tasks_table([s.name for s in sources], [s.kind for s in sources], [None] * 3)
     rows = identify_batch(table, Settings(diagnosis="none")).to_pylist()
     errors = {row["source"].rpartition("/")[2]: row["error"] for row in rows}
@@ -258,11 +258,11 @@ def test_an_array_whose_numbers_are_written_anew_is_another_and_packed_ones_are_
     """As xarray packs them: with a factor, an offset, and a number for what is missing."""
     path = str(tmp_path / "packed.zarr")
     _, _, f = write_zarr(path, 2)
-    before = described_array(path).stamp
-    assert described_array(path).stamp == before
+    before = describe_array(path).stamp
+    assert describe_array(path).stamp == before
     group = zarr.open_group(path, mode="a")
     group["force"][:] = 2.0 * f
-    assert described_array(path).stamp != before
+    assert describe_array(path).stamp != before
     packed = np.round((f - 1.0) / 1e-4).astype("int32")
     packed[1, ::7] = -99999
     group.create_array("force", data=packed, overwrite=True)
@@ -447,7 +447,10 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
     scheduler, many, undisturbed, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(running, "PATIENCE", 2.0)
-    with pytest.raises(FleetError, match="has no workers"), running.client_of(scheduler=scheduler):
+    with (
+        pytest.raises(FleetError, match="has no workers"),
+        running.open_client(scheduler=scheduler),
+    ):
         pass
     command = [sys.executable, "-m", "distributed.cli.dask_worker", scheduler, "--no-dashboard"]
     worker = subprocess.Popen([*command, "--nthreads", "1"], stderr=subprocess.DEVNULL)
@@ -459,7 +462,7 @@ def test_workers_of_ones_own_take_the_work_and_others_are_refused(
         monkeypatch.setattr(running, "__version__", "9.9")
         with (
             pytest.raises(FleetError, match=r"has palpate \d.*, but this is palpate 9\.9"),
-            running.client_of(scheduler=scheduler),
+            running.open_client(scheduler=scheduler),
         ):
             pass
     finally:
@@ -478,20 +481,10 @@ def test_a_worker_that_ends_before_it_has_started_is_started_anew(monkeypatch):
 
     monkeypatch.setattr(nanny.Nanny, "instantiate", instantiate)
     monkeypatch.setattr(running, "_ASK_AGAIN", 0.5)
-    with running.client_of(workers=2) as client:
+    with running.open_client(workers=2) as client:
         failures = iter([RuntimeError("killed while it was started")])
         while len(client.cluster.workers) < 2:  # they are listed a moment after they have started
             time.sleep(0.05)
         client.cluster.sync(client.cluster.workers[0].close)
         client.wait_for_workers(2, timeout=30.0)
         assert client.submit(sum, [2, 3]).result(timeout=30.0) == 5
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # the server has many of its own
-def test_objects_of_a_server_give_the_rows_that_the_disk_gives(tmp_path):
-    pytest.importorskip("moto.server", reason="moto, the server, is not installed")
-    pytest.importorskip("s3fs", reason="s3fs, the client, is not installed")
-    from benchmarks.fleets import objects
-
-    assert objects.measure(20, 50, tmp_path).rows[0].value == 0

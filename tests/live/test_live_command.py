@@ -37,7 +37,7 @@ from palpate.live.console import summary
 from palpate.live.recorder import Recorder, RunFile
 from palpate.live.ring import COLUMNS
 from palpate.live.view import percent, seconds
-from palpate.writing import opened_new
+from palpate.writing import create_new_file
 
 BARE = ("--no-page", "--no-diagnosis")
 
@@ -227,17 +227,19 @@ def ended_by_ctrl_c(process):
     raise AssertionError(f"Ctrl-C did not end it: {process.communicate()[1]}")
 
 
-def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path):
-    for wait in (0.4, 0.7):  # importing, and starting
-        process = session(tmp_path / "seen")
-        time.sleep(wait)
-        error, again = ended_by_ctrl_c(process)
-        # Python itself loses one that comes within a callback of an import, and says so.
-        assert again <= error.count("Exception ignored in: <function _get_module_lock")
-        # Of the script itself, which has no main that says nothing; Python chains another to one
-        # that comes while a class is made.
-        assert error.count("Traceback") <= 1 + error.count("was the direct cause")
-        assert "spawn_main" not in error
+# An interrupted import is in tests/test_under_attack.py too.
+@pytest.mark.parametrize("wait", [pytest.param(0.4, marks=pytest.mark.slow), 0.7])
+def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path, wait):
+    """Ctrl-C comes while the process imports, or while it starts the sinks."""
+    process = session(tmp_path / "seen")
+    time.sleep(wait)
+    error, again = ended_by_ctrl_c(process)
+    # Python itself loses one that comes within a callback of an import, and says so.
+    assert again <= error.count("Exception ignored in: <function _get_module_lock")
+    # Of the script itself, which has no main that says nothing; Python chains another to one
+    # that comes while a class is made.
+    assert error.count("Traceback") <= 1 + error.count("was the direct cause")
+    assert "spawn_main" not in error
 
 
 class Interrupting(Looking):
@@ -340,7 +342,7 @@ def recorded(tmp_path_factory):
 def test_a_recording_is_not_written_over_another(recorded, tmp_path):
     assert recorded.exists()
     for name in ("a.mcap", "a-2.mcap", "a-3.mcap"):
-        file, path = opened_new(tmp_path / "a.mcap")
+        file, path = create_new_file(tmp_path / "a.mcap")
         file.close()
         assert path.name == name
 
@@ -403,7 +405,7 @@ def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
     loop, rows = looped(arrivals(TIMES, POSITIONS, FORCES), commands=commands)
     end = {**loop.status(), "preparation": "tare_time=0.5", "tare": 0.5, "generation": 300}
     begin = {**end, "method": "variable-projection", "tare": None}
-    file, path = opened_new(tmp_path / "a.mcap")
+    file, path = create_new_file(tmp_path / "a.mcap")
     recording = RunFile(path, file)
     recording.write(rows[:400].tolist(), begin, 0)
     rows[400:, COLUMNS.index("method")] = 300.0

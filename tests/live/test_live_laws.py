@@ -15,23 +15,23 @@ from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, Si
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
-from palpate.live.diagnosing import Diagnosing, contact_of, diagnosed, recent
+from palpate.live.diagnosing import Diagnosing, build_contact, diagnose_samples, recent
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
 from palpate.live.publishing import AFTER, Fields, describe_status
-from palpate.live.recorder import described
+from palpate.live.recorder import describe_run
 from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Watching, outdated
+from palpate.live.sinks import Watching, why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import (
     NUMBERS,
-    card_of,
     certainty,
     describe_verdict,
-    fields_of,
     headline,
-    numbers_of,
+    law_card_texts,
+    law_numbers,
+    verdict_fields,
     verdict_on,
     where,
 )
@@ -91,7 +91,7 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     assert verdict["law"] == name or (law.remembers and verdict["memory"] == "spectrum")
     assert certainty(verdict) == "strong"
     assert verdict["law"] == str(loop.estimator.verdict().candidate)
-    numbers = numbers_of(verdict)
+    numbers = law_numbers(verdict)
     exact = law.dynamic_stiffness(verdict["depth"], verdict["frequency"])
     # The preparation's velocity is smoothed over 15 samples, which takes a percent off.
     assert numbers["stiffness"][0] == pytest.approx(exact.real, rel=0.02)
@@ -104,13 +104,13 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
 
 def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
     loop, _, verdict = watched(arrivals(*swung(ONE_TIME)))
-    own, numbers = loop.estimator.dynamic_stiffness(), numbers_of(verdict)
+    own, numbers = loop.estimator.dynamic_stiffness(), law_numbers(verdict)
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
     assert numbers["damping"] == (own.damping, own.damping_error)
     assert numbers["loss_tangent"][0] == pytest.approx(own.loss_tangent)
     time, error = numbers["relaxation_time"]
     assert abs(time - 0.1) < error
-    fields = fields_of(verdict)
+    fields = verdict_fields(verdict)
     assert {type(each) for each in fields.values()} == {str, float}
     assert {name for name in NUMBERS if math.isfinite(fields[name])} == set(NUMBERS)
     assert all(fields[f"{name}_standard_error"] > 0.0 for name in NUMBERS)
@@ -118,11 +118,11 @@ def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_
 
 def test_before_the_first_sample_there_is_no_law_and_no_number():
     _, _, before = watched([])
-    fields = fields_of(before)
+    fields = verdict_fields(before)
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
     assert describe_verdict(before) == "no law yet"
-    card = plain(card_of(before, math.nan))
+    card = plain(law_card_texts(before, math.nan))
     assert (card["law-name"], card["law-badge"]) == ("Not known yet", "not known yet")
     assert {words for _, words in card["law-numbers"]} == {"–"}
 
@@ -154,7 +154,7 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     for page in given_up:  # until then the last verdict is marked as outdated
         assert certainty(page) == "before"
         assert "outdated" in describe_verdict(page)
-        assert numbers_of(page) == {}
+        assert law_numbers(page) == {}
         assert page["changes"] == 0
 
 
@@ -214,7 +214,7 @@ def test_a_known_exponent_is_given_and_no_estimate():
     assert said["verdict_law"] == verdict["law"]
     assert isinstance(said["verdict_stiffness"], float)
     assert said["verdict_since"] == pytest.approx(1000.0 + verdict["since"])  # the robot's clock
-    assert described(page)["law"] == verdict["law"]
+    assert describe_run(page)["law"] == verdict["law"]
 
 
 SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force", "status")]
@@ -230,9 +230,9 @@ def samples():
 
 
 def test_it_is_the_librarys_own(samples):
-    page = diagnosed(recent(samples, 20.0, LATE), STATUS)
+    page = diagnose_samples(recent(samples, 20.0, LATE), STATUS)
     known = samples[np.isfinite(samples).all(axis=1)]
-    diagnosis = palpate.identify(contact_of(known, 1e-3)).diagnosis
+    diagnosis = palpate.identify(build_contact(known, 1e-3)).diagnosis
     assert page["verdict"] == diagnosis.verdict.as_dict()
     assert page["reason"] == diagnosis.reason
     assert page["said"].startswith("stiffness trust, damping trust: ")
@@ -246,8 +246,8 @@ def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
     script = arrivals(*swung(MEMORY, 4.0))
     loop, rows = looped(script)
     status, known = loop.status(), recent(rows[:, SAMPLE], 20.0, LATE)
-    page = diagnosed(known, status)
-    result = palpate.identify(contact_of(known, 1e-3))
+    page = diagnose_samples(known, status)
+    result = palpate.identify(build_contact(known, 1e-3))
     assert result.law.remembers
     assert headline(page, status, {}, "") == (lines := number_lines(result))
     assert all(line.mark for line in lines)
@@ -267,9 +267,9 @@ def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
 
 def test_the_diagnosis_uses_a_known_exponent_and_the_chosen_depth(samples):
     known = recent(samples, 20.0, LATE)
-    page = diagnosed(known, {**STATUS, "exponent": 1.2, "depth": 5e-3})
+    page = diagnose_samples(known, {**STATUS, "exponent": 1.2, "depth": 5e-3})
     estimator = palpate.VariableProjection(exponent=1.2)
-    result = palpate.identify(contact_of(known, 1e-3), estimator).at_depth(5e-3)
+    result = palpate.identify(build_contact(known, 1e-3), estimator).at_depth(5e-3)
     assert page["working_depths"][0] == result.diagnosis.working_depth.as_dict()
     assert page["working_depths"][0]["depth"] == 5e-3
     assert {line["at"].split(",")[0] for line in page["numbers"]} == {"at 5 mm"}
@@ -288,29 +288,29 @@ def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
     times, positions, forces = measured(4.0)
     softer = arrivals([4.0 + time for time in times], positions, [0.3 * f for f in forces])
     _, rows = looped([*arrivals(times, positions, forces), *softer])
-    page = diagnosed(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
+    page = diagnose_samples(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
     assert page["window"][0] == pytest.approx(4.0, abs=0.5)
     assert page["verdict"]["overall"] == "trust"
 
 
 def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
     known = recent(samples, 20.0, LATE)
-    contact = contact_of(np.concatenate([known[:1000], known[1500:]]), 1e-3)
+    contact = build_contact(np.concatenate([known[:1000], known[1500:]]), 1e-3)
     assert len(list(contact.segments())) == 2
     known[:, 1], known[:, 3] = -1e-3, 0.0  # free
-    page = diagnosed(known, STATUS)
+    page = diagnose_samples(known, STATUS)
     assert page["verdict"] is None
     assert page["reason"]
 
 
 def test_it_says_when_it_is_no_longer_of_what_the_loop_does(samples):
     status = {**STATUS, "counts": {"changes": 1}, "tare": None}
-    page = diagnosed(recent(samples, 1.0, LATE), status)
-    assert outdated(page, status) == ""
+    page = diagnose_samples(recent(samples, 1.0, LATE), status)
+    assert why_outdated(page, status) == ""
     later = {**status, "method": "single-stage", "counts": {"changes": 2}}
     words = "the estimator was changed since and the material has changed since"
-    assert outdated(page, later) == words
-    assert outdated(page, {**status, "tare": 0.3}) == "the force was tared since"
+    assert why_outdated(page, later) == words
+    assert why_outdated(page, {**status, "tare": 0.3}) == "the force was tared since"
 
 
 class Reading:

@@ -14,7 +14,7 @@ from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
 from palpate.estimators.estimate import Trace
 from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
-from palpate.live.console import ShownDepth, at_depth
+from palpate.live.console import ShownDepth, describe_depth
 from palpate.live.loop import Loop
 from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
@@ -80,7 +80,7 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     same(rows, *replay, predicted=method != "drift-tracking")
     assert loop.counts.taken == len(TIMES) == len(rows)
     assert loop.status()["counts"]["jumps"] == 0
-    assert "N/m" in at_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
+    assert "N/m" in describe_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
 
 
 def test_the_estimate_is_there_50_times_a_second_at_each_change_and_at_the_end():
@@ -291,8 +291,8 @@ def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_
     assert loop.cycle.count == np.isfinite(column(rows, "time")).sum() - 600 - 600
     assert np.isfinite(stiffness[1490:1500]).all()
     assert np.isnan(stiffness[1500:]).all()
-    assert at_depth(loop.status(), rows[-1], 8e-3) == "no estimate yet"
-    assert at_depth(loop.status(), rows[1499], 8e-3) == "another estimator starts"
+    assert describe_depth(loop.status(), rows[-1], 8e-3) == "no estimate yet"
+    assert describe_depth(loop.status(), rows[1499], 8e-3) == "another estimator starts"
 
 
 def test_a_tare_is_taken_and_taken_off():

@@ -17,7 +17,13 @@ from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab import MATERIALS
 from palpate.live.loop import Histogram
 from palpate.live.page import watch
-from palpate.live.page.watch import CHANNELS, HEADER, History, at_depth, channels_of
+from palpate.live.page.watch import (
+    CHANNELS,
+    HEADER,
+    History,
+    compute_channels,
+    stiffness_and_damping,
+)
 from palpate.live.ring import (
     COLUMNS,
     ESTIMATE,
@@ -60,11 +66,13 @@ def test_what_the_law_in_force_has_not_is_no_curve():
     rows[:, AT["parameter_0"] : AT["parameter_0"] + 5] = law.parameters
     square = np.diag([1.0, 0.01, 4.0, 0.01, 1.0, 0.0, 0.0, 0.0])
     rows[:, AT["covariance_0"] : AT["covariance_0"] + MOST_PARAMETERS**2] = square.ravel()
-    found = channels_of(rows, GeneralisedHuntCrossley, 1e-3)
+    found = compute_channels(rows, GeneralisedHuntCrossley, 1e-3)
     numbers = found[CHANNELS.index("parameter_0") :][:MOST_PARAMETERS, 0]
     assert np.isfinite(numbers).tolist() == [True] * 5 + [False] * 3
     # Of a law whose numbers are always its own one that is given has an error of 0, and a curve.
-    assert np.isfinite(channels_of(rows, HuntCrossley, 1e-3)[CHANNELS.index("parameter_5")]).all()
+    assert np.isfinite(
+        compute_channels(rows, HuntCrossley, 1e-3)[CHANNELS.index("parameter_5")]
+    ).all()
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
@@ -75,7 +83,7 @@ def test_stiffness_and_damping_at_a_depth_are_those_of_the_estimate(kind):
     estimate = estimator.estimate()
     parameters, covariance = estimate.parameters[None], estimate.covariance[None]
     for depth in (1e-4, 0.01):
-        found = at_depth(estimator.law_type, parameters, covariance, depth)[:, 0]
+        found = stiffness_and_damping(estimator.law_type, parameters, covariance, depth)[:, 0]
         expected = [*estimate.stiffness_at(depth), *estimate.damping_at(depth)]
         # Damping by differences of the force, which has sixteen digits of which these take eight.
         np.testing.assert_allclose(found, expected, rtol=1e-6)
@@ -94,7 +102,7 @@ def test_many_laws_at_once_are_each_of_them(method):
 @given(st.binary(min_size=8 * len(COLUMNS), max_size=8 * len(COLUMNS)))
 def test_any_floats_make_channels_that_are_finite_or_nothing(content):
     row = np.array([struct.unpack(f"<{len(COLUMNS)}d", content)])
-    found = channels_of(row, HuntCrossley, 0.005)
+    found = compute_channels(row, HuntCrossley, 0.005)
     assert found.dtype == np.dtype("<f4")
     assert not np.isinf(found).any()
 

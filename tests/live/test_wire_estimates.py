@@ -22,9 +22,9 @@ from palpate import Status
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
 from palpate.live.choices import State
-from palpate.live.diagnosing import diagnosed, recent
+from palpate.live.diagnosing import diagnose_samples, recent
 from palpate.live.publishing import AFTER, Publisher, open_publisher
-from palpate.live.sinks import PLACE, UNDIAGNOSED, diagnosis_of
+from palpate.live.sinks import PLACE, UNDIAGNOSED, diagnosis_fields
 from palpate.live.sources import Replay
 
 NAMES = [
@@ -256,7 +256,7 @@ def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
     words = {"estimate": lambda *_: "estimate", "status": lambda state, *_: state}
     full = SimpleNamespace(name="full", **words, put=lambda _, said: told.append(said))
     publishing = Publisher(full)
-    publishing._watching = watching(partial(diagnosis_of, None))
+    publishing._watching = watching(partial(diagnosis_fields, None))
     page = loop.status()
     publishing._publish(page, rows)
     # What could not be sent is counted with the rest.
@@ -277,7 +277,7 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
     publishing = open_publisher(listener.address)
     publisher = publishing._wire
     publisher.open()
-    publishing._watching = watching(lambda page: diagnosis_of(pages["now"], page))
+    publishing._watching = watching(lambda page: diagnosis_fields(pages["now"], page))
 
     def heard(first, **columns):
         part = rows[first : first + 100].copy()
@@ -294,7 +294,7 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
         estimate, said = heard(1000)
         assert math.isnan(estimate["verdict"])
         assert said["reason"] == "the first diagnosis has not finished yet"
-        pages["now"] = page = diagnosed(recent(samples, 20.0, 0.0), status)
+        pages["now"] = page = diagnose_samples(recent(samples, 20.0, 0.0), status)
         estimate, said = heard(1100)
         assert (estimate["verdict"], estimate["age"]) == (2.0, 0.0)
         assert estimate["stiffness_verdict"] == estimate["damping_verdict"] == 2.0

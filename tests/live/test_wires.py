@@ -27,12 +27,12 @@ from palpate.live.ordering import (
     Stamped,
     Succession,
     WireSource,
-    parsed,
-    topics_of,
+    parse_address,
+    topic_names,
 )
 from palpate.live.ros import FORCES, POSITIONS, MessageReader
 from palpate.live.sources import Counts, SourceOptions, open_source
-from palpate.live.zenoh import attached, attachment
+from palpate.live.zenoh import attachment, parse_attachment
 from palpate.live.zeromq import PacketError, packed, unpacked
 
 ROS = ("dds", "zenoh")
@@ -533,13 +533,13 @@ def test_layouts_that_a_hostile_sender_invents_are_not_kept_for_ever():
 def test_attachments_are_those_of_rmw_zenoh_old_and_new():
     data = attachment(7, SINCE_1970, b"0123456789abcdef")
     assert len(data) == 33
-    assert attached(data) == (7, SINCE_1970, b"0123456789abcdef")
+    assert parse_attachment(data) == (7, SINCE_1970, b"0123456789abcdef")
     old = b"\x0fsequence_number" + struct.pack("<q", 7)
     old += b"\x10source_timestamp" + struct.pack("<q", SINCE_1970)
     old += b"\x0asource_gid\x10" + b"0123456789abcdef"
-    assert attached(old) == (7, SINCE_1970, b"0123456789abcdef")
+    assert parse_attachment(old) == (7, SINCE_1970, b"0123456789abcdef")
     for other in (b"", data[:-1], data + b"x", data[:16] + b"\x11" + data[17:], b"x" * len(old)):
-        assert attached(other) is None
+        assert parse_attachment(other) is None
 
 
 @pytest.mark.parametrize(
@@ -560,6 +560,6 @@ def test_attachments_are_those_of_rmw_zenoh_old_and_new():
 )
 def test_an_address_that_is_none_says_what_is_wrong(text, words):
     with pytest.raises(InvalidParameterError, match=words):  # noqa: PT012 - of any of the three
-        address = parsed("dds", text, ["domain"])
-        topics_of(address, 2)
+        address = parse_address("dds", text, ["domain"])
+        topic_names(address, 2)
         address.whole("domain", 0, 0, 230)

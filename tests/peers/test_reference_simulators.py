@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from export_cases import PVC_LAW, fitted
 
 from palpate import (
     ConstantForgetting,
@@ -16,7 +15,6 @@ from palpate import (
     VariableProjection,
     identify,
 )
-from palpate.exports.drake.running import Plant, Setting
 from palpate.force_laws import engines
 from peers import opensim_probe
 from peers.carriage import SAMPLE_TIME, probed
@@ -225,18 +223,37 @@ def test_the_depth_beside_a_force_of_a_discrete_plant_is_that_before_the_step(st
 
 
 def test_a_sphere_on_a_hydroelastic_half_space_is_the_power_law_but_for_its_curvature() -> None:
-    installed("pydrake.all")
-    fragment = fitted("drake", PVC_LAW, form="hydroelastic", tip_radius=0.1)
-    slab = fragment.contact
+    drake = installed("pydrake.all")
+    modulus, thickness, radius, dissipation = 1e6, 0.02, 0.1, 2.0
+    builder = drake.DiagramBuilder()
+    settings = drake.MultibodyPlantConfig(time_step=0.0, contact_model="hydroelastic")
+    plant, _ = drake.AddMultibodyPlant(settings, builder)
+    tip = plant.AddRigidBody("tip", drake.SpatialInertia.SolidSphereWithMass(1.0, radius))
+    down = drake.PrismaticJoint("slide", plant.world_frame(), tip.body_frame(), [0.0, 0.0, -1.0])
+    plant.AddJoint(down)
+    soft, hard = drake.ProximityProperties(), drake.ProximityProperties()
+    drake.AddCompliantHydroelasticProperties(0.1, modulus, soft)
+    drake.AddRigidHydroelasticProperties(1.6 * radius / 2.0**6, hard)  # 32 768 triangles
+    for properties, damping in ((soft, dissipation), (hard, 0.0)):
+        drake.AddContactMaterial(
+            dissipation=damping, friction=drake.CoulombFriction(0.0, 0.0), properties=properties
+        )
+    # The pressure rises to the middle of the box, and its top is at 0.
+    box, below = drake.Box(0.4, 0.4, 2.0 * thickness), drake.RigidTransform([0, 0, -thickness])
+    plant.RegisterCollisionGeometry(plant.world_body(), below, box, "surface", soft)
+    above = drake.RigidTransform([0, 0, radius])
+    plant.RegisterCollisionGeometry(tip, above, drake.Sphere(radius), "tip", hard)
+    plant.Finalize()
+    diagram = builder.Build()
+    context = plant.GetMyMutableContextFromRoot(whole := diagram.CreateDefaultContext())
     law = engines.drake_hydroelastic(
-        modulus=slab.modulus,
-        thickness=slab.thickness,
-        radius=slab.radius,
-        dissipation=slab.dissipation,
+        modulus=modulus, thickness=thickness, radius=radius, dissipation=dissipation
     )
-    plant = Plant(fragment.files([])["contact.sdf"], Setting("hydroelastic", "lagged", 0.0))
     for x, v in ((5e-3, 0.0), (1e-2, 0.05)):
-        plant.put(x, v)
+        plant.SetPositionsAndVelocities(context, [x, v])
+        results = plant.get_contact_results_output_port().Eval(context)
+        felt = results.hydroelastic_contact_info(0).F_Ac_W().translational()[2]
         # The mesh takes some of it; x/3R of curvature is taken out.
-        expected = law.force(x, v) * (1.0 - x / (3.0 * slab.radius))
-        assert plant.force() == pytest.approx(expected, rel=0.01)
+        expected = law.force(x, v) * (1.0 - x / (3.0 * radius))
+        assert abs(felt) == pytest.approx(expected, rel=0.01)
+    assert whole is not None  # the plant's context is part of it

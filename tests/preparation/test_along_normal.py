@@ -11,8 +11,8 @@ from robots import BIAS, NORMAL, ORIGIN, Hand, hand, table_of, topics_of
 import palpate
 from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
 from palpate.digits import with_error
-from palpate.preparation.settings import largest_turn, normal_found, normal_given, turned
-from palpate.preparation.surfaces import surface_of
+from palpate.preparation.settings import largest_turn, normal_found, normal_given, rotate_to_base
+from palpate.preparation.surfaces import find_surface
 
 
 def turn(axis, angle) -> np.ndarray:
@@ -88,8 +88,8 @@ def test_axes_are_normals_and_what_is_no_normal_is_refused():
 def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():
     felt = hand(6.0)
     orientation = np.tile(turn((0.0, 0.6, 0.8), 0.7), (len(felt.time), 1))
-    in_tool = turned(felt.force, orientation * BACK)
-    np.testing.assert_allclose(turned(in_tool, orientation), felt.force, atol=1e-12)
+    in_tool = rotate_to_base(felt.force, orientation * BACK)
+    np.testing.assert_allclose(rotate_to_base(in_tool, orientation), felt.force, atol=1e-12)
     recorded = with_turns(replace(felt, force=in_tool), orientation)
     contact = prepare(recorded, force_frame="tool")
     assert contact.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
@@ -122,7 +122,7 @@ def turning(reach: float, *, weight: float = 3.0, sign: float = 1.0) -> Recordin
     """A sensor with an offset, on a tool of a weight that swings by so many radians."""
     felt = hand(8.0, bias=np.zeros(3))
     turns = np.array([turn((0.6, 0.8, 0.0), reach * math.sin(1.1 * t + 0.3)) for t in felt.time])
-    force = turned(felt.force - [0.0, 0.0, weight], turns * BACK) + BIAS
+    force = rotate_to_base(felt.force - [0.0, 0.0, weight], turns * BACK) + BIAS
     return with_turns(replace(felt, force=sign * force), turns)
 
 
@@ -208,7 +208,7 @@ def test_a_surface_is_found_within_its_deviation(law, rule):
     motion = tapping(6.0)
     for seed in range(3):
         noise = NOISE * np.random.default_rng(seed).standard_normal(len(motion))
-        found = surface_of(0.3 + motion.x, motion.v, law.force(motion.x, motion.v) + noise, rule)
+        found = find_surface(0.3 + motion.x, motion.v, law.force(motion.x, motion.v) + noise, rule)
         assert not found.assumed
         assert abs(found.position - 0.3) < 3.0 * found.deviation
         # Of strokes to 10 mm. By a threshold the soft sponge is known 2.5 mm late.
@@ -308,7 +308,7 @@ OF_OTHER_AXES = {
     "the position's z is turned": {"position": FELT.position * [1.0, 1.0, -1.0]},
     "the position's x is turned": {"position": FELT.position * [-1.0, 1.0, 1.0]},
     "axes are swapped": {"force": FELT.force[:, [1, 0, 2]]},
-    "the tool's frame": {"force": turned(FELT.force, np.tile(TURN, (len(FELT.time), 1)))},
+    "the tool's frame": {"force": rotate_to_base(FELT.force, np.tile(TURN, (len(FELT.time), 1)))},
 }
 
 

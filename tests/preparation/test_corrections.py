@@ -81,8 +81,8 @@ def test_each_component_of_a_force_is_in_its_own_unit():
     space = {f"p{axis}_m": DEPTH for axis in "xyz"}
     force = {"fx [N]": FORCE, "fy [mN]": 1e3 * FORCE, "fz [gf]": FORCE / 9.80665e-3}
     recording = palpate.Recording({"time_s": TIME, **space, **force})
-    roles = palpate.preparation.roles_of(recording, palpate.Columns(force=",".join(force)))
-    signals = palpate.preparation.clocks.signals_of(recording, roles)
+    roles = palpate.preparation.choose_roles(recording, palpate.Columns(force=",".join(force)))
+    signals = palpate.preparation.clocks.build_signals(recording, roles)
     np.testing.assert_allclose(signals.force, np.column_stack([FORCE] * 3), rtol=1e-12)
 
 

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 import palpate
 from palpate import InvalidParameterError, OnlinePreparation, Status
-from palpate.preparation.velocity import velocities_of, velocity_of, window_samples
+from palpate.preparation.velocity import estimate_velocities, velocity_of, window_samples
 
 T = 1e-3
 LATE = 9  # samples: half a window of 15, and the two that tell of a lost position
@@ -350,13 +350,13 @@ def test_a_lost_position_does_not_spoil_its_neighbours():
     lost = [2, 400, 405, 1200]
     broken = x.copy()
     broken[lost] = 0.0
-    assert velocities_of(time, broken, [slice(None)])[2] == len(lost)
-    assert velocities_of(time, x, [slice(None)])[2] == 0
+    assert estimate_velocities(time, broken, [slice(None)])[2] == len(lost)
+    assert estimate_velocities(time, x, [slice(None)])[2] == 0
     velocity, expected = velocity_of(time, broken), velocity_of(time, x)
     # A window with one sample less has a tenth more noise, of 1 µm: 0.06 mm/s of some 60.
     assert np.abs(velocity - expected).max() < 3e-4
     broken[7] = math.nan  # what is not known is not lost
-    assert velocities_of(time, broken, [slice(None)])[2] == len(lost)
+    assert estimate_velocities(time, broken, [slice(None)])[2] == len(lost)
 
 
 def test_samples_that_are_not_known_are_left_out():

@@ -18,7 +18,7 @@ import palpate
 from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Settings
-from palpate.preparation.preparing import joined
+from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import opening
 
@@ -257,7 +257,7 @@ def test_no_note_of_a_user_changes_what_is_known_of_the_velocity(tmp_path):
     )
 
 
-def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
+def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path, undrawn):
     contact = coarse(velocity_window=31e-3)
     filtered = palpate.VelocityFilter(31, 2)
     assert contact.velocity_filter == filtered
@@ -267,16 +267,17 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
     recorded = palpate.Contact(**arrays)
     palpate.write_contact(contact, tmp_path / "own.csv", velocity=True)
     palpate.write_contact(recorded, tmp_path / "other.csv", velocity=True)
-    palpate.identify(contact).save(tmp_path / "result")
+    result = palpate.identify(contact)
+    result.save(tmp_path / "result")
     saved = palpate.load_result(tmp_path / "result").contact
     online = palpate.OnlinePreparation(velocity_window=31e-3)
     for each in (
         contact.window(0.5, 2.0),
         contact.taken(slice(100, 900)),
         pickle.loads(pickle.dumps(contact)),
-        joined([contact, contact]),
-        joined([given, contact]),  # of one of them only, which is enough to doubt
-        palpate.identify(contact).contact,
+        join_contacts([contact, contact]),
+        join_contacts([given, contact]),  # of one of them only, which is enough to doubt
+        result.contact,
         prepare(tmp_path / "own.csv"),
         saved,
         prepare(tmp_path / "result" / "trace.parquet"),
@@ -284,7 +285,7 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
     ):
         assert each.velocity_filter == filtered
     assert prepare(tmp_path / "other.csv").velocity_filter is None
-    assert joined([given, given]).velocity_filter is None
+    assert join_contacts([given, given]).velocity_filter is None
     spline = prepare(tmp_path / "own.csv", columns=Columns(velocity="none"))
     assert spline.velocity_filter.penalty > 0.0
     palpate.identify(spline).save(tmp_path / "spline")
@@ -298,7 +299,7 @@ def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path):
 def test_rows_of_arrays_know_that_their_velocity_was_computed():
     contact = coarse()
     arrays = {"penetration": contact.penetration[None], "force": contact.force[None]}
-    curves = Curves(contact.time, **arrays).known()
+    curves = Curves(contact.time, **arrays).add_velocities()
     assert curves.contact(0, Settings()).velocity_filter == contact.velocity_filter
     assert dataclasses.replace(curves, filters=None).contact(0, Settings()).velocity_filter is None
 

@@ -14,9 +14,9 @@ from robots import hand, topics_of
 import palpate
 from palpate import MissingChannelError, Recording, RecordingError, prepare
 from palpate.preparation import Columns
-from palpate.preparation.clocks import gaps, rows_of, signals_of
-from palpate.preparation.roles import roles_of
-from palpate.preparation.vectors import vectors_of
+from palpate.preparation.clocks import build_signals, gaps, select_increasing_rows
+from palpate.preparation.roles import choose_roles
+from palpate.preparation.vectors import find_vectors
 
 SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
 
@@ -54,7 +54,7 @@ TABLES = {
 @pytest.mark.parametrize("names, depth, force", TABLES.values(), ids=TABLES)
 def test_the_channels_are_known_by_their_names(names, depth, force):
     split = names.split(";") if ";" in names else names.split()
-    roles = roles_of(recording(*split))
+    roles = choose_roles(recording(*split))
     assert roles.depth == (depth if isinstance(depth, tuple) else (depth,))
     assert roles.force == (force if isinstance(force, tuple) else (force,))
     assert roles.time == split[0]
@@ -63,9 +63,9 @@ def test_the_channels_are_known_by_their_names(names, depth, force):
 
 
 def test_a_unit_tells_what_a_name_does_not_and_reasons_are_given():
-    roles = roles_of(recording("t", "a", "b", a="mm", b="mN"))
+    roles = choose_roles(recording("t", "a", "b", a="mm", b="mN"))
     assert (roles.depth, roles.force) == (("a",), ("b",))
-    roles = roles_of(recording("time", *SPACE["position"], "force_N"))
+    roles = choose_roles(recording("time", *SPACE["position"], "force_N"))
     assert roles.reasons["position"].startswith("the only position in space")
     assert roles.reasons["force"] == "has this name"
 
@@ -75,9 +75,9 @@ def test_several_that_could_be_it_are_named_with_the_option():
     both = recording("time", "x", "y", "z", *names)
     words = r"2 channels could be the force: /left\.wrench\.force\.x .*--force"
     with pytest.raises(RecordingError, match=words):
-        roles_of(both)
+        choose_roles(both)
     for name in ("/left", "/left.wrench", "/left.wrench.force", ",".join(names[:3])):
-        assert roles_of(both, Columns(force=name)).force == tuple(names[:3])
+        assert choose_roles(both, Columns(force=name)).force == tuple(names[:3])
 
 
 def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about():
@@ -86,7 +86,7 @@ def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about()
     clocks = {name: f"{name}.stamp" for name in channels}
     channels |= {clock: np.arange(5) for clock in clocks.values()}
     with pytest.raises(RecordingError, match="2 channels could be the position"):
-        roles_of(Recording(channels, clocks=clocks))
+        choose_roles(Recording(channels, clocks=clocks))
 
 
 def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
@@ -96,20 +96,20 @@ def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
     force = [f"/ft.wrench.force.{axis}" for axis in "xyz"]
     both = recording("time", *places, *turns, *force)
     for name in ("/arm", "/arm.pose.position"):
-        own = roles_of(both, Columns(position=name)).orientation
+        own = choose_roles(both, Columns(position=name)).orientation
         assert own == tuple(f"/arm.pose.orientation.{axis}" for axis in "xyzw")
-    given = roles_of(both, Columns(position="/arm", orientation="/camera")).orientation
+    given = choose_roles(both, Columns(position="/arm", orientation="/camera")).orientation
     assert given == tuple(f"/camera.pose.orientation.{axis}" for axis in "xyzw")
 
 
 def test_what_is_not_there_is_said_with_what_is():
     with pytest.raises(MissingChannelError, match="no column '/ft'"):
-        roles_of(recording("t", "z", "Fz"), Columns(force="/ft"))
+        choose_roles(recording("t", "z", "Fz"), Columns(force="/ft"))
     with pytest.raises(RecordingError, match="must name one channel or three"):
-        roles_of(recording("t", "z", "Fz"), Columns(force="t,z"))
+        choose_roles(recording("t", "z", "Fz"), Columns(force="t,z"))
     # A few numbered or lettered channels are no vector.
     for names in (["a1", "a2", "a3", "a4", "a5"], ["x", "y"], ["q0", "q1"], []):
-        assert vectors_of(names) == []
+        assert find_vectors(names) == []
 
 
 def test_without_a_time_the_rate_has_to_be_given():
@@ -190,13 +190,13 @@ def test_whole_nanoseconds_stay_exact():
     channels = {"stamp": stamp, "penetration_m": RAMP, "force_N": RAMP}
     contact = prepare(Recording(channels, units={"stamp": "ns"}))
     np.testing.assert_array_equal(contact.time, 1e-9 * (stamp - stamp[0]))
-    assert rows_of(stamp).skipped == 0
+    assert select_increasing_rows(stamp).skipped == 0
 
 
 @pytest.mark.parametrize("every", [1, 4])
 def test_the_faster_of_two_clocks_is_interpolated_at_the_times_of_the_slower(every):
     recorded = topics_of(hand(2.0), every=every)
-    signals = signals_of(recorded, roles_of(recorded))
+    signals = build_signals(recorded, choose_roles(recorded))
     assert np.median(np.diff(signals.time)) == pytest.approx(every * 1e-3)
     assert every == 1 or "at the times of '/pose" in signals.made["force"]
     # A straight line between two samples 1 ms apart is off by ẍ Δt²/8 at most: some 40 nm here.
@@ -214,7 +214,7 @@ def test_no_sample_is_made_up_in_a_gap_of_the_other_clock():
     keep = (np.arange(2000) < 600) | (np.arange(2000) >= 900)
     ft = {name: each[keep] for name, each in recorded.channels.items() if name.startswith("/ft")}
     cut = changed(recorded, **ft)
-    signals = signals_of(cut, roles_of(cut))
+    signals = build_signals(cut, choose_roles(cut))
     inside = (signals.time > 0.6005) & (signals.time < 0.899)
     assert not inside.any()
     assert np.unique(signals.part).size == 2
@@ -299,7 +299,7 @@ def test_the_time_of_a_run_is_the_one_with_its_number():
     names = [
         f"{kind}:{name}{k}" for k in (1, 2) for kind, name in (("t", "t"), ("d", "x"), ("f", "F"))
     ]
-    chosen = roles_of(side_by_side(*names), Columns(position="x2", force="F2"))
+    chosen = choose_roles(side_by_side(*names), Columns(position="x2", force="F2"))
     assert chosen.time == "t2"
 
 
@@ -357,7 +357,7 @@ def test_the_signal_and_the_axes_of_nexus_name_force_and_position(tmp_path):
         data.attrs.update(NX_class="NXdata", signal="channel_1", axes=["channel_2"])
         data["time"], data["channel_1"], data["channel_2"] = time, force, depth
         data["force_raw"], data["position_of_stage"] = 2.0 * force, 3.0 * depth
-    roles = roles_of(palpate.open_recording(tmp_path / "a.nxs.h5"))
+    roles = choose_roles(palpate.open_recording(tmp_path / "a.nxs.h5"))
     assert (roles.depth, roles.force) == (("entry/data/channel_2",), ("entry/data/channel_1",))
 
 
@@ -416,7 +416,7 @@ KINDS = {
 
 @pytest.mark.parametrize("names, depth_and_force", KINDS.items(), ids=KINDS)
 def test_the_strongest_word_of_a_name_counts(names, depth_and_force):
-    roles = roles_of(recording("Time_S", *names.split()))
+    roles = choose_roles(recording("Time_S", *names.split()))
     assert (*roles.depth, *roles.force) == depth_and_force
     assert roles.time == "Time_S"
 
@@ -437,10 +437,10 @@ TYPES = {"/joint_states": "sensor_msgs/msg/JointState", "/tf": "tf2_msgs/msg/TFM
 
 def test_joints_and_fixed_frames_are_not_the_probe():
     robot = Recording({"t": touch()[0], **JOINTS, **WRENCH, **CAMERA, **TOOL, **FIXED}, types=TYPES)
-    assert roles_of(robot).depth == tuple(TOOL)
+    assert choose_roles(robot).depth == tuple(TOOL)
     still = Recording({"t": touch()[0], **JOINTS, **WRENCH, **CAMERA}, types=TYPES)
     with pytest.raises(MissingChannelError, match="a force and an angle, and no position"):
-        roles_of(still)
+        choose_roles(still)
     # A joint that slides is one, and so is any that is named: its brackets hold no unit.
     for name in ("joint_1", "elbow"):
         joint = Columns(position=f"/joint_states.position[{name}]")
@@ -452,7 +452,9 @@ def test_joints_and_fixed_frames_are_not_the_probe():
         "/joint_states.position[linear_axis]": touch()[1],
         "force": touch()[2],
     }
-    assert roles_of(Recording(slide, types=TYPES)).depth == ("/joint_states.position[linear_axis]",)
+    assert choose_roles(Recording(slide, types=TYPES)).depth == (
+        "/joint_states.position[linear_axis]",
+    )
 
 
 MISSING = {
@@ -469,7 +471,7 @@ MISSING = {
 @pytest.mark.parametrize("names, words", MISSING.items(), ids=MISSING)
 def test_what_is_recorded_and_what_is_missing_are_said(names, words):
     with pytest.raises(MissingChannelError) as caught:
-        roles_of(recording(*names.split()))
+        choose_roles(recording(*names.split()))
     message = str(caught.value)
     assert words in message
     assert message.endswith(f"available: {', '.join(names.split())}")
@@ -513,8 +515,8 @@ def test_channels_in_volts_are_ignored_and_said():
 
 def test_a_name_without_its_unit_names_a_channel():
     read = recording("t [s]", "Stempel_pos [mm]", "Stempel_soll [mm]", "Kraft [N]", "a [N]", "a")
-    chosen = roles_of(read, Columns(penetration="Stempel_pos", force="Kraft"))
+    chosen = choose_roles(read, Columns(penetration="Stempel_pos", force="Kraft"))
     assert (chosen.depth, chosen.force) == (("Stempel_pos [mm]",), ("Kraft [N]",))
-    assert roles_of(read, Columns(penetration="Stempel_pos", force="a")).force == ("a",)
+    assert choose_roles(read, Columns(penetration="Stempel_pos", force="a")).force == ("a",)
     with pytest.raises(MissingChannelError, match="no column 'Stempel'"):
-        roles_of(read, Columns(penetration="Stempel"))
+        choose_roles(read, Columns(penetration="Stempel"))

@@ -9,9 +9,9 @@ import palpate._core as core
 from palpate import VelocityFilter, prepare
 from palpate.preparation.velocity import (
     FEWEST_OF_SPLINE,
+    estimate_velocities,
     filter_gain,
     noise_gain,
-    velocities_of,
     velocities_of_rows,
     velocity_of,
 )
@@ -151,7 +151,7 @@ def test_a_contact_knows_its_spline_and_one_penalty_is_for_all_of_its_segments()
     assert segment[segment == 1].size < FEWEST_OF_SPLINE
     last = velocity_of(time[1185:], x[1185:], 15e-3)
     assert np.array_equal(contact.velocity[1185:], last)
-    whole = velocities_of(time, x, [slice(0, 600), slice(600, 1200)])
+    whole = estimate_velocities(time, x, [slice(0, 600), slice(600, 1200)])
     first = slopes(time[:600], x[:600], whole[1].penalty)
     np.testing.assert_allclose(whole[0][:600], first, rtol=1e-12)
     with pytest.raises(palpate.InvalidParameterError, match="penalty"):
@@ -169,7 +169,7 @@ def test_rows_of_arrays_have_the_velocity_of_one_contact():
     for clock in (time, clocks):
         velocity, filters = velocities_of_rows(clock, x, 2)
         for row, used, own in zip(velocity, filters, x, strict=True):
-            expected, known, _ = velocities_of(time, own, WHOLE)
+            expected, known, _ = estimate_velocities(time, own, WHOLE)
             assert np.array_equal(row, expected, equal_nan=True)
             assert used == known
 
@@ -187,7 +187,7 @@ def test_absurd_positions_spoil_no_more_than_their_segment():
     x = strokes(time)[0]
     broken = x.copy()
     broken[300:303] = 1e200
-    velocity = velocities_of(
+    velocity = estimate_velocities(
         time, np.concatenate([broken, x])[:600], [slice(0, 400), slice(400, 600)]
     )
     expected = velocity_of(time[400:], x[400:])

@@ -15,8 +15,8 @@ import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
 from palpate.digits import with_error
 from palpate.preparation.touches import find_touches
-from palpate.quantities.derived import path_of
-from palpate.quantities.energy import loops_of
+from palpate.quantities.derived import build_path
+from palpate.quantities.energy import find_loops
 from palpate.results.saved import derived_dict
 
 LAW = faults.LAW
@@ -302,8 +302,8 @@ def test_a_rest_adds_nothing_to_the_work_that_went_in():
     still = moved(time, 8e-3 * np.clip(np.minimum(time - 0.5, 3.5 - time), -0.1, 0.5) / 0.5)
     shaken = still.penetration + 5e-6 * np.random.default_rng(0).standard_normal(time.size)
     result = identify(replace(still, penetration=shaken))
-    path = path_of(result)
-    assert len(loops_of(result.contact, path)) == 1
+    path = build_path(result)
+    assert len(find_loops(result.contact, path)) == 1
     assert result.energy.put_in == pytest.approx(path.work(still.force)[2000], rel=0.01)
 
 

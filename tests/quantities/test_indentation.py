@@ -12,7 +12,7 @@ from benchmarks.fleets.force_curves import COUNT, force_curve
 from palpate import Cone, FlatPunch, Pyramid, Recording, RecordingError, Sphere
 from palpate.findings import Check
 from palpate.quantities.elastic_modulus import TIPS
-from palpate.quantities.indentation import contact_of, fit_approach, indentation_of
+from palpate.quantities.indentation import fit_approach, fit_force_curve, prepare_force_curve
 
 RADIUS = 5e-6
 TIP = "sphere:radius=5um"
@@ -109,8 +109,8 @@ def recorded(*, retract):
 def test_an_approach_alone_has_no_damping_and_with_its_retract_it_has():
     for retract in (False, True):
         curve = recorded(retract=retract)
-        found = indentation_of(curve, Sphere(RADIUS))
-        contact = contact_of(curve, found)
+        found = fit_force_curve(curve, Sphere(RADIUS))
+        contact = prepare_force_curve(curve, found)
         assert contact.timeless is not retract
         result = palpate.identify(contact, palpate.VariableProjection(exponent=1.5))
         assert math.isfinite(result.diagnosis.working_depth.damping.value) is retract

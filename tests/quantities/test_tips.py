@@ -24,8 +24,8 @@ from palpate import (
     identify,
     restitution,
 )
-from palpate.cli.options import specimen_of, tip_of
-from palpate.quantities.restitution import approximations_of, restitution_slope
+from palpate.cli.options import parse_specimen, parse_tip
+from palpate.quantities.restitution import compute_approximations, restitution_slope
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
 REDUCED = MODULUS / (1.0 - POISSON**2)
@@ -136,12 +136,12 @@ def test_strains_that_are_not_small_are_said(tip, words):
 
 
 def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening():
-    assert tip_of("sphere:radius=5mm") == tip_of("sphere:diameter=10mm") == Sphere(5e-3)
-    assert tip_of("punch:radius=0.002") == FlatPunch(2e-3)
-    assert tip_of("cone:angle=60deg").half_angle == pytest.approx(math.pi / 3.0, rel=1e-15)
-    assert tip_of("cone:opening=120deg") == tip_of("cone:angle=60deg")
-    assert tip_of("cone:angle=0.5rad") == Cone(0.5)
-    assert tip_of("pyramid:angle=0.5rad") == Pyramid(0.5)
+    assert parse_tip("sphere:radius=5mm") == parse_tip("sphere:diameter=10mm") == Sphere(5e-3)
+    assert parse_tip("punch:radius=0.002") == FlatPunch(2e-3)
+    assert parse_tip("cone:angle=60deg").half_angle == pytest.approx(math.pi / 3.0, rel=1e-15)
+    assert parse_tip("cone:opening=120deg") == parse_tip("cone:angle=60deg")
+    assert parse_tip("cone:angle=0.5rad") == Cone(0.5)
+    assert parse_tip("pyramid:angle=0.5rad") == Pyramid(0.5)
 
 
 @pytest.mark.parametrize(
@@ -338,7 +338,7 @@ def test_a_specimen_is_remarked_on_or_refused_by_its_strain_and_shape():
 
 
 def test_the_option_of_a_specimen_has_units_and_excludes_a_tip(run):
-    assert specimen_of("height=200mm, area=3.14e-4m2") == SPECIMEN
+    assert parse_specimen("height=200mm, area=3.14e-4m2") == SPECIMEN
     for options, words in {
         ("--specimen", "area=3mm2"): "must be such as area=314mm2,height=20mm",
         ("--specimen", "area=3mm2,height=20"): "height must be in",
@@ -366,10 +366,10 @@ PUBLISHED = {
 def test_an_approximation_is_the_inverse_of_what_was_published_and_as_near_as_said(name):
     published, near, worst = PUBLISHED[name]
     for e in (0.01, 0.3, 0.7, 0.99, 1.0):
-        assert approximations_of(published(e), 1.0)[name] == pytest.approx(e, rel=1e-12)
+        assert compute_approximations(published(e), 1.0)[name] == pytest.approx(e, rel=1e-12)
     d = 10.0 ** np.linspace(-3.0, 2.0, 2001)
     exact = restitution(d, 1.0)
-    off = np.abs(np.array([approximations_of(each, 1.0)[name] for each in d]) - exact)
+    off = np.abs(np.array([compute_approximations(each, 1.0)[name] for each in d]) - exact)
     assert np.all(off[exact > near] <= 0.01)
     assert np.nanmax(off) <= worst
-    assert math.isnan(approximations_of(-0.1, 1.0)[name])
+    assert math.isnan(compute_approximations(-0.1, 1.0)[name])

@@ -9,7 +9,7 @@ from cases import contact_of, exciting
 
 import palpate
 from palpate.errors import InvalidParameterError
-from palpate.recordings.recording import truth_of
+from palpate.recordings.recording import read_truth
 
 HARD = palpate.HuntCrossley(228e3, 2e3, 2.0)
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -30,7 +30,7 @@ def late():
 @pytest.mark.parametrize("method", ["single-stage", "drift-tracking"])
 def test_the_error_bars_hold_for_a_method_that_is_off_the_least_squares(method):
     found = palpate.identify(EXAMPLES / "tapping.csv", method)
-    truth = truth_of(found.contact.provenance)
+    truth = read_truth(found.contact.provenance)
     for there in found.working_depths:
         x = there.depth
         real = truth.force(x, 0.0), truth.stiffness_at(x), truth.damping_at(x)

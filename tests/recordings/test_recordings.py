@@ -13,7 +13,7 @@ from recordings import FOLDER, files, has_penetration
 
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
-from palpate.preparation.along_penetration import at_places
+from palpate.preparation.along_penetration import divide_by_place
 
 
 def one_of_each_set(*patterns: str) -> list:
@@ -98,7 +98,7 @@ def test_a_robots_own_recording_goes_end_to_end(path):
     start, stop = fit["t_start_s"], fit["t_end_s"]
     [(place, own)] = [
         each
-        for each in at_places(contact, rejecting=True)
+        for each in divide_by_place(contact, rejecting=True)
         if each[0].start <= start and each[0].stop >= stop
     ]
     assert place.normal.vector == pytest.approx(fit["normal"], abs=0.02)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from palpate import MissingChannelError, Recording, RecordingError, identify, prepare
 from palpate.preparation import Columns
-from palpate.preparation.roles import roles_of
+from palpate.preparation.roles import choose_roles
 from palpate.recordings import open_recording
 from palpate.recordings.poses import interpolate_rotation
 
@@ -169,7 +169,7 @@ def test_what_a_robot_records_is_identified_without_an_option(recorded, name):
 
 
 def test_the_pose_of_a_chain_is_that_of_the_sensor_in_the_fixed_frame(recorded):
-    roles = roles_of(open_recording(recorded["a chain of transforms and a wrench"]))
+    roles = choose_roles(open_recording(recorded["a chain of transforms and a wrench"]))
     place = np.column_stack([roles.recording.channels[name] for name in roles.depth])
     q = np.column_stack([roles.recording.channels[name] for name in roles.orientation])
     time = roles.recording.channels[roles.recording.clocks[roles.depth[0]]]
@@ -215,7 +215,7 @@ def test_joints_without_a_pose_are_refused_with_what_to_record(tmp_path):
     force = {f"/ft.wrench.force.{a}": np.arange(9.0) for a in "xyz"}
     types = {"/arm": "sensor_msgs/msg/JointState"}
     with pytest.raises(MissingChannelError, match="record the pose of the tool or tf"):
-        roles_of(Recording({"t": np.arange(9.0), **nameless, **force}, types=types))
+        choose_roles(Recording({"t": np.arange(9.0), **nameless, **force}, types=types))
 
 
 def test_mcap_as_rosbag2_writes_it_is_read_alike(tmp_path):
@@ -262,14 +262,14 @@ def test_a_state_of_a_franka_is_a_pose_and_a_wrench_in_the_base(above, form):
     ]
     columns = {form.format(name, k): column for name, k, column in arrays}
     recording = Recording({"time": touch()[0], **columns}, source="franka")
-    roles = roles_of(recording)
+    roles = choose_roles(recording)
     assert roles.force == tuple(form.format("O_F_ext_hat_K", k) for k in range(3))
     assert roles.depth == tuple(f"{above}O_T_EE.position.{axis}" for axis in "xyz")
     assert_right(identify(recording))
     # With the wrench in the axes of the tool the pose rotates it, also upside down.
     q = np.column_stack([roles.recording.channels[name] for name in roles.orientation])
     assert np.abs(q @ DOWN.as_quat()) == pytest.approx(np.ones(len(q)), abs=1e-12)
-    named = roles_of(recording, Columns(force=f"{above}K_F_ext_hat_K"))
+    named = choose_roles(recording, Columns(force=f"{above}K_F_ext_hat_K"))
     assert named.force == tuple(form.format("K_F_ext_hat_K", k) for k in range(3))
 
 
@@ -285,7 +285,7 @@ def test_a_rotation_vector_of_a_ur_rotates_a_force_of_the_tool(recorded):
 def test_an_option_names_a_vector_whatever_its_name_suggests():
     names = [f"action.force_torque[{k}]" for k in range(6)] + [f"goal[{k}]" for k in range(3)]
     recording = Recording({name: np.arange(5.0) for name in ["t", *names]})
-    roles = roles_of(recording, Columns(force="action.force_torque", position="goal"))
+    roles = choose_roles(recording, Columns(force="action.force_torque", position="goal"))
     assert (roles.force, roles.depth) == (tuple(names[:3]), tuple(names[6:]))
 
 
@@ -320,7 +320,7 @@ def test_transforms_without_one_fixed_frame_are_refused_in_a_line(tmp_path, edge
 def test_what_is_late_or_no_rotation_is_excluded_and_said(tmp_path):
     late = [m for m in few("/tf", "base", "arm") if m[2] >= START + 100_000_000]
     path = bag(tmp_path / "bag", wrenches(400), late, few("/tf", "arm", "ft_sensor", NAN))
-    roles = roles_of(open_recording(path))
+    roles = choose_roles(open_recording(path))
     time = roles.recording.channels[roles.recording.clocks[roles.depth[0]]]
     assert (time[0], len(time)) == (START + 100_000_000, 30)
     [said] = [each for each in roles.findings if "excluded" in each.message]
@@ -338,7 +338,7 @@ def test_two_thousand_frames_are_one_chain():
     channels["/tf[f7>f8].transform.translation.x"] = 1e-3 * np.arange(40)
     settings = {"clocks": dict.fromkeys(channels, "t"), "frames": dict.fromkeys(force, "f2000")}
     channels["t"] = START + 10_000_000 * np.arange(40)
-    roles = roles_of(Recording(channels, **settings))
+    roles = choose_roles(Recording(channels, **settings))
     x, y, _ = (roles.recording.channels[name] for name in roles.depth)
     assert x - x[0] == pytest.approx(1e-3 * np.arange(40), abs=1e-9)
     assert y == pytest.approx(0.2 * np.ones(40))

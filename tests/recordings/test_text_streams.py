@@ -55,7 +55,11 @@ CELLS = random_cells(np.random.default_rng(8), 3000)
 @pytest.mark.parametrize("odd", [False, True])
 def test_a_number_is_the_one_that_python_reads(tmp_path, monkeypatch, parser, odd):
     by_arrow = parser == "pyarrow"
-    name, other = ("_by_numpy", text._by_arrow) if by_arrow else ("_pyarrow_csv", lambda: None)
+    name, other = (
+        ("_parse_with_numpy", text._parse_with_arrow)
+        if by_arrow
+        else ("_pyarrow_csv", lambda: None)
+    )
     monkeypatch.setattr(text, name, other)
     # Plain spellings are parsed at once; odd ones keep a whole block from that.
     cells = [cell for cell in CELLS if odd or (cell[0] not in "+.I" and abs(float(cell)) < 1e300)]
@@ -107,8 +111,8 @@ def test_small_blocks_and_either_parser_read_the_same(tmp_path, monkeypatch, con
     """Cell by cell is the reference; the same numbers bit for bit, and the same rows are lost."""
     path = written(tmp_path / "c.csv", content)
     with monkeypatch.context() as only_cells:
-        only_cells.setattr(text._Table, "_parsed_at_once", lambda *_: None)
-        only_cells.setattr(text._Table, "_divided_at_once", lambda *_: None)
+        only_cells.setattr(text._Table, "_parse_at_once", lambda *_: None)
+        only_cells.setattr(text._Table, "_divide_at_once", lambda *_: None)
         expected = open_recording(path)
     same(open_recording(path), expected)
     for name, size in {"BLOCK": 10_000, "HEAD": 1_000, "CHUNK": 1_111, "LARGE": 1_000}.items():

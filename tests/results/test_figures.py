@@ -149,7 +149,7 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
 def test_a_spectrum_is_drawn_as_a_stem_for_each_time_that_has_a_stiffness(dark):
     spectrum = palpate.RelaxationSpectrum((0.01, 0.02, 0.04, 0.5), (0.0, 1500.0, 500.0, 3000.0))
     law = palpate.GeneralisedHuntCrossley(8e3, 1.5, 60.0, 0.5, relaxation=spectrum)
-    look = style.look_of(dark=dark, width=None)
+    look = style.choose_look(dark=dark, width=None)
     with style.drawing(look, 3.0) as figure:
         axes = figure.subplots()
         draw_spectrum(axes, law, look)

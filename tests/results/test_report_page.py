@@ -15,7 +15,7 @@ from robots import ORIGIN, Hand, hand, table_of
 
 import palpate
 from palpate.figures import identified as drawn
-from palpate.figures.style import as_svg, look_of
+from palpate.figures.style import as_svg, choose_look
 from palpate.fleet.figures import _span
 from palpate.identification import identified
 from palpate.reports.html import DRAWINGS, STYLE
@@ -209,7 +209,7 @@ def test_a_map_of_places_shows_the_peak_of_its_trusted_values():
     figure = Figure()
     axes = figure.subplots()
     at = np.column_stack([np.arange(101.0), np.zeros(101)])
-    drawn._draw_places(axes, at, values, marks, "viridis", look_of(dark=False, width=None))
+    drawn._draw_places(axes, at, values, marks, "viridis", choose_look(dark=False, width=None))
     limits = {dots.get_clim() for dots in axes.collections if dots.get_array() is not None}
     [(low, high)] = limits
     assert (low, high) in ((0.3, 2.0), (300.0, 2000.0))

@@ -98,18 +98,20 @@ def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path, un
 
 
 def test_a_result_replaces_an_earlier_one_and_no_file_that_palpate_did_not_write(
-    run, refused, tmp_path, undrawn
+    run, refused, good, undrawn
 ):
+    folder = good.parent / "results"
+    folder.mkdir()
     for name in ("report.html", "run.toml", "result.json"):
-        (tmp_path / name).write_text("mine", encoding="utf-8")
-        line = refused("identify", BALL, "-o", tmp_path)
+        (folder / name).write_text("mine", encoding="utf-8")
+        line = refused("identify", good, "-o", folder)
         assert f"{name}: palpate did not write this file" in line
-        assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
-        (tmp_path / name).unlink()
-    assert run("identify", BALL, "-o", tmp_path)[0] == 0
-    (tmp_path / "result.json").unlink()  # as if interrupted before it
+        assert [(path.name, path.read_text()) for path in folder.iterdir()] == [(name, "mine")]
+        (folder / name).unlink()
+    assert run("identify", good, "-o", folder)[0] == 0
+    (folder / "result.json").unlink()  # as if interrupted before it
     for _ in range(2):
-        assert run("identify", BALL, "-o", tmp_path)[0] == 0
+        assert run("identify", good, "-o", folder)[0] == 0
 
 
 def test_a_trace_that_is_read_is_not_written_over(refused, saved):
@@ -148,7 +150,7 @@ def test_a_damaged_result_is_one_line(saved, tmp_path, spoil, words):
     assert "\n" not in str(raised.value)
 
 
-def test_frequency_relaxed_stiffness_and_limits_are_saved(tmp_path):
+def test_frequency_relaxed_stiffness_and_limits_are_saved(tmp_path, undrawn):
     result = palpate.identify(faults.remembering(0.1, 1.0))
     result.save(tmp_path)
     found = palpate.load_result(tmp_path)

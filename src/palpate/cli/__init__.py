@@ -142,7 +142,7 @@ def prepare_output() -> None:
     for descriptor, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
             setattr(sys, name, os.fdopen(descriptor, "w", encoding="utf-8", errors="replace"))
-    codecs.register_error("palpate.plain", _in_plain_signs)
+    codecs.register_error("palpate.plain", _replace_with_plain_signs)
     # In the C locale Python passes the bytes of file names, but fails on other characters.
     failing = ("strict", "surrogateescape")
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors in failing:
@@ -156,7 +156,7 @@ def complain(words: str) -> None:
         print(f"palpate: {line[:_LONGEST_LINE]}", file=sys.stderr)
 
 
-def _in_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
+def _replace_with_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     signs = error.object[error.start : error.end]

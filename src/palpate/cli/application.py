@@ -102,7 +102,7 @@ def application(words: Sequence[str] = ()) -> App:
             app.config = OptionsFile(
                 config, source=str(config), must_exist=True, use_commands_as_keys=False
             )
-        with _logged(min(verbose, 2)):
+        with _print_log(min(verbose, 2)):
             return app(rest)
 
     return app
@@ -170,7 +170,7 @@ class _Lines(logging.Handler):
 
 
 @contextmanager
-def _logged(loudness: int) -> Iterator[None]:
+def _print_log(loudness: int) -> Iterator[None]:
     """Print palpate's log: level INFO at loudness 1, level DEBUG at 2."""
     logger, handler = logging.getLogger("palpate"), _Lines()
     level = logger.level

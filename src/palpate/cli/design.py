@@ -151,7 +151,7 @@ def design(
 
 def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":
     """Write the motion if -o names a file, and return it."""
-    from palpate.cli.design_tables import notes_of
+    from palpate.cli.design_tables import comment_lines
     from palpate.design import MotionCommand, write_motion
     from palpate.validation import number_in
 
@@ -161,5 +161,5 @@ def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":
     step = result.sample_time if rate is None else 1.0 / number_in("--rate", rate, 1.0, 1e5)
     seconds = {} if written.seconds is None else {"seconds": written.seconds}
     command = MotionCommand(result.chosen[1].motion, **seconds)
-    write_motion(command, written.output, sample_time=step, notes=notes_of(result))
+    write_motion(command, written.output, sample_time=step, notes=comment_lines(result))
     return command

@@ -39,7 +39,7 @@ def print_design(design: Design, console: Console) -> None:
     )
 
 
-def notes_of(design: Design) -> dict[str, str]:
+def comment_lines(design: Design) -> dict[str, str]:
     """Return the comment lines above the header of a motion's file."""
     name, chosen = design.chosen
     law, motion = design.law, chosen.motion

@@ -21,7 +21,7 @@ from palpate.cli.options import (
     MethodOptions,
     ResultFolder,
     Shape,
-    material_of,
+    parse_material,
     quantity,
 )
 from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table, say, say_path
@@ -80,12 +80,12 @@ def fleet(
 
         palpate fleet recordings/ -o results/ --report
         palpate fleet map.jpk-force-map -o results/ --tip sphere:radius=5um
-        palpate fleet s3://archive/curves.zarr -o results/ --surface estimate
+        palpate fleet curves.zarr -o results/ --surface estimate
 
     Parameters
     ----------
     sources
-        Files, patterns, folders, force maps, Zarr groups, or addresses such as s3://bucket/folder.
+        Files, patterns, folders, force maps, or Zarr groups.
     output
         Folder for the results.
     diagnosis
@@ -102,7 +102,7 @@ def fleet(
     """
     from palpate.fleet.running import run_fleet
 
-    shape, ratio = material_of(tip, poisson)
+    shape, ratio = parse_material(tip, poisson)
     settings = _settings(choosing, diagnosis, reading)
     settings = replace(settings, tip=shape, poisson_ratio=ratio)
     if report:
@@ -137,7 +137,7 @@ def _settings(
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
-    given = reading.by_default(choosing)
+    given = reading.choose_default_law(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}
     return Settings(
         method=given.kind.method if given is choosing else AUTO,
@@ -163,11 +163,17 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
     console = Terminal()
     new = found.contacts - found.reused
     if found.reused:
-        say(console, f"{found.reused} of {_counted(found.contacts)} reused from an earlier run")
+        say(
+            console,
+            f"{found.reused} of {_describe_count(found.contacts)} reused from an earlier run",
+        )
     if new:
         rate = new / found.seconds if found.seconds > 0.0 else 0.0
         places = "" if found.rows == new else f": {found.rows} rows, one per place"
-        say(console, f"{_counted(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}")
+        say(
+            console,
+            f"{_describe_count(new)} in {found.seconds:.3g} s ({rate:.3g} per second){places}",
+        )
     complete = _print_rows(console, found)
     say_path(console, f"results: {found.folder}")
     if page is not None:
@@ -176,7 +182,7 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
         say(console, "for all reasons, repeat the command with --report; it reuses the results")
 
 
-def _counted(contacts: int) -> str:
+def _describe_count(contacts: int) -> str:
     return "1 contact" if contacts == 1 else f"{contacts} contacts"
 
 
@@ -194,9 +200,9 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
         marks = [Text(verdict, _STYLES.get(verdict, "")) for verdict, _ in verdicts]
         turns = maps.numbers(table, "frequency") / math.tau
         at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
-        shown = maps.quantities_of(table)
+        shown = maps.list_quantities(table)
         columns = names, marks, *(maps.format_values(table, name) for name in shown), at
-        header = ["contact", "verdict", *(maps.name_of(name) for name in shown), "frequency"]
+        header = ["contact", "verdict", *(maps.quantity_name(name) for name in shown), "frequency"]
         print_table(console, header, [*zip(*columns, strict=True)])
     else:
         counts = Counter(verdict for verdict, _ in verdicts)

@@ -73,7 +73,7 @@ def identify(
         Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
-    from palpate.quantities.indentation import force_curve_of
+    from palpate.quantities.indentation import find_force_curve
 
     query, depth = deriving.query, judging.depth
     drawing.check(list(files))
@@ -84,20 +84,20 @@ def identify(
         destination = Destination(output, [file for file in files if str(file) != "-"])
     choosing.check()
     contact = reading.contact(files, choosing.options, tip=query.tip)
-    if query.tip is not None and force_curve_of(contact) is not None:
+    if query.tip is not None and find_force_curve(contact) is not None:
         reading = replace(reading, exponent=query.tip.exponent)
     choosing, estimator = _estimator(contact, choosing, reading)
     if query.tip is None:
-        query = replace(query, tip=_stated_tip(contact))
+        query = replace(query, tip=_find_stated_tip(contact))
     result = run(contact, estimator).with_query(query)
     if result.query.frequency is not None:  # refused before anything is written
         result.dynamic_stiffness(result.query.frequency)
-    result = _in_parts(result if depth is None else result.at_depth(depth), changes=changes)
+    result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
     drawing.save("palpate.figures.draw", result, list(files))
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
-        watch = partial(_counted, words="comparing with every method")
+        watch = partial(_show_progress, words="comparing with every method")
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
@@ -109,12 +109,12 @@ def _estimator(
     contact: "Contact", choosing: MethodOptions, reading: ReadingOptions
 ) -> "tuple[MethodOptions, ContactEstimator]":
     """The estimator that the options request, and the options that name it."""
-    choosing = reading.by_default(choosing, timeless=contact.timeless)
+    choosing = reading.choose_default_law(choosing, timeless=contact.timeless)
     kind = choosing.kind
     return choosing, kind(**reading.settings(contact, kind) | choosing.settings)
 
 
-def _stated_tip(contact: "Contact") -> "Tip | None":
+def _find_stated_tip(contact: "Contact") -> "Tip | None":
     """The ball on the probe, if the recording states its radius."""
     from palpate.quantities.elastic_modulus import Sphere
 
@@ -123,17 +123,17 @@ def _stated_tip(contact: "Contact") -> "Tip | None":
     return None if radius is None else Sphere(radius)
 
 
-def _in_parts(result: "Identification", *, changes: bool) -> "Identification":
+def _identify_parts(result: "Identification", *, changes: bool) -> "Identification":
     """Identify each segment between changes, or each place of a travelling probe, separately."""
     if changes:
         return result.by_segment()
     prepared = result.contact.prepared
     if prepared is not None and prepared.places:
-        return result.by_place(partial(_counted, words="identifying each place"))
+        return result.by_place(partial(_show_progress, words="identifying each place"))
     return result
 
 
-def _counted(items: Sequence[Item], words: str) -> Iterable[Item]:
+def _show_progress(items: Sequence[Item], words: str) -> Iterable[Item]:
     """Go through items, with a bar."""
     with bar(words) as progress:
         for k, item in enumerate(items):

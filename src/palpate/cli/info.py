@@ -3,8 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
-from palpate.cli.options import READ, SIZES, Dark, FigureFile, in_si
-from palpate.cli.printing import AsJson, opened, print_json
+from palpate.cli.options import READ, SIZES, Dark, FigureFile, si_parameter
+from palpate.cli.printing import AsJson, open_with_progress, print_json
 
 
 def info(
@@ -15,7 +15,7 @@ def info(
     curve: int | None = None,
     sheet: str | None = None,
     header_row: int | None = None,
-    max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None,
+    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None,
     figure: FigureFile = None,
     dark: Dark = False,
     as_json: AsJson = False,
@@ -61,7 +61,7 @@ def info(
 
         check_figure(figure, inputs=[file])
     options = {"curve": curve, "sheet": sheet, "header_row": header_row}
-    recording = opened(file, channel or None, max_size=max_size, **options)
+    recording = open_with_progress(file, channel or None, max_size=max_size, **options)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

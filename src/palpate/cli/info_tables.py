@@ -14,7 +14,7 @@ from rich.text import Text
 from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
 from palpate.digits import format_quantity, rounded
 from palpate.errors import RecordingError, printable
-from palpate.preparation.roles import uses_of
+from palpate.preparation.roles import explain_roles
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
@@ -46,7 +46,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
         if rows:
             console.print()
             print_table(console, headings, rows)
-    uses, refusal = uses_of(recording)
+    uses, refusal = explain_roles(recording)
     if channels:
         console.print()
         _say_channels(console, uses, surveyed.channels)
@@ -120,7 +120,7 @@ def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str,
 
 def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any]:
     """Return the contents of a recording as JSON types."""
-    uses, refusal = uses_of(recording)
+    uses, refusal = explain_roles(recording)
     return {
         "schema_version": SCHEMA_VERSION,
         "file": str(file),

@@ -126,7 +126,7 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
     from palpate.force_laws import FORCE_LAWS, law_from
     from palpate.force_laws.relaxation import LISTS
     from palpate.lab import MATERIALS, Homogeneous
-    from palpate.validation import one_of
+    from palpate.validation import check_choice
 
     lists = {key.replace("-", "_"): value for key, value in numbers.items()}
     if several := [key for key in lists if key not in LISTS and len(lists[key]) > 1]:
@@ -143,7 +143,7 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
         from palpate.exports.mujoco.robot import Scene
 
         return Scene(name)
-    one_of("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
+    check_choice("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:

@@ -21,11 +21,11 @@ from palpate.cli.options import (
     MethodOptions,
     Unit,
     names_in,
+    parse_units,
     quantities,
     quantity,
-    units_of,
 )
-from palpate.cli.reading import flipped, kept_exponent
+from palpate.cli.reading import channels_to_flip, check_fixed_exponent
 from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ class StreamOptions:
             sample_time=None if rate is None else 1.0 / rate,
             vectors=self.direction is not None,
             speed=number_in("--speed", self.speed, 0.0, 1e6, open_low=True),
-            reading={"columns": columns, "units": units_of("--unit", self.unit)},
+            reading={"columns": columns, "units": parse_units("--unit", self.unit)},
         )
         source = open_source(address, options)
         self._check(address)
@@ -111,7 +111,7 @@ class StreamOptions:
             given["tare_time"] = _OF_REST * rest
         if self.direction is not None:
             given["direction"] = _direction(self.direction)
-        given |= {"velocity_window": self.velocity_window, "flip": flipped(self)}
+        given |= {"velocity_window": self.velocity_window, "flip": channels_to_flip(self)}
         return OnlinePreparation(sample_time=source.sample_time, **given)
 
 
@@ -192,10 +192,10 @@ def live(
 
     if looping.seconds is not None:
         number_in("--seconds", looping.seconds, 0.0, 1e9)
-    choosing = MethodOptions(law, method).by_default(exponent)
+    choosing = MethodOptions(law, method).choose_default_law(exponent)
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
-        chosen = chosen.replace(exponent=kept_exponent(exponent, type(chosen)))
+        chosen = chosen.replace(exponent=check_fixed_exponent(exponent, type(chosen)))
     taken = incoming.source(source)
     sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(

@@ -104,7 +104,7 @@ class MethodOptions:
 
         return estimator_by_law(self.law, self.method)
 
-    def by_default(self, exponent: float | None = None) -> "MethodOptions":
+    def choose_default_law(self, exponent: float | None = None) -> "MethodOptions":
         """Return law auto if neither law nor method is requested and it can take the exponent."""
         from palpate.estimators import ViscoelasticContact
 
@@ -227,8 +227,8 @@ class QuantityOptions:
         from palpate.quantities.derived import QueryOptions
 
         speed = positive("--impact-speed", self.impact_speed, "velocity", 1e6)
-        tip, ratio = material_of(self.tip, self.poisson)
-        specimen = None if self.specimen is None else specimen_of(self.specimen)
+        tip, ratio = parse_material(self.tip, self.poisson)
+        specimen = None if self.specimen is None else parse_specimen(self.specimen)
         frequency = positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
         return QueryOptions(speed, tip, ratio, frequency, specimen)
 
@@ -256,7 +256,7 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
 SIZES = {"B": 1.0, "MB": 1e6, "GB": 1e9, "kB": 1e3, "MiB": 2.0**20, "GiB": 2.0**30}
 
 
-def in_si(channel: str | Mapping[str, float], metavar: str, group: Group) -> Parameter:
+def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group) -> Parameter:
     """An option whose number may have a unit of a channel, such as 2mm; SI without one."""
 
     def convert(_: Any, tokens: Sequence[Any]) -> float:
@@ -285,7 +285,7 @@ def quantities(options: Any, **channels: str) -> dict[str, float]:
     }
 
 
-def units_of(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
+def parse_units(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
     """Return units by channel of CHANNEL=UNIT pairs, which commas may join."""
     units = {}
     for pair in (each for given in pairs for each in given.split(",")):
@@ -298,7 +298,7 @@ def units_of(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
     return units
 
 
-def material_of(tip: str | None, poisson: float | None) -> "tuple[Tip | None, float | None]":
+def parse_material(tip: str | None, poisson: float | None) -> "tuple[Tip | None, float | None]":
     """Return the tip and Poisson's ratio of the options.
 
     Raises
@@ -312,10 +312,10 @@ def material_of(tip: str | None, poisson: float | None) -> "tuple[Tip | None, fl
         if tip is None:
             raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
         number_in("--poisson", poisson, -1.0, 0.5, open_low=True)
-    return None if tip is None else tip_of(tip), poisson
+    return None if tip is None else parse_tip(tip), poisson
 
 
-def tip_of(text: str) -> "Tip":
+def parse_tip(text: str) -> "Tip":
     """Return the tip of a text such as ``sphere:radius=5mm``.
 
     Raises
@@ -341,7 +341,7 @@ def tip_of(text: str) -> "Tip":
     raise InvalidParameterError(f"--tip must be such as {_FORMS}, not {text!r}")
 
 
-def specimen_of(text: str) -> "Specimen":
+def parse_specimen(text: str) -> "Specimen":
     """Return the specimen of a text such as ``area=314mm2,height=20mm``.
 
     Raises

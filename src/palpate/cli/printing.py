@@ -170,7 +170,7 @@ def _width(words: str) -> int:
     return max(map(cell_len, words.split("\n")))
 
 
-def opened(
+def open_with_progress(
     file: Path, channels: Sequence[str] | None, *, max_size: float | None, **options: Any
 ) -> "Recording":
     """Open a recording with options of :func:`palpate.open_recording`, and show a bar."""

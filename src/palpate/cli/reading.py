@@ -16,12 +16,12 @@ from palpate.cli.options import (
     Channels,
     MethodOptions,
     Unit,
-    in_si,
+    parse_units,
     quantities,
     quantity,
-    units_of,
+    si_parameter,
 )
-from palpate.cli.printing import opened
+from palpate.cli.printing import open_with_progress
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _Axis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
 _Surface: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
 
 
-def _signed(metavar: str) -> Parameter:
+def _negative_number_parameter(metavar: str) -> Parameter:
     """An option whose value may begin with a minus sign, such as -3ms."""
     return Parameter(group=PREPARED, allow_leading_hyphen=True, metavar=metavar, show_choices=False)
 
@@ -76,7 +76,7 @@ class ReadingOptions:
     "Sheet of a spreadsheet: its name or its number from 1 (default: all that hold a table)."
     header_row: Annotated[int | None, _READ] = None
     "Line of the column names in a text (default: above the largest block of numbers)."
-    max_size: Annotated[float | None, in_si(SIZES, "SIZE", READ)] = None
+    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
     start: Annotated[float | None, _READ] = None
     "Use samples from this time on, s."
@@ -85,37 +85,39 @@ class ReadingOptions:
     strict: Annotated[bool, Parameter(group=READ, negative="")] = False
     "Fail on bad rows or damaged files instead of skipping them with a warning."
 
-    min_penetration: Annotated[float | None, in_si("penetration", "DEPTH", PREPARED)] = None
+    min_penetration: Annotated[float | None, si_parameter("penetration", "DEPTH", PREPARED)] = None
     "Least penetration in contact, such as 2mm (default: chosen by the method or from the data)."
-    min_force: Annotated[float | None, in_si("force", "FORCE", PREPARED)] = None
+    min_force: Annotated[float | None, si_parameter("force", "FORCE", PREPARED)] = None
     "Least force in contact, such as 0.5N (default: chosen by the method or from the data)."
-    velocity_window: Annotated[float | None, in_si("time", "DURATION", PREPARED)] = None
+    velocity_window: Annotated[float | None, si_parameter("time", "DURATION", PREPARED)] = None
     "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
     flip_force: Annotated[bool, _FLAG] = False
     "Reverse the sign of the force: compression must be positive."
     flip_penetration: Annotated[bool, _FLAG] = False
     "Reverse the sign of the penetration: into the material must be positive."
-    tare: Annotated[Literal["find"] | str | None, _signed("find|SPAN")] = None
+    tare: Annotated[Literal["find"] | str | None, _negative_number_parameter("find|SPAN")] = None
     "Subtract the mean force between START:STOP, s; find detects free air and subtracts its mean."
-    delay: Annotated[Literal["find"] | str | None, _signed("find|DURATION")] = None
+    delay: Annotated[Literal["find"] | str | None, _negative_number_parameter("find|DURATION")] = (
+        None
+    )
     "Delay of the force behind the position, such as 5ms or 5ms+-0.2ms; find estimates it."
-    skew: Annotated[str | None, _signed("DURATION")] = None
+    skew: Annotated[str | None, _negative_number_parameter("DURATION")] = None
     "Standard error of the skew between force and position, such as 0.1ms (default: 1ms)."
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
-    surface: Annotated[_Surface | str | None, _signed("DEPTH")] = None
+    surface: Annotated[_Surface | str | None, _negative_number_parameter("DEPTH")] = None
     "Surface: a depth (0.7mm), threshold, baseline, fit or estimate (default: 0; position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     weak_prior: Annotated[bool, _PREPARED] = True
     "Keep B >= 0 and n from 1 to 2 where a motion one way leaves them open."
-    normal: Annotated[_Axis | str | None, _signed("DIRECTION")] = None
+    normal: Annotated[_Axis | str | None, _negative_number_parameter("DIRECTION")] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
     "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
     tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
-    spot: Annotated[Literal["inf"] | str | None, _signed("DEPTH")] = None
+    spot: Annotated[Literal["inf"] | str | None, _negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
     save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
@@ -132,9 +134,9 @@ class ReadingOptions:
 
         The tip finds the contact point of force curves.
         """
-        from palpate.preparation.preparing import joined
+        from palpate.preparation.preparing import join_contacts
 
-        contact = joined([self._contact(file, tip) for file in files])
+        contact = join_contacts([self._contact(file, tip) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import as_toml, how_made
             from palpate.writing import write_text
@@ -147,9 +149,9 @@ class ReadingOptions:
     def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
         from palpate.preparation import prepare
         from palpate.quantities.indentation import (
-            contact_of,
-            indentation_of,
+            fit_force_curve,
             is_force_curve,
+            prepare_force_curve,
             refuse_options,
         )
 
@@ -157,11 +159,11 @@ class ReadingOptions:
         try:
             given = ("strict", "curve", "sheet", "header_row")
             options = {name: getattr(self, name) for name in given}
-            recording = opened(file, self._channels, max_size=self.max_size, **options)
+            recording = open_with_progress(file, self._channels, max_size=self.max_size, **options)
             if tip is not None and is_force_curve(recording.channels):
                 fixed = ["exponent"] if self.exponent is not None else []
                 refuse_options([*self.changed_preparation, *fixed])
-                return contact_of(recording, indentation_of(recording, tip))
+                return prepare_force_curve(recording, fit_force_curve(recording, tip))
             return prepare(recording, **self.preparation)
         except MissingChannelError as error:
             if recording is not None and recording.losses:  # the column may be in a lost part
@@ -192,8 +194,8 @@ class ReadingOptions:
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
-            "units": units_of("--unit", self.unit),
-            "flip": flipped(self),
+            "units": parse_units("--unit", self.unit),
+            "flip": channels_to_flip(self),
             "surface": self._surface,
             "window": (self.start, self.stop),
             **{name: getattr(self, name) for name in as_given},
@@ -201,7 +203,9 @@ class ReadingOptions:
         if self.tare is not None:
             given["tare"] = self.tare if self.tare == "find" else _span("--tare", self.tare)
         if self.delay is not None:
-            given["delay"] = self.delay if self.delay == "find" else _with_error(self.delay)
+            given["delay"] = (
+                self.delay if self.delay == "find" else _parse_duration_and_error(self.delay)
+            )
         if self.skew is not None:
             if self.delay is not None:
                 raise InvalidParameterError(
@@ -238,14 +242,16 @@ class ReadingOptions:
             if name != "save_config" and value != getattr(ReadingOptions, name)
         }
 
-    def by_default(self, choosing: MethodOptions, *, timeless: bool = False) -> MethodOptions:
+    def choose_default_law(
+        self, choosing: MethodOptions, *, timeless: bool = False
+    ) -> MethodOptions:
         """Return the options, with the default law if neither law nor method is requested.
 
         The default selects the law. Variable projection remains the default for requests that only
         it supports.
         """
         able = self.weak_prior and self.surface != "estimate" and not timeless
-        return choosing.by_default(self.exponent) if able else choosing
+        return choosing.choose_default_law(self.exponent) if able else choosing
 
     def settings(self, contact: "Contact", kind: "type[ContactEstimator]") -> dict[str, Any]:
         """Return the constructor arguments for an estimator of this kind, with its gate."""
@@ -262,7 +268,7 @@ class ReadingOptions:
                     "which finds it before the identification"
                 )
         if self.exponent is not None:
-            settings["exponent"] = kept_exponent(self.exponent, kind)
+            settings["exponent"] = check_fixed_exponent(self.exponent, kind)
         if not self.weak_prior and "weak_prior" in kind().settings:
             settings["weak_prior"] = False
         return settings
@@ -281,7 +287,7 @@ class ReadingOptions:
         return requested_gate(contact, self.min_penetration, self.min_force, alone=alone)
 
 
-def flipped(options: Any) -> tuple[str, ...]:
+def channels_to_flip(options: Any) -> tuple[str, ...]:
     """The channels whose sign the options reverse."""
     return tuple(name for name in ("force", "penetration") if getattr(options, f"flip_{name}"))
 
@@ -294,14 +300,14 @@ def _span(option: str, text: str) -> tuple[float, float]:
     return quantity(option, start, "time"), quantity(option, stop, "time")
 
 
-def _with_error(text: str) -> float | tuple[float, float]:
+def _parse_duration_and_error(text: str) -> float | tuple[float, float]:
     """Parse a duration, or a duration and its standard error: 14ms+-0.2ms."""
     late, sign, error = text.replace("±", "+-").partition("+-")
     found = quantity("--delay", late, "time")
     return (found, quantity("--delay", error, "time")) if sign else found
 
 
-def kept_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:
+def check_fixed_exponent(exponent: float, kind: "type[ContactEstimator]") -> float:
     """Return the exponent; raise if the method cannot fix one."""
     if "exponent" not in kind().settings:
         raise InvalidParameterError(

@@ -7,7 +7,7 @@ import numpy as np
 
 from palpate.design import Design, PredictedPrecision
 from palpate.digits import rounded
-from palpate.figures.style import Look, drawing, head, look_of, scale_of, set_titles
+from palpate.figures.style import Look, choose_look, choose_scale, drawing, head, set_titles
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     MissingExtraError
         matplotlib is not installed.
     """
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     with drawing(look, 10.8 if look.narrow else 6.8) as figure:
         cells = "A;B;C;D;E" if look.narrow else "AAABBB;CCDDEE"
         panels = list(figure.subplot_mosaic(cells).values())
@@ -100,8 +100,8 @@ def _draw_motions(
 ) -> None:
     """Penetration over time; velocity over penetration, with the better motion's limits."""
     time, limits = _shown_time(motions), design.limits
-    depth = scale_of(max(each.of.peak_penetration for each in motions), "m")
-    speed = scale_of(max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s")
+    depth = choose_scale(max(each.of.peak_penetration for each in motions), "m")
+    speed = choose_scale(max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s")
     left, right = limits.least_penetration, limits.peak_penetration
     orbits.plot(
         depth.factor * np.array([left, right, right, left, left]),

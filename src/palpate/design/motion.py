@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
 from palpate.recordings.table_files import write_formatted
-from palpate.validation import Floats, instance, kept, number_in
+from palpate.validation import Floats, check_field, instance, number_in
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ class Motion:
     frequencies: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        kept(self, "depth", 0.0, 10.0, open_low=True)
+        check_field(self, "depth", 0.0, 10.0, open_low=True)
         for name, highest in (("amplitudes", 10.0), ("frequencies", 1e5)):
             values = tuple(
                 number_in(f"{name}[{i}]", value, 0.0, highest, open_low=name == "frequencies")
@@ -182,10 +182,10 @@ class MotionCommand:
         sines = np.clip(t, self.start, self.stop) - self.start
         x, v = self.motion.at(sines)
         for moved, begins in ((t < self.start, True), (t > self.stop, False)):
-            x[moved], v[moved] = self._at_an_end(t[moved], begins=begins)
+            x[moved], v[moved] = self._approach_or_retreat(t[moved], begins=begins)
         return x, v
 
-    def _at_an_end(self, time: Floats, *, begins: bool) -> tuple[Floats, Floats]:
+    def _approach_or_retreat(self, time: Floats, *, begins: bool) -> tuple[Floats, Floats]:
         """The approach, or the retreat, which is an approach reversed in time."""
         moment = 0.0 if begins else self.stop - self.start
         x, v = (float(each) for each in self.motion.at(moment))

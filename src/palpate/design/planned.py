@@ -19,7 +19,7 @@ from palpate.design.precision import (
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Plain, instance, number_in, plain
 
 #: Default durations for which the precision is predicted, s.
@@ -77,7 +77,7 @@ class Design(PlannedMeasurement, Plain):
         return {**Plain.as_dict(self), **own}
 
 
-@timed("design")
+@log_stage("design")
 def design(
     law: HuntCrossley,
     motion: Motion = PAPER_MOTION,
@@ -149,7 +149,7 @@ def design(
     for i, frequency in enumerate(motion.frequencies):
         number_in(f"frequencies[{i}]", frequency, 0.0, 1.0 / step, open_low=True)
     effective_noise(noise, resolution)  # checks the ranges
-    spans = _checked_durations(durations, step)
+    spans = _check_durations(durations, step)
     measured = law, float(noise), float(resolution), step, bool(offset), bool(surface)
     measurement = PlannedMeasurement(*measured)
     limits = limits_around(motion, measurement, max_depth, max_speed)
@@ -159,7 +159,7 @@ def design(
     return Design(*measured, limits, planned, better, _why(planned, better, limits))
 
 
-def _checked_durations(durations: Sequence[float], step: float) -> tuple[float, ...]:
+def _check_durations(durations: Sequence[float], step: float) -> tuple[float, ...]:
     given = tuple(durations) if isinstance(durations, Sequence) else ()
     if not given:
         raise InvalidParameterError(

@@ -425,13 +425,13 @@ def _stroke(shape: Motion, top: float, bottom: float, limits: Limits) -> Motion:
         (1.0 - _SLACK) * limits.frequency / max(shape.frequencies),
     )
     return Motion(
-        _typed(0.5 * (top + bottom)),
-        tuple(_typed(scale * a) for a in shape.amplitudes),
-        tuple(_typed(faster * w) for w in shape.frequencies),
+        _round_for_typing(0.5 * (top + bottom)),
+        tuple(_round_for_typing(scale * a) for a in shape.amplitudes),
+        tuple(_round_for_typing(faster * w) for w in shape.frequencies),
     )
 
 
-def _typed(value: float) -> float:
+def _round_for_typing(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 

@@ -12,7 +12,7 @@ from palpate.estimators.least_squares import robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.preparation.resolution import find_dead_band
-from palpate.preparation.surfaces import assumed_surface, placed
+from palpate.preparation.surfaces import fit_surface_position, report_assumed_surface
 from palpate.validation import Floats
 
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500
@@ -31,7 +31,7 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
         return []
     given = (*law.parameters, fit.solution.offset)
     starts = np.array([(*given, start) for start in STARTS])
-    after = placed(_thin_samples(fit), starts, exponent_fixed=bool(fit.fixed))
+    after = fit_surface_position(_thin_samples(fit), starts, exponent_fixed=bool(fit.fixed))
     depth = after.parameters[4]
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
@@ -135,4 +135,4 @@ def check_known_surface(fit: Fit) -> Finding | None:
     reported = any(finding.check == Check.SURFACE for finding in contact.findings)
     if fit.has_free_air or reported or contact.surface_deviation is not None:
         return None
-    return assumed_surface("the recording has no free air")
+    return report_assumed_surface("the recording has no free air")

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.digits import format_quantity, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
-from palpate.estimators.law_verdicts import verdict_of
+from palpate.estimators.law_verdicts import judge_evidence
 from palpate.findings import Finding, Mark, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
@@ -243,4 +243,4 @@ class ModelSelection:
     def of(cls, estimator: ContactEstimator) -> "ModelSelection":
         """Return the selection of an estimator after all its samples."""
         evidence, estimate = estimator.evidence(), estimator.estimate()
-        return cls(estimate.law, verdict_of(evidence, estimate), evidence.longest)
+        return cls(estimate.law, judge_evidence(evidence, estimate), evidence.longest)

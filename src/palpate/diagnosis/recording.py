@@ -11,14 +11,20 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, slices_of
+from palpate.contact import Contact, run_slices
 from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Check, Finding
-from palpate.preparation.held import beat_of, held_channel
+from palpate.preparation.held import hold_length, report_held_channel
 from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.resolution import find_dead_band, noise_of
-from palpate.preparation.velocity import largest_of, noise_gain, spiked, step_of, window_samples
+from palpate.preparation.velocity import (
+    find_spikes,
+    largest_of,
+    noise_gain,
+    step_of,
+    window_samples,
+)
 from palpate.validation import Floats
 
 
@@ -60,7 +66,7 @@ class Data:
 
     def segments(self) -> Iterator[slice]:
         """Slices of the separate contacts, in order."""
-        return slices_of(self.segment)
+        return run_slices(self.segment)
 
     @cached_property
     def force_step(self) -> float:
@@ -152,10 +158,10 @@ def _has_coarse_steps(values: Floats, step: float, largest: float) -> bool:
 def check_held_channel(data: Data) -> Finding | None:
     """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or of k/2 with two clocks."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
-        beat = beat_of(values)
+        beat = hold_length(values)
         if beat:
             samples = 0.5 * (beat - (beat == round(beat)))
-            return held_channel(name, beat, samples * data.sample_time)
+            return report_held_channel(name, beat, samples * data.sample_time)
     return None
 
 
@@ -219,7 +225,7 @@ def _distance_to_neighbours(data: Data, at: NDArray[np.intp]) -> Floats:
 
 def check_spikes(data: Data) -> Finding | None:
     """More than 0.1 % of the samples are spikes; force spikes count only while the probe moves."""
-    force, penetration = spiked(data.force), spiked(data.penetration)
+    force, penetration = find_spikes(data.force), find_spikes(data.penetration)
     force[force] = _distance_to_neighbours(data, np.flatnonzero(force)) > max(
         LARGE * data.peak_force, FAR * data.force_noise
     )
@@ -270,7 +276,7 @@ def check_force_jump(data: Data) -> Finding | None:
             and before * after >= -1e-2 * np.mean(data.velocity**2)
         ):
             jumps.append(k)
-    if not 0 < len(jumps) <= MOST_JUMPS or beat_of(data.force):
+    if not 0 < len(jumps) <= MOST_JUMPS or hold_length(data.force):
         return None
     jump_sizes = beyond[jumps]
     if abs(jump_sizes.sum()) < ONE_WAY * np.abs(jump_sizes).sum():

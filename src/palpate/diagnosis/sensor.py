@@ -16,7 +16,7 @@ from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, rough_percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding, Mark
-from palpate.preparation.held import beat_of
+from palpate.preparation.held import hold_length
 from palpate.preparation.resolution import find_dead_band
 
 SHORTEST = 5  # samples
@@ -31,7 +31,7 @@ def check_saturation(fit: Fit) -> Finding | None:
     also has another check, so its samples do not count. A run ends at the surface.
     """
     force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
-    shortest = max(SHORTEST, math.floor(2.0 * beat_of(force)) + 1)
+    shortest = max(SHORTEST, math.floor(2.0 * hold_length(force)) + 1)
     changed = np.diff(force, prepend=np.nan, append=np.nan) != 0.0
     below = fit.penetration > 0.0
     changed[1:-1] |= below[1:] != below[:-1]

@@ -56,7 +56,7 @@ from palpate.diagnosis.sensor import (
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.oscillation import Oscillation
 from palpate.findings import MAY_CAP, SEVERITIES, Check, Finding, worst
-from palpate.stages import timed
+from palpate.stages import log_stage
 
 _LOGGER = logging.getLogger(__name__)
 #: Checks of the fit as a whole.
@@ -89,7 +89,7 @@ SEARCHES: tuple[Search, ...] = (
 )
 
 
-@timed("diagnosis")
+@log_stage("diagnosis")
 def diagnose_parts(
     data: Data,
     trace: Trace,

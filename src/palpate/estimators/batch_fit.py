@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.estimators.estimate import findings_of
+from palpate.estimators.estimate import flag_findings
 from palpate.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.force_laws import HuntCrossley
 from palpate.settings import Scale
@@ -83,7 +83,7 @@ class CurveFits:
 
     def describe_flags(self, curve: int) -> tuple[str, ...]:
         """Parameters that the motion of one curve does not identify, and a motion that would."""
-        return tuple(map(str, findings_of(int(self.flags[curve]))))
+        return tuple(map(str, flag_findings(int(self.flags[curve]))))
 
 
 def fit_curves(

@@ -29,7 +29,7 @@ from palpate.estimators.variable_projection import PROBING, VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.settings import SAMPLE_TIME, ContactGate, Scale
-from palpate.validation import Floats, arguments, one_of
+from palpate.validation import Floats, arguments, check_choice
 
 # Cells of penetration and of velocity; at least half are in use. For Fung's law over five times its
 # length the optimum is then within 0.01 standard errors of the optimum over the samples.
@@ -184,7 +184,7 @@ class LeastSquaresOfLaw(PythonEstimator):
             start = _Rows(self, most=_SEARCHED).best_start(start, self._noise)
         if start is not None:
             rows = _Rows(self)
-            energy, found = rows.solved(start, self._noise)
+            energy, found = rows.minimise(start, self._noise)
             if math.isfinite(energy):
                 self._found, self._noise = found, rows.noise(energy)
                 self._fitted = self._samples
@@ -212,7 +212,7 @@ class LeastSquaresOfLaw(PythonEstimator):
 
 
 def _rebuild(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
-    made = least_squares_of(law)(**settings)
+    made = least_squares_class(law)(**settings)
     made._restore(state)
     return made
 
@@ -265,7 +265,7 @@ class _Rows:
             return np.full_like(residual, np.inf), np.zeros_like(rows[1:].T)
         return residual, rows[1:].T
 
-    def projected(self, found: Floats, noise: float) -> tuple[float, Floats]:
+    def solve_linear_part(self, found: Floats, noise: float) -> tuple[float, Floats]:
         """Σr² and parameters after solving for the linear parameters."""
         residual, jacobian = self.at(found, noise)
         better, linear = found.copy(), [*self.linear, len(found) - 1]
@@ -274,7 +274,7 @@ class _Rows:
             residual -= jacobian[:, linear] @ (better - found)[linear]
         return float(residual @ residual), better
 
-    def solved(self, found: Floats, noise: float) -> tuple[float, Floats]:
+    def minimise(self, found: Floats, noise: float) -> tuple[float, Floats]:
         """Σr² and parameters of the least squares from a start."""
         with np.errstate(all="ignore"):
             best = least_squares(lambda trial: self.at(trial, noise), found, enough=_ENOUGH)
@@ -289,11 +289,11 @@ class _Rows:
         for factors in itertools.product(*(np.logspace(-each, each, count) for each in decades)):
             start = np.append(self.sizes, 0.0)
             start[free] *= factors
-            starts.append(self.projected(start, noise))
+            starts.append(self.solve_linear_part(start, noise))
         starts.sort(key=itemgetter(0))
         tried = [] if before is None else [before]
         tried += [start for _, start in starts[:_POLISHED]]
-        energy, found = min((self.solved(each, noise) for each in tried), key=itemgetter(0))
+        energy, found = min((self.minimise(each, noise) for each in tried), key=itemgetter(0))
         return found if math.isfinite(energy) else None
 
     def noise(self, energy: float) -> float:
@@ -372,7 +372,7 @@ def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
 _CLASSES: dict[type[ForceLaw], type[LeastSquaresOfLaw]] = {}
 
 
-def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
+def least_squares_class(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
     """Return the least-squares estimator class of a law."""
     attributes = {
         "law_type": law,
@@ -387,7 +387,7 @@ def least_squares_of(law: type[ForceLaw]) -> type[LeastSquaresOfLaw]:
 def watch(law: type[ForceLaw]) -> None:
     """Register the least squares of a law, unless it has memory or another method."""
     if not law.relaxes and all(each.law_type is not law for each in ESTIMATORS.values()):
-        register(least_squares_of(law))
+        register(least_squares_class(law))
 
 
 @atexit.register
@@ -440,7 +440,7 @@ def estimator_by_law(
     requested = None if method is None else estimator_named(method)
     if law is None:
         return requested or VariableProjection, {}
-    one_of("law", law, law_names())
+    check_choice("law", law, law_names())
     settings = _SETTINGS.get(law)
     if requested is ViscoelasticContact and law == USUAL:
         settings = {"damping": law, "memory": "none"}

@@ -25,9 +25,9 @@ from palpate.settings import (
 )
 from palpate.validation import (
     Floats,
+    check_choice,
     instance,
     number_in,
-    one_of,
     same_length,
     shown,
     signal,
@@ -273,7 +273,7 @@ def estimator_named(name: str) -> type[ContactEstimator]:
     InvalidParameterError
         No estimator has this name; the message lists those that exist.
     """
-    one_of("method", name, ESTIMATORS)
+    check_choice("method", name, ESTIMATORS)
     return ESTIMATORS[name]
 
 
@@ -309,6 +309,6 @@ def loop_settings(
     )
 
 
-def known_exponent(exponent: float | None) -> float | None:
+def check_exponent(exponent: float | None) -> float | None:
     """Check a known exponent; None: the exponent is to be identified."""
     return None if exponent is None else number_in("exponent", exponent, 0.1, 10.0)

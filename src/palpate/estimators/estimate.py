@@ -48,7 +48,7 @@ ADVICE = {
 }
 
 
-def findings_of(bits: int) -> tuple[Finding, ...]:
+def flag_findings(bits: int) -> tuple[Finding, ...]:
     """Return the findings of an estimate's flag bits."""
     return tuple(finding for bit, finding in ADVICE.items() if bits & bit)
 
@@ -222,7 +222,7 @@ class Estimate(EstimateValue):
     @property
     def motion_findings(self) -> tuple[Finding, ...]:
         """The findings on the motion, without those on the method's standard errors."""
-        return findings_of(self._flags)
+        return flag_findings(self._flags)
 
     @property
     def flags(self) -> tuple[str, ...]:
@@ -385,7 +385,7 @@ class Trace:
         return rejected
 
 
-def checked_trace(trace: Any) -> Traced:
+def check_trace(trace: Any) -> Traced:
     """Check the ``trace`` argument and return it.
 
     Raises
@@ -405,7 +405,9 @@ def checked_trace(trace: Any) -> Traced:
     return number_in("trace", trace, 1e-9, 1e9)
 
 
-def thinned(trace: Traced, time: Floats, segments: "Sequence[slice]") -> NDArray[np.int64] | None:
+def choose_trace_samples(
+    trace: Traced, time: Floats, segments: "Sequence[slice]"
+) -> NDArray[np.int64] | None:
     """Return the samples after which a contact's trace contains the estimate; None: all samples.
 
     If ``trace`` is an int: at most that many, evenly spread, up to the last sample. If it is in

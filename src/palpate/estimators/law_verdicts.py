@@ -10,7 +10,7 @@ from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Check, Finding, Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.validation import Plain, defined, or_nan
+from palpate.validation import Plain, finite_or_none, or_nan
 
 # In the order of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space", "linear")
@@ -97,8 +97,8 @@ class RankedModel:
         return {
             "law": str(self.candidate),
             **self.candidate.as_dict(),
-            "score": defined(self.score),
-            "rms_error": defined(self.rms_error),
+            "score": finite_or_none(self.score),
+            "rms_error": finite_or_none(self.rms_error),
         }
 
 
@@ -350,7 +350,7 @@ def _law_findings(
         )
 
 
-def verdict_of(evidence: Evidence, estimate: Estimate) -> LawVerdict:
+def judge_evidence(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """Return the verdict from an estimator's evidence and its simultaneous estimate."""
     selected_score = next(
         (score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0

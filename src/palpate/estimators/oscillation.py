@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.estimators.law_verdicts import CANDIDATES, Candidate
-from palpate.estimators.viscoelastic import ViscoelasticContact, law_of
+from palpate.estimators.viscoelastic import ViscoelasticContact, build_law
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -93,11 +93,11 @@ class Oscillation:
         ]
         least = min(mean_square for mean_square, _, _ in fits)
         equivalent = (
-            law_of(times, other)
+            build_law(times, other)
             for mean_square, other, _ in fits
             if mean_square <= AS_WELL**2 * least
         )
-        laws = law_of(times, numbers), *equivalent
+        laws = build_law(times, numbers), *equivalent
         # At a start in contact the columns of the unknown state absorb a lag, or imitate one: 18 of
         # 96 contacts were flagged.
         relaxes = candidate.memory != "none" and not evidence.begun
@@ -113,7 +113,9 @@ class Oscillation:
             The numbers, and their statistical standard errors from the largest sandwich.
         """
         law = self.laws[0]
-        return dynamic_response(law, depth, frequency), self._columns.errors_at(depth, frequency)
+        return dynamic_response(law, depth, frequency), self._columns.standard_errors(
+            depth, frequency
+        )
 
     def systematic(self, values: Floats, depth: float, frequency: float) -> Floats:
         """Systematic standard errors of K′ and B′ around these values, √(spread² + misfit²)."""
@@ -271,7 +273,7 @@ class _Columns:
         errors: Floats = np.sqrt(np.maximum(variances.max(axis=0), 0.0))
         return errors
 
-    def errors_at(self, depth: float, frequency: float) -> Floats:
+    def standard_errors(self, depth: float, frequency: float) -> Floats:
         """Standard errors of K′ and B′."""
         gradient = np.zeros((2, len(self.numbers)))
         for place in self.moved:

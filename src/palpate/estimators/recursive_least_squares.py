@@ -12,7 +12,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import (
     CompiledEstimator,
     Rejection,
-    known_exponent,
+    check_exponent,
     loop_settings,
 )
 from palpate.estimators.estimate import Estimate
@@ -103,7 +103,7 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         covariance = covariance_matrix(
             "initial_covariance", given["initial_covariance"], len(start)
         )
-        exponent = known_exponent(given.get("exponent"))  # only Hunt–Crossley estimators have it
+        exponent = check_exponent(given.get("exponent"))  # only Hunt–Crossley estimators have it
         if exponent is not None:
             start[2] = exponent
         loop = loop_settings(given, Scale(), perturbation._plain())

@@ -12,7 +12,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import (
     CompiledEstimator,
     Rejection,
-    known_exponent,
+    check_exponent,
     loop_settings,
 )
 from palpate.estimators.estimate import Estimate, Trace
@@ -145,7 +145,7 @@ def projection_settings(
         raise InvalidParameterError(
             f"exponent_range must be (lowest, highest), 0.2 to 5 apart, not {shown(exponents)}"
         )
-    known, offset = known_exponent(settings["exponent"]) or 0.0, settings["offset"]
+    known, offset = check_exponent(settings["exponent"]) or 0.0, settings["offset"]
     instance("offset", offset, bool)
     tare = positive_or_none("offset_deviation", settings["offset_deviation"])
     return noise, (low, high), known, offset, tare
@@ -270,7 +270,7 @@ class ConstrainedEstimate(Estimate):
     __slots__ = ()
 
 
-def constrained(contact: Contact, trace: Trace, estimate: Estimate) -> ConstrainedEstimate | None:
+def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> ConstrainedEstimate | None:
     """Return the least squares in the box, with the same offset; None if the box is not needed.
 
     Parameters

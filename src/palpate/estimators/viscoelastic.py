@@ -16,7 +16,7 @@ from palpate.estimators.law_verdicts import (
     DynamicStiffness,
     Evidence,
     LawVerdict,
-    verdict_of,
+    judge_evidence,
 )
 from palpate.estimators.variable_projection import PROBING, positive_or_none
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, RelaxationSpectrum
@@ -27,7 +27,7 @@ from palpate.settings import (
     Forgetting,
     Scale,
 )
-from palpate.validation import Floats, arguments, instance, number, number_in, one_of, shown
+from palpate.validation import Floats, arguments, check_choice, instance, number, number_in, shown
 
 _DEFAULTS = _core.defaults["ViscoelasticContact"]
 
@@ -35,7 +35,7 @@ Damping = Literal["auto", "hunt-crossley", "half-space", "linear", "none"]
 Memory = Literal["auto", "none"]
 
 
-def law_of(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
+def build_law(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
     """Return the law from relaxation times [s], and K, n, B, p and a stiffness for each time."""
     (stiffness, n, damping, p), stiffnesses = numbers[:4].tolist(), np.maximum(numbers[4:], 0.0)
     if not stiffnesses.any():
@@ -66,7 +66,7 @@ class RelaxingEstimate(Estimate):
     def law(self) -> GeneralisedHuntCrossley:
         """The contact model, SI."""
         times, numbers, _, _ = self.spectrum
-        return law_of(times, numbers)
+        return build_law(times, numbers)
 
     def start_force(self, clock: Floats) -> Floats:
         """Force of an unknown state at the start, N, at these times after the start [s]."""
@@ -78,7 +78,7 @@ class RelaxingEstimate(Estimate):
     def _numbers(self) -> tuple[Floats, Floats, Callable[[Floats], ForceLaw], Any]:
         times, numbers, joint, _ = self.spectrum
         plain = np.isin(np.arange(len(numbers)), (1, 3))
-        return numbers, joint[:-1, :-1], lambda each: law_of(times, each), plain
+        return numbers, joint[:-1, :-1], lambda each: build_law(times, each), plain
 
 
 class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
@@ -203,7 +203,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     def verdict(self) -> LawVerdict:
         """Return the selected law, with the evidence for all competing laws."""
-        return verdict_of(self.evidence(), self.estimate())
+        return judge_evidence(self.evidence(), self.estimate())
 
     def dynamic_stiffness(
         self, depth: float | None = None, frequency: float | None = None
@@ -256,8 +256,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
 def _candidate_bits(damping: str, memory: str) -> int:
     """The candidates that compete, one bit each."""
-    one_of("damping", damping, ("auto", *DAMPINGS))
-    one_of("memory", memory, ("auto", "none"))
+    check_choice("damping", damping, ("auto", *DAMPINGS))
+    check_choice("memory", memory, ("auto", "none"))
     bits = 0
     for index, law in enumerate(CANDIDATES):
         offered = law.damping != "none" if damping == "auto" else damping == law.damping

@@ -15,7 +15,7 @@ from palpate.exports.motion import MOST_SAMPLES, ExportRequest, ProbeMotion
 from palpate.exports.replay_errors import Drop, restitution_by
 from palpate.findings import Check, Finding
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Floats, one_of
+from palpate.validation import Floats, check_choice
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,12 +34,12 @@ class Replayed:
     how: str
 
 
-def warned(*messages: str) -> tuple[Finding, ...]:
+def make_warnings(*messages: str) -> tuple[Finding, ...]:
     """Return messages as warnings."""
     return tuple(Check.ENGINE.finding(message, severity="with-care") for message in messages)
 
 
-def refused(*messages: str) -> tuple[Finding, ...]:
+def make_refusals(*messages: str) -> tuple[Finding, ...]:
     """Return messages as refusals."""
     return tuple(Check.ENGINE.finding(message, severity="do-not-trust") for message in messages)
 
@@ -57,13 +57,14 @@ class Fragment(ABC):
     numbers : mapping of str to float
         The engine's parameters by name.
     engine_law : GeneralisedHuntCrossley, optional
-        The resulting force law in the engine, if it has this form; :meth:`predicted` may add to it.
+        The resulting force law in the engine, if it has this form; :meth:`predict_force` may add
+        to it.
     exact : bool
         Whether that is the requested law, to the engine's accuracy. Default: False.
     largest_step : float, optional
         Stability limit of the time step, s.
     findings : tuple of Finding
-        Warnings (:func:`warned`) and refusals (:func:`refused`).
+        Warnings (:func:`make_warnings`) and refusals (:func:`make_refusals`).
     most_samples : int
         Most states for a replay.
     """
@@ -87,12 +88,12 @@ class Fragment(ABC):
             Lines for the comment in each file: origin, error, warnings.
         """
 
-    def predicted(self, motion: ProbeMotion) -> Floats:
+    def predict_force(self, motion: ProbeMotion) -> Floats:
         """Return the engine's predicted force along a motion, N, at least 0."""
         assert self.engine_law is not None  # else a subclass overrides this
         return np.maximum(motion.force_by(self.engine_law), 0.0)
 
-    def predicted_restitution(self, drop: Drop) -> float:
+    def predict_restitution(self, drop: Drop) -> float:
         """Return the engine's predicted restitution in an impact."""
         assert self.engine_law is not None
         return restitution_by(self.engine_law, drop)
@@ -188,6 +189,6 @@ def engine_called(name: str) -> Engine:
     """
     if name in ("gazebo", "gz", "dart"):
         raise ExportRefusedError(_DART)
-    one_of("to", name, MODULES)
+    check_choice("to", name, MODULES)
     engine: Engine = import_module(MODULES[name]).ENGINE
     return engine

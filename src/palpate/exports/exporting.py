@@ -12,14 +12,14 @@ import numpy as np
 from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
 from palpate.exports.engine import Engine, Fragment, engine_called
 from palpate.exports.motion import ExportRequest, ProbeMotion
-from palpate.exports.statement import Exportable, ExportedLaw, Statement, compared
+from palpate.exports.statement import Exportable, ExportedLaw, Statement, compare_errors
 from palpate.lab.materials import Touch
 from palpate.validation import Floats, number_in
 from palpate.writing import (
     as_json,
     check_own,
     check_writable,
-    encoded,
+    encode_text,
     make_folder,
     write_text,
 )
@@ -136,7 +136,9 @@ def export(
         raise InvalidParameterError("pass either time_step or model: the model has its own")
     _check(engine, request, given_radius=tip_radius is not None)
     fragment = engine.fit(request)
-    found = compared(source, nearest, fragment, replay=replay and engine.version() is not None)
+    found = compare_errors(
+        source, nearest, fragment, replay=replay and engine.version() is not None
+    )
     statement = Statement(source, nearest, engine, fragment, found, allow)
     if statement.refused:
         raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
@@ -168,7 +170,7 @@ def save_statement(
     earlier = _earlier(folder)
     made = {*files, *STATEMENT}
     left = [name for name in earlier if name not in made and (folder / name).is_file()]
-    texts = _written(statement, files, earlier, left)
+    texts = _file_texts(statement, files, earlier, left)
     paths = [folder / name for name in texts]
     for path in paths:
         check_writable(path, inputs)
@@ -196,10 +198,10 @@ def _earlier(folder: Path) -> dict[str, str]:
 
 
 def _digest(text: str) -> str:
-    return sha256(encoded(text)).hexdigest()
+    return sha256(encode_text(text)).hexdigest()
 
 
-def _written(
+def _file_texts(
     statement: Statement, files: Mapping[str, str], earlier: Mapping[str, str], left: Sequence[str]
 ) -> dict[str, str]:
     """Return the text of all files, the two of the statement last."""
@@ -287,7 +289,7 @@ class SimulatedContact(InAnEngine):
         statement, fragment = made.statement, made.fragment
         engine, law = statement.engine, statement.nearest.law.simplest()
 
-        def replayed(motion: ProbeMotion) -> Floats:
+        def replay_force(motion: ProbeMotion) -> Floats:
             ran = fragment.replay(motion)
             if ran is None:
                 raise MissingExtraError(f"palpate cannot run {engine.title} to compute the force")
@@ -295,4 +297,4 @@ class SimulatedContact(InAnEngine):
 
         name = f"{statement.source.name or 'a law'} in {engine.title}"
         inside = {"engine": engine.name, "form": fragment.form}
-        super().__init__(name, replayed, {**law.description(), **inside})
+        super().__init__(name, replay_force, {**law.description(), **inside})

@@ -14,7 +14,7 @@ from palpate.validation import Floats
 _EXPONENTS = (0.5, 3.0)  # a little beyond x and x²
 
 
-def with_exponents(
+def fit_with_exponents(
     law: ForceLaw, motion: ProbeMotion, n: float, p: float
 ) -> GeneralisedHuntCrossley:
     """Return the nearest K xⁿ + B xᵖ v, by least squares over the judged samples, B ≥ 0.
@@ -50,7 +50,7 @@ def _nearest(
     return GeneralisedHuntCrossley(stiffness / unit**n, n, damping / unit**p, p)
 
 
-def with_one_exponent(
+def fit_with_one_exponent(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, n: float
 ) -> GeneralisedHuntCrossley:
     """Return the nearest K xⁿ (1 + b v), b ≥ 0.
@@ -58,7 +58,7 @@ def with_one_exponent(
     For a law with p = n it keeps b = B/K, and so the restitution.
     """
     if law.damping > 0.0 and law.damping_exponent != law.exponent:
-        return with_exponents(law, motion, n, n)
+        return fit_with_exponents(law, motion, n, n)
     b = max(law.damping, 0.0) / law.stiffness
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
     weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**n
@@ -67,8 +67,8 @@ def with_one_exponent(
 
 
 def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:
-    """Return the nearest K x + B v; see :func:`with_exponents`."""
-    return with_exponents(law, motion, 1.0, 0.0)
+    """Return the nearest K x + B v; see :func:`fit_with_exponents`."""
+    return fit_with_exponents(law, motion, 1.0, 0.0)
 
 
 def is_kelvin_voigt(law: GeneralisedHuntCrossley) -> bool:
@@ -115,14 +115,14 @@ class Nearest:
         return cls(member, which, error)
 
 
-def without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest:
+def nearest_without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest:
     """Return the law without relaxation whose force is nearest along a motion.
 
     The relaxed law, the instantaneous one, or K and B by least squares with the law's exponents.
     """
     if not law.remembers:
         return Nearest(law)
-    fitted = with_exponents(law, motion, law.exponent, law.damping_exponent)
+    fitted = fit_with_exponents(law, motion, law.exponent, law.damping_exponent)
     members = {
         "the fully relaxed law": law.relaxed(),
         "the instantaneous (unrelaxed) law": law.instantaneous(),

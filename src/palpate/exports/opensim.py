@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from palpate.errors import InvalidParameterError
-from palpate.exports.engine import Engine, Fragment, Replayed, warned
+from palpate.exports.engine import Engine, Fragment, Replayed, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
-from palpate.exports.nearest_law import with_one_exponent
+from palpate.exports.nearest_law import fit_with_one_exponent
 from palpate.exports.replay_errors import Drop, came_back, state_by_state
 from palpate.exports.texts import hash_comment, template, xml_comment
 from palpate.writing import temporary_file
@@ -137,7 +137,10 @@ class OpenSim(Engine):
                 "OpenSim needs the tip's radius, to whose root its force is proportional: add "
                 "--tip-radius, such as --tip-radius 5mm"
             )
-        law, radius = with_one_exponent(request.law, request.motion, _EXPONENT), request.tip_radius
+        law, radius = (
+            fit_with_one_exponent(request.law, request.motion, _EXPONENT),
+            request.tip_radius,
+        )
         warnings = [
             f"for a tip radius of {1e3 * radius:.4g} mm only: the force scales with its root"
         ]
@@ -157,7 +160,7 @@ class OpenSim(Engine):
             },
             engine_law=law,
             exact=law == request.law,
-            findings=warned(*warnings),
+            findings=make_warnings(*warnings),
         )
 
 

@@ -1,7 +1,8 @@
 """The statement of an export: the origin of its law, and the engine's error.
 
-An :class:`ExportedLaw` is an identified law, or a law alone. :func:`compared` replays the motion in
-the engine or predicts its force, and :class:`Statement` decides from the errors whether to export.
+An :class:`ExportedLaw` is an identified law, or a law alone. :func:`compare_errors` replays the
+motion in the engine or predicts its force, and :class:`Statement` decides from the errors whether
+to export.
 """
 
 import math
@@ -20,20 +21,25 @@ from palpate.errors import (
     RecordingError,
 )
 from palpate.estimators import VariableProjection
-from palpate.exports.engine import Engine, Fragment, refused, warned
+from palpate.exports.engine import Engine, Fragment, make_refusals, make_warnings
 from palpate.exports.motion import ProbeMotion
-from palpate.exports.nearest_law import Nearest, one_power, with_exponents, without_memory
+from palpate.exports.nearest_law import (
+    Nearest,
+    fit_with_exponents,
+    nearest_without_memory,
+    one_power,
+)
 from palpate.exports.replay_errors import Drop, drop_to, force_error
-from palpate.exports.texts import length, numbers_of, percent
+from palpate.exports.texts import law_numbers, length, percent
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.force_laws.laws import Spring
 from palpate.identifying import Identification
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.quantities.elastic_modulus import Sphere
 from palpate.results.parameters import describe_relaxation
 from palpate.results.saved import SavedResult
-from palpate.validation import Floats, defined, shown
+from palpate.validation import Floats, finite_or_none, shown
 
 #: Types that can be exported.
 Exportable: TypeAlias = Identification | SavedResult | ForceLaw
@@ -156,9 +162,9 @@ class ExportedLaw:
             found = one_power(self.law, self.motion)
         else:
             law = GeneralisedHuntCrossley.of(self.law)
-            found = without_memory(law, self.motion)
+            found = nearest_without_memory(law, self.motion)
             if found.law.damping < 0.0:
-                undamped = with_exponents(law, self.motion, law.exponent, law.damping_exponent)
+                undamped = fit_with_exponents(law, self.motion, law.exponent, law.damping_exponent)
                 found = Nearest.of(undamped, self.law, self.motion, "without its negative damping")
         if not found.law.stiffness > 0.0:
             raise ExportRefusedError(
@@ -235,7 +241,7 @@ class Compared:
         return 100.0 * (self.drop_restitution / law - 1.0) if law > 0.0 else float("nan")
 
 
-def compared(
+def compare_errors(
     source: ExportedLaw, nearest: Nearest, fragment: Fragment, *, replay: bool
 ) -> Compared:
     """Return the errors of a fragment along the source's motion.
@@ -255,12 +261,12 @@ def compared(
     motion = whole.firm(fragment.most_samples)
     # A law with relaxation depends on the whole motion, not only on the firm samples.
     law = whole.force_by(source.law)[whole.firm_places(fragment.most_samples)]
-    predicted = fragment.predicted(motion)
+    predicted = fragment.predict_force(motion)
     ran, fails = None, ""
     try:
         ran = fragment.replay(motion) if replay else None
     except ImportError as error:  # installed, but it does not load
-        if _interrupted(error):
+        if _is_interrupt(error):
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
     drop = drop_to(nearest.law, fragment.request.mass_or_one, whole.deepest)
@@ -279,18 +285,18 @@ def compared(
         against_measured_percent=off(predicted if ran is None else ran.force, motion.force),
         law_leaves_percent=off(law, motion.force),
         drop=drop,
-        predicted_restitution=fragment.predicted_restitution(drop),
+        predicted_restitution=fragment.predict_restitution(drop),
         replayed_restitution=fragment.drop_restitution(drop)
         if ran is not None and stable
         else None,
     )
 
 
-def _interrupted(error: BaseException | None) -> bool:
+def _is_interrupt(error: BaseException | None) -> bool:
     """Whether Ctrl-C caused an ImportError: extensions raise one when interrupted on import."""
     if error is None or isinstance(error, KeyboardInterrupt):
         return error is not None
-    return _interrupted(error.__cause__ or error.__context__)
+    return _is_interrupt(error.__cause__ or error.__context__)
 
 
 # The refusals, warnings and content of a statement, in words and as plain numbers.
@@ -340,64 +346,66 @@ class Statement:
         source, nearest, found = self.source, self.nearest, self.compared
         verdict, result = source.verdict, list[Finding]()
         if verdict is None:
-            result += warned("a law without a recording: palpate cannot judge its accuracy")
+            result += make_warnings("a law without a recording: palpate cannot judge its accuracy")
         elif verdict.overall == "do-not-trust":
-            result += refused(f"the verdict is do-not-trust{_because(source)}")
+            result += make_refusals(f"the verdict is do-not-trust{_because(source)}")
         elif verdict.overall == "with-care":
-            result += warned(f"the verdict is with-care{_because(source)}")
+            result += make_warnings(f"the verdict is with-care{_because(source)}")
         elif verdict.damping != "trust":
-            result += warned(f"the verdict on damping, and thus impacts, is {verdict.damping}")
-        result += warned(*(f"flag: {flag}" for flag in source.flags))
+            result += make_warnings(
+                f"the verdict on damping, and thus impacts, is {verdict.damping}"
+            )
+        result += make_warnings(*(f"flag: {flag}" for flag in source.flags))
         values = source.law.as_dict()
         # With two springs one may be negative.
         strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
         if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
-            result += refused(
+            result += make_refusals(
                 "the law has a negative stiffness or damping, so it generates energy; the exported "
                 f"law ({nearest.which}) differs by {percent(nearest.error_percent)} of force"
             )
         if nearest.which and source.law.remembers:
-            result += warned(
+            result += make_warnings(
                 f"engines have no stress relaxation: exported is {nearest.which}; it differs by "
                 f"{percent(nearest.error_percent)} of force on this motion and by more at other "
                 "speeds, and restitution is that of the exported law"
             )
         elif nearest.which:
-            result += warned(
+            result += make_warnings(
                 f"engines do not have this law: exported is {nearest.which}; it differs by "
                 f"{percent(nearest.error_percent)} of force"
             )
         result += self._relaxation()
         result += self.fragment.findings
         if not found.percent <= MOST_PERCENT:  # also refuses NaN
-            result += refused(
+            result += make_refusals(
                 f"the force error of the engine is {percent(found.percent)} "
                 f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
             )
         if abs(found.restitution_percent) > REBOUND_PERCENT:
-            result += warned(
+            result += make_warnings(
                 f"impacts will be wrong: the engine's restitution is "
                 f"{rounded(found.drop_restitution, 3)}, that of the law "
                 f"{rounded(found.drop.restitution, 3)}"
             )
         if found.drop.speed > source.motion.fastest and verdict is not None:
-            result += warned(
+            result += make_warnings(
                 f"the law was identified at speeds up to {length(source.motion.fastest, 2)}/s; an "
                 f"impact at {rounded(found.drop.speed, 2)} m/s extrapolates it"
             )
         limit, step = self.fragment.largest_step, self.fragment.request.time_step
         if limit is not None and step >= limit:
-            result += refused(
+            result += make_refusals(
                 f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
             )
         elif limit is not None and step > 0.5 * limit:
-            result += warned(
+            result += make_warnings(
                 f"a time step of {_ms(step)} is more than half of the stability limit of "
                 f"{_ms(limit)}"
             )
         if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
-            result += warned(
+            result += make_warnings(
                 f"the replayed error is {percent(found.percent)} but the predicted one "
                 f"{percent(found.predicted_percent)}: this version of the engine may be different"
             )
@@ -441,7 +449,7 @@ class Statement:
         """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
         title = " ".join(filter(None, (self.engine.title, self.engine.version())))
         lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
-        if numbers := _listed(self.fragment.numbers, 6):
+        if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
         return [*lines, *(f"Warning: {each}." for each in self.warnings)]
 
@@ -474,13 +482,13 @@ class Statement:
         given = own.stiffness_at(depth)
         words = (
             "the material relaxes, and engines have no stress relaxation: exported is the "
-            f"Hunt–Crossley law nearest to this recording, for {in_hertz(omega)}: stiffness "
+            f"Hunt–Crossley law nearest to this recording, for {format_hertz(omega)}: stiffness "
             f"{rounded(given, 3)} N/m and damping {rounded(own.damping_at(depth), 3)} N·s/m at "
             f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
-        return refused(words) if not apart <= STIFFNESS_OFF else warned(words)
+        return make_refusals(words) if not apart <= STIFFNESS_OFF else make_warnings(words)
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
@@ -498,7 +506,7 @@ class Statement:
             shown.append(f"τ = {describe_relaxation(law)}")
         lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
-            inside = _listed(numbers_of(self.nearest.law), 4)
+            inside = _list_numbers(law_numbers(self.nearest.law), 4)
             lines.append(f"Exported: {self.nearest.which}: {inside}.")
         return lines
 
@@ -524,37 +532,41 @@ class Statement:
             "replayed": found.replayed,
             "how": found.how or None,
             "error_percent": {
-                "against_law": defined(found.percent),
-                "predicted": defined(found.predicted_percent),
-                "against_measured": defined(found.against_measured_percent),
-                "law_leaves": defined(found.law_leaves_percent),
-                "nearest": defined(self.nearest.error_percent),
+                "against_law": finite_or_none(found.percent),
+                "predicted": finite_or_none(found.predicted_percent),
+                "against_measured": finite_or_none(found.against_measured_percent),
+                "law_leaves": finite_or_none(found.law_leaves_percent),
+                "nearest": finite_or_none(self.nearest.error_percent),
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,
             "drop": {
                 "mass": drop.mass,
-                "speed": defined(drop.speed),
+                "speed": finite_or_none(drop.speed),
                 "depth": drop.depth,
-                "restitution_of_law": defined(drop.restitution),
-                "restitution": defined(found.drop_restitution),
-                "error_percent": defined(found.restitution_percent),
+                "restitution_of_law": finite_or_none(drop.restitution),
+                "restitution": finite_or_none(found.drop_restitution),
+                "error_percent": finite_or_none(found.restitution_percent),
                 "replayed": found.replayed_restitution is not None,
             },
             "law": source.law.description(),
             "standard_errors": (
                 None
                 if errors is None
-                else dict(zip(source.law.names(), map(defined, errors.tolist()), strict=True))
+                else dict(
+                    zip(source.law.names(), map(finite_or_none, errors.tolist()), strict=True)
+                )
             ),
             "exported_law": {
                 "which": self.nearest.which or None,
                 **self.nearest.law.simplest().description(),
             },
-            "numbers": {name: defined(value) for name, value in self.fragment.numbers.items()},
+            "numbers": {
+                name: finite_or_none(value) for name, value in self.fragment.numbers.items()
+            },
             "mass": request.mass,
             "time_step": request.time_step,
-            "largest_time_step": defined(self.fragment.largest_step),
+            "largest_time_step": finite_or_none(self.fragment.largest_step),
             "source": source.name or None,
             "motion": source.motion.source,
             "verdict": None if source.verdict is None else source.verdict.as_dict(),
@@ -583,7 +595,7 @@ class Statement:
         )
 
 
-def _listed(numbers: Mapping[str, float], figures: int) -> str:
+def _list_numbers(numbers: Mapping[str, float], figures: int) -> str:
     return ", ".join(f"{name} = {rounded(value, figures)}" for name, value in numbers.items())
 
 

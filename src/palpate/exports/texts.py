@@ -65,7 +65,7 @@ def length(metres: float, figures: int) -> str:
     return f"{rounded(1e6 * metres, figures)} µm"
 
 
-def numbers_of(law: GeneralisedHuntCrossley) -> dict[str, float]:
+def law_numbers(law: GeneralisedHuntCrossley) -> dict[str, float]:
     """Return K, n, B and p by name."""
     names = ("stiffness", "exponent", "damping", "damping_exponent")
     return {name: float(getattr(law, name)) for name in names}

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from palpate.exports.engine import Engine, Fragment, warned
+from palpate.exports.engine import Engine, Fragment, make_warnings
 from palpate.exports.motion import ExportRequest
 from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, stable_step
 from palpate.exports.texts import hash_comment, template
@@ -66,7 +66,9 @@ class Usd(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(request.law),
-            findings=warned(*_ALWAYS, *([explicit] if request.time_step >= 0.5 * limit else [])),
+            findings=make_warnings(
+                *_ALWAYS, *([explicit] if request.time_step >= 0.5 * limit else [])
+            ),
         )
 
 

@@ -15,8 +15,10 @@ from palpate.errors import InvalidParameterError
 from palpate.figures.panels import (
     JOINED,
     Final,
-    at_depth,
-    course_of,
+    describe_fit,
+    describe_parameters,
+    describe_verdict,
+    describe_working_depth,
     draw_at_depth,
     draw_condition,
     draw_error,
@@ -26,18 +28,16 @@ from palpate.figures.panels import (
     draw_residual,
     draw_residual_rows,
     draw_spectrum,
-    fit_of,
-    name_of,
-    parameters_of,
-    verdict_of,
+    file_name,
+    replay_course,
 )
 from palpate.figures.style import (
     Look,
+    choose_look,
+    choose_scale,
     drawing,
     head,
-    look_of,
     scale_as_written,
-    scale_of,
     set_titles,
     stack,
 )
@@ -45,10 +45,10 @@ from palpate.findings import spoken
 from palpate.force_laws import RelaxationSpectrum
 from palpate.identification.identified import Identified
 from palpate.identification.ranking import rank
-from palpate.quantities.derived import SmallOscillation, band_of
+from palpate.quantities.derived import SmallOscillation, motion_band
 from palpate.results.parameters import law_name, parameter_rows
 from palpate.results.view import short_answer
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 _IN_A_ROW = 4
 
 
-@timed("figure")
+@log_stage("figure")
 def draw(identification: Identified, *, dark: bool = False, width: float | None = None) -> "Figure":
     """Draw force, stiffness and damping at working depth, and the parameters of the contact model.
 
@@ -87,7 +87,7 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     MissingExtraError
         matplotlib is not installed.
     """
-    look, result = look_of(dark=dark, width=width), identification
+    look, result = choose_look(dark=dark, width=width), identification
     condition = result.estimator.needs_condition_10
     law: Any = result.law
     spectrum = law.remembers and isinstance(law.relaxation, RelaxationSpectrum)
@@ -105,10 +105,10 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
         if look.narrow:
             panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
         else:
-            panels = _on_a_page(figure, heights, small)
+            panels = _page_panels(figure, heights, small)
         if spectrum:
             draw_spectrum(panels.pop(-1 if look.narrow else 3 + small), law, look)
-        course = course_of(result, result.diagnosis.working_depth.depth)
+        course = replay_course(result, result.diagnosis.working_depth.depth)
         draw_force(panels[0], result, look)
         draw_loop(panels[1], result, look)
         head(panels[1], "Force over penetration")
@@ -126,19 +126,21 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
         elif check:
             draw_error(check[0], result, look)
         travels = any(part.place is not None for part in result.segments)
-        counts = next(short_answer(result, ())).lines[0].text if travels else verdict_of(result)
-        title = [counts, fit_of(result)]
+        counts = (
+            next(short_answer(result, ())).lines[0].text if travels else describe_verdict(result)
+        )
+        title = [counts, describe_fit(result)]
         if look.narrow:
             stack(panels[2:])
             figure.align_ylabels(panels)
-            title += [at_depth(result, ["force"]), parameters_of(result)]
+            title += [describe_working_depth(result, ["force"]), describe_parameters(result)]
         else:
-            title.append(at_depth(result))
+            title.append(describe_working_depth(result))
         set_titles(figure, look, title, _caption(result), lines=3 if look.narrow else 1)
     return figure
 
 
-def _on_a_page(figure: "Figure", heights: list[float], parameters: int) -> "list[Axes]":
+def _page_panels(figure: "Figure", heights: list[float], parameters: int) -> "list[Axes]":
     """Return panels for force and loop, stiffness and damping, the parameters, and two more."""
     rows = len(heights) - 3
     length = math.ceil(parameters / rows)
@@ -192,7 +194,7 @@ def draw_places(result: Identified) -> "Figure":
     across = np.delete(np.arange(3), np.argmin(seen_along))
     marks = np.array([part.diagnosis.verdict.overall for part in result.segments])
     values = [part.diagnosis.working_depth.stiffness for part in result.segments]
-    look = look_of(dark=False, width=None)
+    look = choose_look(dark=False, width=None)
     with drawing(look, 4.8) as figure:
         left, right = figure.subplots(1, 2)
         for axes, title, colours, numbers in (
@@ -215,7 +217,7 @@ def _draw_places(
     low, high = (shown.min(), shown.max()) if shown.size else (0.0, 1.0)
     beyond = bool((values[known] < low).any()), bool((values[known] > high).any())
     extend = ("neither", "min", "max", "both")[beyond[0] + 2 * beyond[1]]
-    unit = scale_of(float(high), "N/m")
+    unit = choose_scale(float(high), "N/m")
     k = unit.factor
     options: dict[str, Any] = {"cmap": colours, "vmin": k * low, "vmax": k * high, "s": 50.0}
     for mark in np.unique(marks):
@@ -261,7 +263,7 @@ def draw_oscillations(
     MissingExtraError
         matplotlib is not installed.
     """
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     courses = [(result, _course(result)) for result in results]
     courses = [(result, course) for result, course in courses if course]
     if not courses:
@@ -272,9 +274,9 @@ def draw_oscillations(
         _draw(damping, courses, ("damping", "B′", "N·s/m"), look)
         head(stiffness, "Dynamic stiffness K′")
         head(damping, "Dynamic damping B′", legend=False)
-        depth = scale_of(courses[0][1][0].depth, "m")
+        depth = choose_scale(courses[0][1][0].depth, "m")
         at = f"at {depth.factor * courses[0][1][0].depth:.4g} {depth.unit}"
-        name = name_of(courses[0][0])
+        name = file_name(courses[0][0])
         set_titles(figure, look, [f"{name}, {at}" if name else at], OSCILLATION_CAPTION)
     return figure
 
@@ -282,7 +284,7 @@ def draw_oscillations(
 def _course(result: Identified) -> list[SmallOscillation]:
     """Return dynamic stiffness over the band of the motion; empty for a probe at rest."""
     with suppress(InvalidParameterError):
-        low, high = band_of(result)
+        low, high = motion_band(result)
         inside = np.geomspace(low, high, _FREQUENCIES)[1:-1].tolist() if low > 0.0 else []
         return [result.dynamic_stiffness(omega) for omega in (low, *inside, high)]
     return []
@@ -297,7 +299,7 @@ def _draw(
     name, symbol, unit = words
     parts = [[getattr(each, name) for each in course] for _, course in courses]
     largest = max(abs(each.value) for part in parts for each in part)
-    scale = scale_of(largest, unit)
+    scale = choose_scale(largest, unit)
     for row, ((result, course), part) in enumerate(zip(courses, parts, strict=True)):
         hertz = np.array([each.frequency for each in course]) / (2.0 * math.pi)
         value = scale.factor * np.array([each.value for each in part])
@@ -359,7 +361,7 @@ def draw_values(
 
 def _format_depths(depths: Sequence[float]) -> str:
     """Describe the depth of the values; it may differ between methods that use other samples."""
-    scale = scale_of(depths[0], "m")
+    scale = choose_scale(depths[0], "m")
     low, high = (scale.factor * depth for depth in (min(depths), max(depths)))
     if high <= (1.0 + _SAME_DEPTH) * low:
         return f"at {scale.factor * depths[0]:.3g} {scale.unit}"
@@ -433,7 +435,7 @@ COMPARED_CAPTION = (
 )
 
 
-@timed("figure")
+@log_stage("figure")
 def draw_comparison(
     results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
 ) -> "Figure":
@@ -460,7 +462,7 @@ def draw_comparison(
     """
     if not results:
         raise InvalidParameterError("results is empty: pass at least one identification")
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     ranking = rank(results)
     ordered = [results[name] for name in ranking.order]
     best = ranking.recommended
@@ -469,12 +471,14 @@ def draw_comparison(
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
     with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
         grid = figure.add_gridspec(2, 1, height_ratios=heights)
-        _compared(figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1]), ordered, look)
-        set_titles(figure, look, [words, name_of(ordered[0])], COMPARED_CAPTION)
+        _draw_comparison(
+            figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1]), ordered, look
+        )
+        set_titles(figure, look, [words, file_name(ordered[0])], COMPARED_CAPTION)
     return figure
 
 
-def _compared(
+def _draw_comparison(
     above: "SubFigure", below: "SubFigure", ordered: list[Identified], look: Look
 ) -> None:
     """Draw values above and residuals below; on a page also force and loops."""

@@ -20,22 +20,22 @@ from palpate.figures.style import (
     Look,
     Scatter,
     broken,
+    choose_look,
+    choose_scale,
     clock,
     drawing,
     few,
     head,
-    in_order,
     largest,
-    look_of,
     over,
     scale_as_written,
-    scale_of,
+    scatter_over_time,
     set_titles,
     shown,
 )
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
-from palpate.quantities.derived import in_hertz
+from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
 from palpate.results.view import format_depth
 from palpate.validation import Floats
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 JOINED = "\N{NO-BREAK SPACE}"
 
 
-def parameters_of(result: Identified) -> str:
+def describe_parameters(result: Identified) -> str:
     """Describe the law's parameters with standard errors, without its relaxation times."""
     rows = [row for row in parameter_rows(result) if row.name != RELAXATION]
     return ", ".join(str(row).replace(" ", JOINED) for row in rows)
@@ -57,30 +57,30 @@ def parameters_of(result: Identified) -> str:
 _UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
-def at_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
+def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     """Describe force, stiffness and damping at working depth, or those in ``names``."""
     there, words = result.diagnosis.working_depth, []
     for name in names:
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
-    often = f", {in_hertz(result.frequency)}" if result.law.remembers else ""
+    often = f", {format_hertz(result.frequency)}" if result.law.remembers else ""
     return f"at {format_depth(there.depth)}{often}: {', '.join(words)}"
 
 
-def name_of(result: Identified) -> str:
+def file_name(result: Identified) -> str:
     """Return the recording's file name; unprintable characters become �."""
     name = Path(result.contact.source).name
     return "".join(sign if sign.isprintable() else "\N{REPLACEMENT CHARACTER}" for sign in name)
 
 
-def verdict_of(result: Identified) -> str:
+def describe_verdict(result: Identified) -> str:
     """Return both marks and the reason."""
     return f"{result.diagnosis.verdict.both}: {result.diagnosis.reason}"
 
 
-def fit_of(result: Identified) -> str:
+def describe_fit(result: Identified) -> str:
     """Describe file, method and fit."""
-    name = name_of(result)
+    name = file_name(result)
     fitted = "fit, one law per segment" if result.segments else "fit of the final law"
     fit = f"{result.method}, {fitted}: {result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
     return f"{name}: {fit}" if name else fit
@@ -117,7 +117,7 @@ class Course:
     damping_error: Floats
 
 
-def course_of(result: Identified, depth: float) -> Course:
+def replay_course(result: Identified, depth: float) -> Course:
     """Replay a contact and read the estimate at times.
 
     Parameters
@@ -143,14 +143,14 @@ def course_of(result: Identified, depth: float) -> Course:
             if edge - 1 in stops:
                 now = result.reported(estimator.estimate())
                 samples.append(edge - 1)
-                rows.append(_known(now, depth, result.frequency))
+                rows.append(_stiffness_and_damping(now, depth, result.frequency))
                 laws.append([now.parameters, now.standard_errors])
             start = int(edge)
     parameters, errors = np.moveaxis(np.array(laws), 1, 0)
     return Course(np.array(samples, dtype=np.intp), parameters, errors, *np.array(rows).T)
 
 
-def _known(estimate: Estimate, depth: float, frequency: float) -> list[float]:
+def _stiffness_and_damping(estimate: Estimate, depth: float, frequency: float) -> list[float]:
     """Return stiffness, its error, damping and its error; NaN where they overflow.
 
     K′ and B′ at a frequency, rad/s, of a law that relaxes.
@@ -204,11 +204,11 @@ def draw_residuals(
     MissingExtraError
         matplotlib is not installed.
     """
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     every = AGAINST[:2] if identification.contact.timeless else AGAINST
     seen = [_scatter(identification, each) for each in every]
     noise = _noise_band(identification)
-    unit = scale_of(max(_reach(each, noise) for _, each in seen), "N")
+    unit = choose_scale(max(_reach(each, noise) for _, each in seen), "N")
     with drawing(look, 8.6 if look.narrow else 3.6) as figure:
         panels = np.ravel(figure.subplots(*(len(every), 1)[:: 1 if look.narrow else -1]))
         for axes, against, (label, scatter) in zip(panels, every, seen, strict=True):
@@ -220,7 +220,7 @@ def draw_residuals(
             axes.set_ylim(low, -low)
         laws = "one law per segment" if identification.segments else "final law"
         fit = f"residual of the fit, {laws}: {identification.fit_rmse_percent:.2g} % rms"
-        name = name_of(identification)
+        name = file_name(identification)
         set_titles(figure, look, [f"{name}: {fit}" if name else fit], CAPTION)
     return figure
 
@@ -241,7 +241,7 @@ def draw_residual_rows(rows: "Sequence[Axes]", results: Sequence[Identified], lo
     seen = [_scatter(result, "time") for result in results]
     reaches = [_reach(scatter, noise) for _, scatter in seen]
     reach = min(max(reaches), _MOST_REACH * reaches[0])
-    unit = scale_of(reach, "N")
+    unit = choose_scale(reach, "N")
     for row, (axes, (label, scatter)) in enumerate(zip(rows, seen, strict=True)):
         _draw(axes, scatter, noise, unit, look, look.colour(row))
         axes.set_ylim(-1.15 * unit.factor * reach, 1.15 * unit.factor * reach)
@@ -287,16 +287,16 @@ def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
         residual = contact.force - result.fitted_force
     if against == "time":
         time, label = clock(contact)
-        return label, in_order(time, residual, contact, taken)
+        return label, scatter_over_time(time, residual, contact, taken)
     name, unit, values = {
         "depth": ("penetration", "m", contact.penetration),
         "velocity": ("velocity, inwards > 0", "m/s", contact.velocity),
     }[against]
-    scale = scale_of(largest(values[taken]), unit)
-    return scale.label(name), over(_scaled(values, scale), residual, taken)
+    scale = choose_scale(largest(values[taken]), unit)
+    return scale.label(name), over(_apply_scale(values, scale), residual, taken)
 
 
-def _scaled(values: Floats, scale: AxisScale) -> Floats:
+def _apply_scale(values: Floats, scale: AxisScale) -> Floats:
     with np.errstate(over="ignore"):
         return scale.factor * values
 
@@ -352,7 +352,9 @@ def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> Non
     times, weights = law.branches()
     stiffnesses = law.relaxation_stiffness * weights
     present = stiffnesses > 0.0
-    scale = scale_of(float(stiffnesses.max()), law.units[law.names().index("relaxation_stiffness")])
+    scale = choose_scale(
+        float(stiffnesses.max()), law.units[law.names().index("relaxation_stiffness")]
+    )
     stems = times[present], scale.factor * stiffnesses[present]
     axes.vlines(stems[0], 0.0, stems[1], color=look.theme.lines[0], linewidth=look.points(2.2))
     axes.plot(*stems, "o", color=look.theme.lines[0], markersize=look.points(4.0))
@@ -381,13 +383,13 @@ def draw_at_depth(
     quantities = [getattr(part.diagnosis.working_depth, quantity) for part in parts]
     unit, symbol = _AT_DEPTH[quantity]
     depth = result.diagnosis.working_depth.depth
-    length = scale_of(depth, "m")
+    length = choose_scale(depth, "m")
     finals = [Final.of(each) for each in quantities]
     scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
     name = quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.frequency > 0.0 and (quantity == "damping" or result.law.remembers):
-        at += f", {in_hertz(result.frequency)}"
+        at += f", {format_hertz(result.frequency)}"
     if result.segments:
         _draw_segments(axes, result, finals[1:], scale, look)
         kind = "place" if result.segments[0].place is not None else "segment"
@@ -509,7 +511,7 @@ def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
     time, label = clock(contact)
     keep = shown(contact)
     low, high = _force_range(result, outliers=True)
-    unit = scale_of(max(abs(low), abs(high)), "N")
+    unit = choose_scale(max(abs(low), abs(high)), "N")
     good = keep[~result.trace.rejected[keep]]
     measured = unit.factor * broken(contact.force, contact, good)
     axes.plot(
@@ -553,7 +555,7 @@ def draw_loop(
     keep = keep[~result.trace.rejected[keep]]
     deepest = largest(np.maximum(contact.penetration[result.trace.taken], 0.0)) or 1.0
     low, high = _force_range(result, outliers=False)
-    depth, force = scale_of(deepest, "m"), scale_of(max(abs(low), abs(high)), "N")
+    depth, force = choose_scale(deepest, "m"), choose_scale(max(abs(low), abs(high)), "N")
     with np.errstate(over="ignore"):  # of an extreme sample out of contact
         x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
     axes.plot(
@@ -613,7 +615,7 @@ def draw_error(axes: "Axes", result: Identified, look: Look) -> None:
     time, label = clock(contact)
     keep = shown(contact)
     limit = _error_reach(result)
-    unit = scale_of(limit, "N")
+    unit = choose_scale(limit, "N")
     with np.errstate(over="ignore", invalid="ignore"):  # of extreme samples
         missed = contact.force - result.trace.predicted_force
         error = np.where(result.trace.taken, missed, np.nan)
@@ -641,7 +643,7 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
     fastest = largest(speed)
     settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else fastest
     top = 1.15 * max(fastest, min(settled, 5.0 * fastest), 1e-300)
-    unit = scale_of(top, "m/s")
+    unit = choose_scale(top, "m/s")
     for values, at, colour, words in (
         (speed, keep, look.theme.measured, "|v|"),
         (limit, course.samples, look.theme.lines[1], "0.1 K/B (estimated)"),

@@ -75,7 +75,9 @@ def _draw_strip(
     values = np.asarray(recording.channels[name], dtype=np.float64)
     values = np.where(np.isfinite(values), values, np.nan)
     time = seconds(recording, clock.name) if clock.name else np.arange(len(values), dtype=float)
-    axes.plot(*_thinned(time, values, GAP * clock.step), color=theme.lines[0], linewidth=0.9)
+    axes.plot(
+        *_reduce_to_extremes(time, values, GAP * clock.step), color=theme.lines[0], linewidth=0.9
+    )
     unit = recording.units.get(name, "")
     axes.set_title(name, loc="left", fontsize=9, pad=2.0, parse_math=False)
     axes.set_ylabel(f"[{unit}]" if unit else "[?]", parse_math=False)
@@ -92,7 +94,7 @@ def _label_time(axes: "Axes", clock: ClockSurvey, *, last: bool) -> None:
         axes.set_xlabel("sample")
 
 
-def _thinned(time: Floats, values: Floats, gap: float) -> tuple[Floats, Floats]:
+def _reduce_to_extremes(time: Floats, values: Floats, gap: float) -> tuple[Floats, Floats]:
     """Return minimum and maximum of each piece, which keeps spikes; NaN breaks at gaps."""
     if len(values) > 4 * _PIECES:
         edges = np.linspace(0, len(values), _PIECES + 1).astype(np.intp)

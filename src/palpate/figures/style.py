@@ -1,9 +1,9 @@
 """Style, size and file formats of figures."""
 
-import functools
 import io
 import math
 import re
+import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -26,14 +26,17 @@ try:
     from matplotlib.axes import Axes
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
-    from matplotlib.font_manager import FontProperties
-    from matplotlib.textpath import text_to_path
     from matplotlib.ticker import ScalarFormatter
 except ImportError:
     raise MissingExtraError.named("a figure", "matplotlib", "figures") from None
 
 
-def wrapped(words: str, width: float, size: float, lines: int) -> str:
+# Mean width of a letter of DejaVu Sans over its size, with a margin. matplotlib itself wraps
+# at the edge of a figure, not of a panel.
+_LETTER = 0.62
+
+
+def wrap_text(words: str, width: float, size: float, lines: int) -> str:
     """Break a sentence into lines of limited width; text beyond the last line becomes ….
 
     Parameters
@@ -45,45 +48,9 @@ def wrapped(words: str, width: float, size: float, lines: int) -> str:
     lines : int
         Maximum number of lines.
     """
-    rows = [""]
-    for word in words.split(" "):  # not at a no-break space, as split() would
-        longer = f"{rows[-1]} {word}".strip()
-        if width_of(longer, size) <= width:
-            rows[-1] = longer
-            continue
-        pieces = _broken(word, width, size)
-        rows = [*rows, *pieces] if rows[-1] else pieces
-    if len(rows) <= lines:
-        return "\n".join(rows)
-    last = rows[lines - 1]
-    while last and width_of(f"{last} …", size) > width:
-        last = last[:-1]
-    return "\n".join([*rows[: lines - 1], f"{last.rstrip(' ,;:')} …"])
-
-
-def width_of(words: str, size: float) -> float:
-    """Return the width of a line of text, points, for a letter size in points."""
-    fonts = matplotlib.rcParams["font.family"], matplotlib.rcParams["font.sans-serif"]
-    return _width_in((*fonts[0], *fonts[1]), words, size)
-
-
-@functools.lru_cache(4096)  # a page's figures share most of their words
-def _width_in(fonts: tuple[str, ...], words: str, size: float) -> float:
-    """Return the width of a line in these fonts."""
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "Glyph .* missing from")  # it has a width too
-        found = text_to_path.get_text_width_height_descent(words, FontProperties(size=size), False)
-    return float(found[0])
-
-
-def _broken(word: str, width: float, size: float) -> list[str]:
-    """Split a word that is wider than a line, such as a file name, into pieces."""
-    pieces = [""]
-    for letter in word:
-        if pieces[-1] and width_of(pieces[-1] + letter, size) > width:
-            pieces.append("")
-        pieces[-1] += letter
-    return pieces
+    letters = max(int(width / (_LETTER * size)), 8)
+    rows = textwrap.wrap(words, letters, max_lines=lines, placeholder=" …", break_on_hyphens=False)
+    return "\n".join(rows)
 
 
 # Printed width of a figure, and the resulting letter size.
@@ -147,7 +114,7 @@ class Look:
         return self.theme.lines[row % len(self.theme.lines)]
 
 
-def look_of(*, dark: bool, width: float | None) -> Look:
+def choose_look(*, dark: bool, width: float | None) -> Look:
     """Return the look for a theme and a width, m (default: 11 inches).
 
     Raises
@@ -168,10 +135,10 @@ def set_titles(
     large, small = 1.1 * look.font, 0.93 * look.font
     # Rasterised letters are up to 4 % wider than those of the font.
     width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
-    words = "\n".join(wrapped(each, width, large, lines) for each in title if each)
+    words = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
     figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
-        figure.supxlabel(wrapped(caption, width, small, 9), fontsize=small)
+        figure.supxlabel(wrap_text(caption, width, small, 9), fontsize=small)
     # Leaves room for the number of a tick at the right end.
     margin = look.font / (72.0 * look.inches)
     figure.set_layout_engine("constrained", rect=(0.0, 0.0, 1.0 - margin, 1.0))
@@ -203,7 +170,7 @@ def head(axes: Axes, title: str, *, legend: bool = True) -> None:
         )
     # 1.4 letter heights per legend row: 1.16 of a line of DejaVu Sans, and the spacing.
     pad = 0.4 * size + 1.4 * rows * size
-    words = wrapped(title, room, size, 3)
+    words = wrap_text(title, room, size, 3)
     # y=1.0 saves matplotlib from measuring all ticks to place the title above them.
     axes.set_title(words, loc="left", pad=pad, y=1.0, fontsize=size, parse_math=False)
 
@@ -240,12 +207,8 @@ def _room(axes: Axes, size: float) -> float:
 
 def _legend_width(labels: list[str], columns: int, size: float) -> float:
     """Return the width of a legend, points: 3.2 letters per column for handle and spacing."""
-    widest = [
-        max(width_of(label, size) for label in labels[i::columns])
-        for i in range(columns)
-        if labels[i::columns]
-    ]
-    return sum(widest) + 3.2 * size * len(widest)
+    widest = [max(map(len, labels[i::columns])) for i in range(columns) if labels[i::columns]]
+    return sum(_LETTER * size * letters + 3.2 * size for letters in widest)
 
 
 # Style and file formats.
@@ -330,7 +293,7 @@ def save(figure: Figure, path: str | Path, inputs: Sequence[Path] = ()) -> None:
         The path is not writable or has another ending.
     """
     path = Path(path)
-    write_bytes(path, _as_bytes(figure, _format_of(path)), inputs)
+    write_bytes(path, _as_bytes(figure, _image_format(path)), inputs)
 
 
 def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
@@ -341,7 +304,7 @@ def check_figure(path: Path, inputs: Sequence[Path] = ()) -> None:
     RecordingError
         As for :func:`save`, or the figure would replace one of the ``inputs``.
     """
-    _format_of(path)
+    _image_format(path)
     check_writable(path, inputs)
 
 
@@ -350,7 +313,7 @@ def as_svg(figure: Figure) -> str:
     return _as_bytes(figure, ".svg").decode("utf-8")
 
 
-def recoloured(svg: str) -> str:
+def recolour_for_dark(svg: str) -> str:
     """Return a light-theme SVG with the colours of the dark theme."""
     dark = dict(zip(LIGHT.variables().values(), DARK.variables().values(), strict=True))
     return re.sub(r"#[0-9a-f]{6}\b", lambda colour: dark.get(colour[0], colour[0]), svg)
@@ -365,7 +328,7 @@ def _as_bytes(figure: Figure, ending: str) -> bytes:
         dots = matplotlib.rcParams["savefig.dpi"]
         dots = _DOTS_AN_INCH if dots == "figure" else dots
         if ending == ".svg":
-            return _svg_of(figure, dots)
+            return _render_svg(figure, dots)
         figure.savefig(
             rendered,
             format=ending[1:],
@@ -376,7 +339,7 @@ def _as_bytes(figure: Figure, ending: str) -> bytes:
     return rendered.getvalue()
 
 
-def _svg_of(figure: Figure, dots: float) -> bytes:
+def _render_svg(figure: Figure, dots: float) -> bytes:
     """Return an SVG, drawn once; ``savefig`` would draw the figure twice.
 
     Paths are rounded to 0.01 points, which is invisible; matplotlib writes 1e-6.
@@ -421,7 +384,7 @@ def _compact(path: bytes) -> bytes:
     return re.sub(r"\b0\.", ".", "".join(parts)).replace(" -", "-").encode()
 
 
-def _format_of(path: Path) -> str:
+def _image_format(path: Path) -> str:
     ending = path.suffix.lower()
     if ending not in _FORMATS:
         raise RecordingError(f"{path}: a figure's name must end in .svg, .pdf or .png")
@@ -454,7 +417,7 @@ class AxisScale:
         return f"{name} [{self.unit}]" if self.unit else name
 
 
-def scale_of(largest: float, unit: str) -> AxisScale:
+def choose_scale(largest: float, unit: str) -> AxisScale:
     """Choose a unit in which the largest value is from 1 to below 1000.
 
     Parameters
@@ -561,7 +524,9 @@ class Scatter:
     high: Floats
 
 
-def in_order(time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]) -> Scatter:
+def scatter_over_time(
+    time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]
+) -> Scatter:
     """Return the scatter of samples over time, broken between contacts."""
     index = np.flatnonzero(keep & np.isfinite(values))
     each = max(-(-index.size // _PIECES), _FEWEST)

@@ -25,17 +25,17 @@ from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
-from palpate.estimators.estimate import findings_of
+from palpate.estimators.estimate import flag_findings
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
     Row,
+    build_table,
     failure,
     finding_cell,
-    in_columns,
+    identify_rows,
+    indentation_row,
     place_in_notes,
-    row_of_indentation,
-    rows_of,
-    table_of,
+    power_law_derivatives,
     table_of_rows,
 )
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
@@ -50,12 +50,12 @@ from palpate.identification.replaying import resolve_estimator
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.load_transfer import find_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.resolution import resolutions_of
+from palpate.preparation.resolution import estimate_resolutions
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
 from palpate.quantities.indentation import (
     Indentation,
     fit_approach,
-    indentation_of,
+    fit_force_curve,
     is_force_curve,
     refuse_options,
 )
@@ -63,7 +63,7 @@ from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
 # The findings for each combination of an estimate's flag bits.
-_ADVICE_OF = [[*map(finding_cell, findings_of(bits))] for bits in range(256)]
+_ADVICE_OF = [[*map(finding_cell, flag_findings(bits))] for bits in range(256)]
 _NOT_CONVERGED = Check.CONVERGENCE.finding(
     "the least-squares search did not converge: another fit may be better"
 )
@@ -108,7 +108,7 @@ class Curves:
         clock: Floats = self.time[row] if self.time.ndim == 2 else self.time
         return clock
 
-    def known(self, threads: int = 1) -> "Curves":
+    def add_velocities(self, threads: int = 1) -> "Curves":
         """Return the curves with a velocity, which is computed if it is missing."""
         if self.velocity is not None:
             return self
@@ -152,7 +152,7 @@ class Curves:
         return fit_approach(*signals, settings.tip, settings.poisson_ratio, source=self.source)
 
 
-def fitted(
+def fit_and_reject(
     curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
     """Fit curves with velocities; return fits, fitted curves, and numbers of excluded samples.
@@ -176,7 +176,7 @@ def fitted(
         force[marks] = np.nan
     fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
-        ends = _saturated_samples(curves, force, fits)
+        ends = _find_saturated_samples(curves, force, fits)
         force[ends] = np.nan
         rows = np.flatnonzero(ends.any(axis=1))
         options: dict[str, Any] = {
@@ -189,7 +189,7 @@ def fitted(
     return fits, replace(curves, force=force), np.count_nonzero(marks, axis=1)
 
 
-def _saturated_samples(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
+def _find_saturated_samples(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
     """Mark forces at the end of the sensor's range, where at least five equal the row's highest."""
     saturated = np.zeros(force.shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
@@ -289,14 +289,14 @@ def identify_each(
                 if settings.tip is not None and is_force_curve(given.channels):
                     fixed = settings.estimator.keys() & {"exponent", "surface"}
                     refuse_options(fixed | settings.preparation.keys())
-                    given = indentation_of(given, settings.tip, settings.poisson_ratio)
+                    given = fit_force_curve(given, settings.tip, settings.poisson_ratio)
             if isinstance(given, Indentation):
-                new = [row_of_indentation(given, settings)]
+                new = [indentation_row(given, settings)]
             else:
                 contact = (
                     given if isinstance(given, Contact) else prepare(given, **settings.preparation)
                 )
-                new = [*rows_of(contact, by, columns=settings.law)]
+                new = [*identify_rows(contact, by, columns=settings.law)]
             if not new:
                 raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
@@ -314,17 +314,17 @@ def _source_columns(curves: Curves) -> dict[str, Any]:
 
 
 def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table:
-    curves = curves.known(threads)
+    curves = curves.add_velocities(threads)
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
-        chosen["surface_deviation"] = resolutions_of(curves.penetration, threads=threads)
+        chosen["surface_deviation"] = estimate_resolutions(curves.penetration, threads=threads)
     rejects = settings.estimator.get("outlier_rejection") is not False
     elsewhere: dict[int, Finding] = {}
     if rejects:
         curves, elsewhere = _exclude_load_transfer(curves)
-    fits, fitted_curves, left_out = fitted(curves, chosen, rejects=rejects, threads=threads)
+    fits, fitted_curves, left_out = fit_and_reject(curves, chosen, rejects=rejects, threads=threads)
     columns = {**_source_columns(curves), **_numbers(fits, settings.law)}
-    columns |= _at_depths(fitted_curves, fits, threads)
+    columns |= _evaluate_at_depths(fitted_curves, fits, threads)
     finite = np.isfinite(curves.penetration) & np.isfinite(curves.force)
     columns["samples"] = np.count_nonzero(finite, axis=1)
     columns["taken"] = fits.taken
@@ -349,7 +349,7 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
         ]
         for k, finding in elsewhere.items():
             columns["findings"][k].append(finding_cell(finding))
-    return table_of(columns, len(curves), settings)
+    return build_table(columns, len(curves), settings)
 
 
 def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
@@ -413,13 +413,13 @@ def _numbers(fits: CurveFits, law: type[ForceLaw]) -> dict[str, Any]:
         for end in ("", "_standard_error"):
             columns[f"damping_exponent{end}"] = columns[f"exponent{end}"].copy()
             columns[f"relaxation_stiffness{end}"] = np.where(fits.taken > 0, 0.0, np.nan)
-        to_columns = in_columns(HuntCrossley)
+        to_columns = power_law_derivatives(HuntCrossley)
         covariance = to_columns @ covariance @ to_columns.T
     columns["covariance"] = list(covariance.reshape(len(covariance), -1))
     return columns
 
 
-def _at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
+def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[str, Floats]:
     """Return F = K xⁿ, S = n K xⁿ⁻¹, C = B xⁿ at x = X − d, X the median position of firm contact.
 
     At this depth an error of the surface d changes them as little as it changes the force. Firm

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from palpate.figures.style import (
     AxisScale,
     Look,
+    choose_look,
+    choose_scale,
     drawing,
     head,
     largest,
-    look_of,
-    scale_of,
     set_titles,
 )
 from palpate.fleet.maps import JUDGED, Map, Repeats, describe_frequencies, numbers
@@ -49,7 +49,7 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
     width : float, optional
         Printed width, m, in [0.06, 0.4]. Default: 11 inches.
     """
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     shown = [
         (
             f"{of} at working depth{describe_frequencies(table, of)}",
@@ -67,7 +67,7 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
         for (name, column, unit), (above, below) in zip(shown, panels, strict=True):
             value = numbers(table, column)
             error = numbers(table, f"{column}_standard_error")
-            scale = scale_of(_usual(value, 90.0), unit)
+            scale = choose_scale(_usual(value, 90.0), unit)
             wide = _spans_decades(value)
             label = scale.label(name)
             _histogram(above, scale.factor * value, label, name, look, logarithmic=wide)
@@ -93,7 +93,7 @@ def draw_repeats(
     width : float, optional
         As for :func:`draw_distributions`.
     """
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     with drawing(look, 3.2) as figure:
         axes = figure.subplots()
         for agree, words, colour in zip(
@@ -182,13 +182,13 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     MissingExtraError
         matplotlib is not installed.
     """
-    look = look_of(dark=dark, width=width)
+    look = choose_look(dark=dark, width=width)
     line = len(found.axes) == 1
     height = (7.5 if line else 9.5) if look.narrow else (4.2 if line else 4.8)
     with drawing(look, height) as figure:
         panels = figure.subplots(*((2, 1) if look.narrow else (1, 2)))
         for axes, what in zip(panels, ("value", "error"), strict=True):
-            unit = scale_of(_usual(getattr(found, what)), found.unit)
+            unit = choose_scale(_usual(getattr(found, what)), found.unit)
             (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
         set_titles(figure, look, [found.summary], lines=6)
     return figure
@@ -202,7 +202,7 @@ def _usual(values: Floats, percentile: float = _USUAL) -> float:
 
 def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
     """Draw values with error bars, or the errors alone, over one coordinate."""
-    along = scale_of(largest(found.places[:, 0]), found.units[0])
+    along = choose_scale(largest(found.places[:, 0]), found.units[0])
     x = along.factor * found.places[:, 0]
     colour = look.theme.lines[0]
     y = unit.factor * getattr(found, what)
@@ -244,7 +244,7 @@ def _mark(
 def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
     """Draw values over two coordinates, as cells of a grid or as dots."""
     places = found.places - _origin(found)
-    along = scale_of(largest(places), found.units[0])
+    along = choose_scale(largest(places), found.units[0])
     x, y = (along.factor * places).T
     values = unit.factor * getattr(found, what)
     known = np.isfinite(values)

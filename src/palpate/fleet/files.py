@@ -1,28 +1,26 @@
-"""Read contacts from files, folders, Zarr and object storage; write results to Parquet."""
+"""Read contacts from files, folders and Zarr groups; write results to Parquet."""
 
 import glob
-import hashlib
 import io
 import json
 import math
 import os
 import re
 import stat
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from palpate.errors import FleetError, MissingExtraError, RecordingError
+from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
-from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, digest_of, needed
+from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
 from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
-from palpate.writing import as_json, make_folder, temporary_file, write_bytes, write_text
+from palpate.writing import as_json, make_folder, write_bytes, write_text
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")
 _MARKS = ("zarr.json", ".zgroup", ".zarray")
@@ -30,17 +28,16 @@ _MARKS = ("zarr.json", ".zgroup", ".zarray")
 _CHANNELS = {name: name for name in ("penetration", "force", "velocity", "time")}
 _CHANNELS |= dict.fromkeys("xyz", "penetration")
 _CLOCK = "sample_time"
-_PIECE = 1 << 20  # bytes per read of an object
 
 
 def is_array(name: str) -> bool:
     """Whether a name is a Zarr group, from its ending or from the files in the folder."""
     if name.rstrip("/").lower().endswith(_ZARR_ENDINGS):
         return True
-    return "://" not in name and any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - a str
+    return any(os.path.isfile(f"{name}/{mark}") for mark in _MARKS)  # noqa: PTH113 - a str
 
 
-def described_array(name: str) -> ContactSource:
+def describe_array(name: str) -> ContactSource:
     """Describe the contacts of a Zarr group.
 
     Raises
@@ -52,17 +49,11 @@ def described_array(name: str) -> ContactSource:
     shape, chunks = _shape(group, name)
     if not shape[0]:
         raise RecordingError(f"{name}: no contacts; the arrays penetration and force have no rows")
-    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], stamp_of(name)[0])
+    return ContactSource(name, "zarr", shape[0], shape[1], chunks[0], source_stamp(name)[0])
 
 
-def stamp_of(name: str) -> tuple[str, int]:
+def source_stamp(name: str) -> tuple[str, int]:
     """Return text that changes when a source is modified, and the size in bytes of its files."""
-    if "://" in name:
-        fsspec = needed("fsspec", "object storage")
-        files, root = fsspec.core.url_to_fs(name)
-        known = sorted(files.find(root, detail=True).items())
-        marks = "\n".join(f"{each} {_stamp(about)}" for each, about in known)
-        return hashlib.sha256(marks.encode()).hexdigest()[:16], 0
     try:
         status = [os.stat(name)]  # noqa: PTH116 - a str
         for folder, _, inside in os.walk(name):
@@ -74,11 +65,7 @@ def stamp_of(name: str) -> tuple[str, int]:
     return f"{len(regular)} {size} {latest}", size
 
 
-def _stamp(about: Mapping[str, Any]) -> str:
-    return f"{about.get('size')} {about.get('ETag') or about.get('mtime') or ''}"
-
-
-def curves_of(name: str, first: int, count: int) -> Curves:
+def read_curves(name: str, first: int, count: int) -> Curves:
     """Read a range of contacts of a Zarr group, in SI.
 
     Parameters
@@ -131,24 +118,7 @@ def curves_of(name: str, first: int, count: int) -> Curves:
     )
 
 
-@contextmanager
-def on_this_machine(name: str) -> Iterator[Path]:
-    """Yield a source's path on this machine, or the path of a temporary copy of an object.
-
-    Raises
-    ------
-    RecordingError
-        The object cannot be fetched.
-    """
-    if "://" not in name:
-        yield Path(_disk_name(name))
-        return
-    fsspec = needed("fsspec", "object storage")
-    with temporary_file(PurePosixPath(name).name, _fetch(fsspec, name)) as path:
-        yield path
-
-
-def _disk_name(name: str) -> str:
+def disk_name(name: str) -> str:
     """Return a file's name on disk: tables contain UTF-8 only, file names may have any bytes."""
     if "\\x" not in name or os.path.lexists(name):
         return name
@@ -158,19 +128,10 @@ def _disk_name(name: str) -> str:
     return os.fsdecode(raw)
 
 
-def _fetch(fsspec: Any, name: str) -> Iterator[bytes]:
-    try:
-        with fsspec.open(name, "rb").open() as file:
-            while piece := file.read(_PIECE):
-                yield piece
-    except Exception as error:
-        raise RecordingError(f"{name}: cannot be fetched: {first_line(error)}") from None
-
-
 def _open_group(name: str) -> Any:
     zarr = needed("zarr", "an array of contacts")
     try:
-        return zarr.open_group(_disk_name(name), mode="r")
+        return zarr.open_group(disk_name(name), mode="r")
     except Exception as error:
         raise RecordingError(
             f"{name}: cannot be opened as a Zarr group: {first_line(error)}"
@@ -267,12 +228,12 @@ class Results:
         manifest: dict[str, Any] = {
             "palpate": settings.version,
             "settings": settings.plain(),
-            "sources": digest_of(sources),
+            "sources": sources_digest(sources),
             "contacts": sum(source.contacts for source in sources),
         }
         path = folder / MANIFEST
         if path.exists():
-            if differs := next(_differences(manifest_of(folder), manifest), ""):
+            if differs := next(_differences(read_manifest(folder), manifest), ""):
                 raise FleetError(
                     f"{folder}: holds the results of a run with {differs}; choose another folder "
                     "with -o, or remove this one"
@@ -326,7 +287,7 @@ def read_results(folder: Path) -> Table:
     FleetError
         The folder holds no results, or some are missing.
     """
-    total = manifest_of(folder)["contacts"]
+    total = read_manifest(folder)["contacts"]
     table = _read_parts(folder)
     missing = total - sum(end - first for (first, end), _ in _parts(folder))
     if missing:
@@ -371,7 +332,7 @@ def _names(folder: Path) -> list[str]:
         raise RecordingError(f"{printable(folder)}: {error.strerror or error}") from None
 
 
-def manifest_of(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> dict[str, Any]:
     """Return the description of the run that wrote a folder of results.
 
     Raises
@@ -420,14 +381,14 @@ def _check_empty(folder: Path) -> None:
             )
 
 
-# Expand the names on the command line to sources: files, globs, folders, arrays, objects.
+# Expand the names on the command line to sources: files, globs, folders, arrays.
 
 # In a folder of recordings a .json mostly holds settings or results.
 _ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
 _BAG = "metadata.yaml"
 
 
-def sources_of(
+def list_sources(
     names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
 ) -> list[ContactSource]:
     """List the sources to identify, in an order that depends only on the names.
@@ -435,8 +396,7 @@ def sources_of(
     Parameters
     ----------
     names : sequence of str or path-like
-        Files, patterns with ``*``, folders (searched recursively), Zarr groups, and addresses such
-        as ``s3://bucket/folder``.
+        Files, patterns with ``*``, folders (searched recursively) and Zarr groups.
     leave_out : Path, optional
         Folder to skip, such as the folder of the results.
 
@@ -444,20 +404,18 @@ def sources_of(
     ------
     RecordingError
         A name leads to no recording, or an array holds no contacts.
-    MissingExtraError
-        The package that reads the storage is not installed.
     """
     sources: dict[str, ContactSource] = {}
     for name in names:
         text = os.fspath(name)
         results = "" if leave_out is None else os.path.realpath(leave_out)
-        listed = list(_remote(text) if "://" in text else _local(text, results))
+        listed = list(_local(text, results))
         if not listed:
             raise RecordingError(
                 f"{printable(text)}: no recording found; recordings end in {', '.join(_ENDINGS)}"
             )
         for source in listed:  # list a file once even if it is named twice
-            identity = source.name if "://" in text else os.path.realpath(source.name)
+            identity = os.path.realpath(source.name)
             sources.setdefault(identity, replace(source, name=printable(source.name)))
     return list(sources.values())
 
@@ -466,16 +424,17 @@ def _local(text: str, results: str) -> Iterator[ContactSource]:
     path = Path(text)
     if glob.has_magic(text) and not path.exists():
         for each in sorted(glob.glob(text, recursive=True)):  # noqa: PTH207 - ** in absolute paths
-            yield from _sources_at(Path(each), (results,))
+            yield from _list_path(Path(each), (results,))
         return
     if not path.exists():
-        raise RecordingError(f"{printable(path)}: no such file or folder")
+        remote = "; copy the objects to a disk first: docs/fleet.md" if "://" in text else ""
+        raise RecordingError(f"{printable(text)}: no such file or folder{remote}")
     if os.path.realpath(path) == results:
         raise RecordingError(f"{printable(path)}: is the results folder; choose another with -o")
-    yield from _sources_at(path, (results,), named=True)
+    yield from _list_path(path, (results,), named=True)
 
 
-def _sources_at(
+def _list_path(
     path: Path, outside: tuple[str, ...], *, named: bool = False
 ) -> Iterator[ContactSource]:
     """Yield the sources at a path; a file that the user named counts whatever its ending.
@@ -485,7 +444,7 @@ def _sources_at(
     """
     name, here = str(path), os.path.realpath(path)
     if is_array(name):
-        yield described_array(name) if named else _list_array(name)
+        yield describe_array(name) if named else _list_array(name)
     elif not path.is_dir():
         # A read from a pipe could wait forever.
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
@@ -496,19 +455,19 @@ def _sources_at(
     elif here not in outside and not (path / MANIFEST).is_file():
         for each in sorted(_names(path)):
             if not each.startswith((".", "_")):
-                yield from _sources_at(path / each, (*outside, here))
+                yield from _list_path(path / each, (*outside, here))
 
 
 def _list_array(name: str) -> ContactSource:
     """Describe an array found in a folder; its row reports an unreadable one."""
     try:
-        return described_array(name)
+        return describe_array(name)
     except RecordingError:
         return ContactSource(name, "zarr", 1)
 
 
 def _file(name: str, path: Path) -> ContactSource:
-    stamp, size = stamp_of(str(path))
+    stamp, size = source_stamp(str(path))
     several = path.name.lower().endswith(MAPS)
     curves = _count_curves(path) if several else None
     return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
@@ -522,39 +481,3 @@ def _count_curves(path: Path) -> int | None:
     except RecordingError:
         return None
     return count
-
-
-def _remote(text: str) -> Iterator[ContactSource]:
-    """Yield the sources at an address of object storage."""
-    if is_array(text):
-        yield described_array(text)
-        return
-    fsspec = needed("fsspec", "object storage")
-    try:
-        files, root = fsspec.core.url_to_fs(text)
-        protocol = text.partition("://")[0]
-        listed = (files.glob if glob.has_magic(root) else files.find)(root, detail=True).items()
-    except ImportError as error:
-        raise MissingExtraError(f"{text}: {error}; install it next to palpate") from None
-    except Exception as error:
-        raise RecordingError(f"{text}: cannot be listed: {first_line(error)}") from None
-    entries = sorted(each for each in listed if each[1].get("type") != "directory")
-    arrays = _array_folders([name for name, _ in entries])
-    for name in sorted(arrays):
-        yield _list_array(f"{protocol}://{name}")
-    for name, about in entries:
-        if any(name.startswith(f"{array}/") for array in arrays):
-            continue
-        if name == root.rstrip("/") or name.lower().endswith(_ENDINGS):
-            address, size = f"{protocol}://{name}", int(about.get("size") or 0)
-            yield ContactSource(address, "file", stamp=_stamp(about), size=size)
-
-
-def _array_folders(names: Iterable[str]) -> set[str]:
-    """Return the folders that are Zarr groups and not inside another group."""
-    marked = {name.rpartition("/")[0] for name in names if name.endswith(_MARKS[:2])}
-    return {
-        name
-        for name in marked
-        if not any(name.startswith(f"{other}/") for other in marked if other != name)
-    }

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check
-from palpate.fleet.rows import AT_DEPTH, at_depth
+from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
 from palpate.results.view import format_depth
@@ -159,31 +159,31 @@ def reasons_of_verdicts(
     ]
 
 
-def quantities_of(table: Table) -> tuple[str, ...]:
+def list_quantities(table: Table) -> tuple[str, ...]:
     """Return the quantities of the rows: the modulus, if a tip was stated, and those judged."""
     return (*("modulus" for name in table.schema.names if name == "modulus"), *JUDGED)
 
 
-def column_of(quantity: str) -> str:
+def quantity_column(quantity: str) -> str:
     """Return the column of a quantity."""
     return quantity if quantity == "modulus" else f"{quantity}_at_depth"
 
 
-def unit_of(quantity: str) -> str:
+def quantity_unit(quantity: str) -> str:
     """Return the unit of a quantity."""
     return "Pa" if quantity == "modulus" else AT_DEPTH.get(quantity, "")
 
 
-def name_of(quantity: str) -> str:
+def quantity_name(quantity: str) -> str:
     """Return the name of a quantity, as text."""
     return "Young's modulus" if quantity == "modulus" else quantity
 
 
 def format_values(table: Table, quantity: str) -> list[str]:
     """Return a quantity at working depth for each row, with its total standard error and unit."""
-    name = column_of(quantity)
+    name = quantity_column(quantity)
     return [
-        with_error(value, error, unit=unit_of(quantity)) if math.isfinite(value) else "–"
+        with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
         for value, error in zip(numbers(table, name), _errors(table, name), strict=True)
     ]
 
@@ -201,8 +201,8 @@ def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     quantity : str
         ``"modulus"``, ``"stiffness"`` or ``"damping"``.
     """
-    value = numbers(table, column_of(quantity))
-    error = _errors(table, column_of(quantity))
+    value = numbers(table, quantity_column(quantity))
+    error = _errors(table, quantity_column(quantity))
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
     totals: Counter[str] = Counter()
@@ -372,9 +372,9 @@ def outliers_of(table: Table) -> list[Outlier]:
     """
     outliers: list[Outlier] = []
     names = names_of(table)
-    for quantity in quantities_of(table):
-        value = numbers(table, column_of(quantity))
-        error = numbers(table, f"{column_of(quantity)}_standard_error")
+    for quantity in list_quantities(table):
+        value = numbers(table, quantity_column(quantity))
+        error = numbers(table, f"{quantity_column(quantity)}_standard_error")
         usable = np.isfinite(value) & (value > 0.0)
         if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
@@ -458,7 +458,7 @@ class Map:
     @property
     def name(self) -> str:
         """The name of the quantity, as text."""
-        return name_of(self.quantity)
+        return quantity_name(self.quantity)
 
     @property
     def where(self) -> str:
@@ -537,7 +537,7 @@ def map_of(
     InvalidParameterError
         A column does not exist or holds no numbers.
     """
-    of = of or ("modulus" if "modulus" in quantities_of(results) else "stiffness")
+    of = of or ("modulus" if "modulus" in list_quantities(results) else "stiffness")
     axes = tuple(name.strip() for name in by)
     if not 1 <= len(axes) <= 2 or len(set(axes)) < len(axes):
         raise InvalidParameterError(f"by: pass one or two columns, not {shown(', '.join(by))}")
@@ -561,7 +561,7 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, warnings = unit_of(of), _warnings(results, placed)
+    unit, warnings = quantity_unit(of), _warnings(results, placed)
     shallow, mistrusted = int(np.count_nonzero(too_shallow[placed])), mistrusted[placed]
     value, error, places, rows = value[placed], error[placed], places[placed], results.num_rows
     at = depth, span, describe_frequencies(results.filter(placed), of)
@@ -656,6 +656,6 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
         if matrix is not None and np.isfinite(row).all():
             law_of_row = law_from(json.loads(whole[k])) if whole[k] else law.from_parameters(row)
             covariance = np.reshape(matrix, (len(row), len(row)))
-            response = at_depth(law_of_row, covariance, depth, frequencies[k])
+            response = values_for_depth(law_of_row, covariance, depth, frequencies[k])
             quantities[k] = response[name], response[f"{name}_standard_error"]
     return quantities[:, 0], quantities[:, 1], depths

@@ -12,7 +12,7 @@ import numpy as np
 from palpate.digits import rounded, with_error
 from palpate.fleet import maps
 from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
-from palpate.fleet.files import REPORT, manifest_of, read_results, read_seconds
+from palpate.fleet.files import REPORT, read_manifest, read_results, read_seconds
 from palpate.fleet.maps import map_of
 from palpate.fleet.tasks import Table
 from palpate.reports import html
@@ -82,7 +82,7 @@ def fleet_page(folder: Path) -> str:
         ("outliers", "Outliers", _outliers(table)),
         ("failures", "Failures", _list("Errors by kind", _REASONS, reasons)),
         ("slowest", "Run time", _list("Slowest sources", _TIMES, slowest)),
-        ("made", "Settings", _made(folder)),
+        ("made", "Settings", _render_settings(folder)),
     )
     rendered = [line for section in sections for line in html.section(*section)]
     header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
@@ -100,12 +100,14 @@ def _tiles(table: Table) -> Iterator[str]:
         ("identified", f"{count - failed}", _percent(count - failed, count)),
         ("failed", f"{failed}", "errors listed below"),
     ]
-    for quantity in maps.quantities_of(table):
-        value = maps.numbers(table, maps.column_of(quantity))
+    for quantity in maps.list_quantities(table):
+        value = maps.numbers(table, maps.quantity_column(quantity))
         known = value[np.isfinite(value)]
         if known.size:
             low, middle, high = (rounded(v, 3) for v in np.percentile(known, (5, 50, 95)).tolist())
-            words = f"median, {maps.unit_of(quantity)}; 5th to 95th percentile: {low} to {high}"
+            words = (
+                f"median, {maps.quantity_unit(quantity)}; 5th to 95th percentile: {low} to {high}"
+            )
             heading = "Young's modulus" if quantity == "modulus" else f"{quantity} at depth"
             tiles.append((heading, middle, words))
     yield '<div class="tiles">'
@@ -157,7 +159,7 @@ def _map(table: Table) -> Iterator[str]:
 
 
 def _repeats(table: Table) -> Iterator[str]:
-    for quantity in maps.quantities_of(table):
+    for quantity in maps.list_quantities(table):
         if not (found := maps.repeats_of(table, quantity)):
             continue
         apart = sorted((each for each in found if not each.agree), key=lambda each: -each.z)
@@ -172,7 +174,7 @@ def _repeats(table: Table) -> Iterator[str]:
                 "errors: 1 if the errors are right."
             )
             yield from drawing(f"repeats-{quantity}", partial(draw_repeats, found, quantity), words)
-        unit = maps.unit_of(quantity)
+        unit = maps.quantity_unit(quantity)
         header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]
         rows = []
         for each in [*apart, *(e for e in found if e.agree)]:
@@ -201,13 +203,13 @@ def _outliers(table: Table) -> Iterator[str]:
         )
     rows = []
     for each in found:
-        number = escape(with_error(each.value, each.error, unit=maps.unit_of(each.quantity)))
+        number = escape(with_error(each.value, each.error, unit=maps.quantity_unit(each.quantity)))
         rows.append([escape(each.name), each.quantity, number, rounded(each.distance, 2)])
     yield from _list("Outliers", ["contact", "quantity", "at working depth", "robust σ"], rows)
 
 
-def _made(folder: Path) -> Iterator[str]:
-    about = manifest_of(folder)
+def _render_settings(folder: Path) -> Iterator[str]:
+    about = read_manifest(folder)
     settings = {name: value for name, value in about["settings"].items() if value not in (None, {})}
     yield from html.definitions(
         {

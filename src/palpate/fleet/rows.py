@@ -18,7 +18,7 @@ from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.identification.identified import Identified
-from palpate.preparation.along_penetration import at_places
+from palpate.preparation.along_penetration import divide_by_place
 from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.indentation import Indentation
 from palpate.validation import Floats
@@ -29,7 +29,7 @@ _FINDING = "severity", "check", "message", "remedy"
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 
-def schema_of(settings: Settings) -> Any:
+def table_schema(settings: Settings) -> Any:
     """Return the schema of a table: type, unit and description of each column, and the settings."""
     pa = needed("pyarrow", "a table of contacts")
     whole, text, number = pa.int64(), pa.string(), pa.float64()
@@ -106,10 +106,10 @@ def schema_of(settings: Settings) -> Any:
     return pa.schema(fields, metadata=notes)
 
 
-def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> Table:
+def build_table(columns: Mapping[str, Any], count: int, settings: Settings) -> Table:
     """Return columns as a table of the settings' schema; absent columns are NaN or null."""
     pa = needed("pyarrow", "a table of contacts")
-    schema = schema_of(settings)
+    schema = table_schema(settings)
     empty = _empty_row(schema, settings)
     arrays = [
         pa.array(columns.get(name, [empty[name]] * count), type=schema.field(name).type)
@@ -121,7 +121,7 @@ def table_of(columns: Mapping[str, Any], count: int, settings: Settings) -> Tabl
 def table_of_rows(rows: Sequence[Mapping[str, Any]], settings: Settings) -> Table:
     """Return rows as a table of the settings' schema; absent values are NaN or null."""
     pa = needed("pyarrow", "a table of contacts")
-    schema = schema_of(settings)
+    schema = table_schema(settings)
     empty = _empty_row(schema, settings)
     return pa.Table.from_pylist([{**empty, **row} for row in rows], schema=schema)
 
@@ -136,7 +136,7 @@ def _empty_row(schema: Any, settings: Settings) -> Row:
 # A contact's identification as a row of the table.
 
 
-def rows_of(
+def identify_rows(
     contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
 ) -> Iterator[Row]:
     """Identify a contact: yield one row, or one per place if the probe travels.
@@ -158,20 +158,22 @@ def rows_of(
     """
     prepared = contact.prepared
     if prepared is None or not prepared.places:
-        yield row_of(contact, settings, columns=columns)
+        yield identify_row(contact, settings, columns=columns)
         return
     rejecting = settings.estimator_for(contact).rejects_outliers
-    for part, (place, contact_there) in enumerate(at_places(contact, rejecting=rejecting)):
+    for part, (place, contact_there) in enumerate(divide_by_place(contact, rejecting=rejecting)):
         row: Row = {"part": part, **dict(zip("xyz", place.position.tolist(), strict=True))}
         try:
-            row |= row_of(contact_there, settings, columns=columns)
+            row |= identify_row(contact_there, settings, columns=columns)
         except Exception as error:
             row |= failure(error)
         yield row
 
 
-def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None) -> Row:
-    """Identify a contact at one place with the recursive estimator; see :func:`rows_of`.
+def identify_row(
+    contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
+) -> Row:
+    """Identify a contact at one place with the recursive estimator; see :func:`identify_rows`.
 
     Raises
     ------
@@ -185,7 +187,7 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
     row: Row = {"fit": "recursion", "samples": len(contact), "method": result.method}
     row |= {"law_name": law_name(result), "frequency": result.frequency}
     if (columns or settings.law) is GeneralisedHuntCrossley and law.powers is not None:
-        to_columns = in_columns(type(law))
+        to_columns = power_law_derivatives(type(law))
         law, covariance = GeneralisedHuntCrossley.of(law), to_columns @ covariance @ to_columns.T
     if not contact.timeless:  # the covariance of the spring does not belong to the table's law
         row["covariance"] = covariance.reshape(-1).tolist()
@@ -216,10 +218,10 @@ def row_of(contact: Contact, settings: Settings, *, columns: type[ForceLaw] | No
         row["findings"] = [finding_cell(finding) for finding in data.findings]
     if law.remembers:  # the selection of this law has diagnosed it
         return row | _working_depth_columns(result, systematic=False)
-    return row | (at_depth(law, covariance, result.depths[0]) if result.depths else {})
+    return row | (values_for_depth(law, covariance, result.depths[0]) if result.depths else {})
 
 
-def in_columns(law: type[ForceLaw]) -> Floats:
+def power_law_derivatives(law: type[ForceLaw]) -> Floats:
     """Derivatives of the generalised law's five parameters with respect to a power law's."""
     names = law.names()
     like = {"damping_exponent": "exponent", **{name: name for name in names}}
@@ -248,7 +250,7 @@ def finding_cell(finding: Finding) -> dict[str, str | None]:
     return {name: getattr(finding, name) for name in _FINDING}
 
 
-def row_of_indentation(found: Indentation, settings: Settings) -> Row:
+def indentation_row(found: Indentation, settings: Settings) -> Row:
     """Return the columns for the approach of a force curve; it has no damping."""
     depth, law = found.depth, settings.law.names()
     row: Row = {
@@ -286,7 +288,9 @@ def _quantity_columns(name: str, quantity: Quantity) -> Row:
     return {name: quantity.value, **{f"{name}_{kind}": error for kind, error in errors.items()}}
 
 
-def at_depth(law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan) -> Row:
+def values_for_depth(
+    law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan
+) -> Row:
     """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g).
 
     For a law that relaxes stiffness and damping are K′ and B′ at a frequency ω, rad/s.

@@ -23,20 +23,19 @@ import numpy as np
 
 from palpate._core import __version__
 from palpate.contact import Contact
-from palpate.errors import FleetError, InvalidParameterError, PalpateError, RecordingError
+from palpate.errors import FleetError, InvalidParameterError
 from palpate.fleet.arrays import (
     Given,
     fits_whole_curves,
     identify_curves,
     identify_each,
 )
-from palpate.fleet.files import Results, curves_of, on_this_machine, sources_of
+from palpate.fleet.files import Results, disk_name, list_sources, read_curves
 from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
 from palpate.preparation import prepare
 from palpate.recordings import open_recording
 from palpate.recordings.opening import FORCE_CURVES, first_line
-from palpate.recordings.recording import printable
 from palpate.validation import Floats, whole_in
 
 #: A source and the number of the contact in it; None if the source is a single contact.
@@ -67,8 +66,8 @@ def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Tab
     -------
     pyarrow.Table
         One row per contact in the order of the batch, or one per place where the probe travels;
-        columns as in :func:`palpate.fleet.rows.schema_of`. A contact that fails is a row with its
-        error.
+        columns as in :func:`palpate.fleet.rows.table_schema`. A contact that fails is a row with
+        its error.
 
     Raises
     ------
@@ -77,10 +76,12 @@ def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Tab
     InvalidParameterError
         The batch lacks a required column.
     """
-    return timed_batch(batch, settings, threads=threads)[0]
+    return identify_and_time(batch, settings, threads=threads)[0]
 
 
-def timed_batch(batch: Table, settings: Settings, *, threads: int = 1) -> tuple[Table, Floats]:
+def identify_and_time(
+    batch: Table, settings: Settings, *, threads: int = 1
+) -> tuple[Table, Floats]:
     """Return the table of :func:`identify_batch` and the time that each row took, s."""
     if settings.version != __version__:
         raise FleetError(
@@ -120,7 +121,7 @@ def _identify_rows(
     source, numbers = named[0][0], [index or 0 for _, index in named]
     first, count = min(numbers), max(numbers) - min(numbers) + 1
     try:
-        curves = curves_of(source, first, count)
+        curves = read_curves(source, first, count)
         table, seconds = identify_curves(curves, settings, threads=threads)
     except Exception as error:
         return identify_each([(_name(each), error) for each in named], settings)
@@ -136,22 +137,17 @@ def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterato
     """Read the contacts from their files; a map is opened once for all of its curves."""
     for some in [named] if kind == "map" else ([each] for each in named):
         left, source, most = deque(some), some[0][0], settings.max_size
-        path = Path(source)
         try:
-            with on_this_machine(source) as path:
-                if kind == "map":
-                    numbers = [index or 0 for _, index in some]
-                    recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
-                else:
-                    recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
-                for recording in recordings:
-                    yield _name(left.popleft()), recording
+            path = Path(disk_name(source))
+            if kind == "map":
+                numbers = [index or 0 for _, index in some]
+                recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
+            else:
+                recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
+            for recording in recordings:
+                yield _name(left.popleft()), recording
         except Exception as error:
-            reason = error
-            if "://" in source and isinstance(error, PalpateError):
-                # The name of the temporary copy would mean nothing to the user.
-                reason = RecordingError(str(error).replace(printable(path), source))
-            yield from [(_name(each), reason) for each in left]
+            yield from [(_name(each), error) for each in left]
 
 
 def _contacts_in_batch(batch: Table, settings: Settings) -> Iterator[Given]:
@@ -183,7 +179,7 @@ _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM
 
 
 @contextmanager
-def client_of(
+def open_client(
     *, workers: int | None = None, scheduler: str | None = None, dashboard: bool = False
 ) -> Iterator[Any]:
     """Yield a Dask client of the scheduler, or of local processes that end with the context.
@@ -456,7 +452,7 @@ def run_fleet(
     Parameters
     ----------
     sources : sequence of str or path-like
-        Files, patterns, folders, Zarr arrays, force maps, or addresses such as ``s3://bucket/all``.
+        Files, patterns, folders, Zarr arrays or force maps.
     folder : Path
         Folder for the results, a Parquet dataset.
     settings : Settings, optional
@@ -484,7 +480,7 @@ def run_fleet(
     if workers is not None:
         whole_in("workers", workers, 1, 10_000)
     needed("distributed", "a fleet")
-    listed = sources_of(sources, leave_out=folder)
+    listed = list_sources(sources, leave_out=folder)
     results = Results.begin(folder, settings, listed)
     finished, total = results.done(), results.contacts
     done = sum(end - first for first, end in finished)
@@ -499,7 +495,7 @@ def run_fleet(
         source.seconds(settings.diagnosis, whole_curve=curves.get(source.kind, False))
         for source in listed
     ]
-    with client_of(workers=workers, scheduler=scheduler, dashboard=dashboard) as client:
+    with open_client(workers=workers, scheduler=scheduler, dashboard=dashboard) as client:
         begun = time.perf_counter()
         waiting = batches(listed, work, workers or sum(client.nthreads().values()) or 1, finished)
         for batch, (table, seconds) in _run_batches(client, waiting, settings):
@@ -535,7 +531,7 @@ def _run_batches(
             asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
         while left and len(running) < most:
             batch = left.popleft()
-            future = client.submit(timed_batch, batch.table, settings, pure=False)
+            future = client.submit(identify_and_time, batch.table, settings, pure=False)
             running[future.key] = batch
             coming.add(future)
         future = next(coming)
@@ -569,7 +565,7 @@ def _answer(
     answers = []
     for first in range(0, table.num_rows, size):
         part = table.slice(first, size)
-        task = client.submit(timed_batch, part, settings, pure=False)
+        task = client.submit(identify_and_time, part, settings, pure=False)
         answers.append(_answer(client, task, part, settings, alone=True))
     tables, seconds = zip(*answers, strict=True)
     return pa.concat_tables(tables), np.concatenate(seconds)

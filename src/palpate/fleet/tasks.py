@@ -35,7 +35,7 @@ from palpate.validation import shown
 Table: TypeAlias = Any
 #: Imports a package of the extra ``fleet``, or raises an error that names the feature that needs
 #: it.
-needed = partial(errors.needed, extra="fleet")
+needed = partial(errors.import_extra, extra="fleet")
 
 
 def cores() -> int:
@@ -199,7 +199,7 @@ def _cuts(
                 load = 0.0
 
 
-def digest_of(sources: Iterable[ContactSource]) -> str:
+def sources_digest(sources: Iterable[ContactSource]) -> str:
     """Return a digest that identifies these sources and their present content."""
     digest = hashlib.sha256()
     for each in sources:

@@ -27,7 +27,15 @@ from palpate.force_laws.relaxation import (
     SingleRelaxation,
     relaxation_from,
 )
-from palpate.validation import all_good, in_contact, instance, number, number_in, signals, together
+from palpate.validation import (
+    all_good,
+    broadcast_contact,
+    instance,
+    number,
+    number_in,
+    signals,
+    together,
+)
 
 
 @register
@@ -242,7 +250,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         InvalidParameterError
             The state belongs to a law with another spectrum, or a number is outside its range.
         """
-        numbers, depth = self._numbers_of(state), np.array([number("penetration", penetration)])
+        numbers, depth = self._flatten_state(state), np.array([number("penetration", penetration)])
         steps = np.array([number_in("dt", dt, 0.0, LONGEST, open_low=True)])
         self._advance(numbers, steps, depth, np.zeros(1))
         return RelaxationState(float(numbers[0]), tuple(numbers[1:].tolist()))
@@ -272,7 +280,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         if state is None or not self.remembers:
             return static
         weights = self.branches()[1]
-        memory = self.relaxation_stiffness * float(weights @ self._numbers_of(state)[1:])
+        memory = self.relaxation_stiffness * float(weights @ self._flatten_state(state)[1:])
         if isinstance(static, float):
             return static + memory if float(np.asarray(penetration)) > 0.0 else static
         return np.where(np.broadcast_to(penetration, static.shape) > 0.0, static + memory, static)
@@ -307,7 +315,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
             return np.empty(0)
         known = x[np.isfinite(x)]
         begun = self.rest(float(known[0]) if known.size else 0.0) if state is None else state
-        return self._advance(self._numbers_of(begun), steps, x, v)
+        return self._advance(self._flatten_state(begun), steps, x, v)
 
     def dynamic_stiffness(self, depth: "ArrayLike", frequency: "ArrayLike") -> Any:
         """Dynamic stiffness K′ + iωB′ [N/m] for small oscillations about a depth.
@@ -327,7 +335,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
             A complex number for scalars. Stiffness is the real part, damping the imaginary part
             over ω, tan δ the imaginary over the real part.
         """
-        x, omega = together(depth=in_contact(depth)[0], frequency=frequency)
+        x, omega = together(depth=broadcast_contact(depth)[0], frequency=frequency)
         all_good("frequency", omega, (omega >= 0.0) & np.isfinite(omega), "finite and ≥ 0")
         times, weights = self.branches()
         phase = 1j * omega[..., None] * times
@@ -359,7 +367,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         slope: Floats = self.damping * penetration**self.damping_exponent
         return slope
 
-    def _numbers_of(self, state: RelaxationState) -> Floats:
+    def _flatten_state(self, state: RelaxationState) -> Floats:
         instance("state", state, RelaxationState)
         if len(state.branches) != len(self.branches()[0]):
             raise InvalidParameterError(

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import in_contact, number, one_of, shown, together
+from palpate.validation import broadcast_contact, check_choice, number, shown, together
 
 Floats = NDArray[np.float64]
 
@@ -90,7 +90,7 @@ class ForceLaw:
         times for parameters without unit; override this method for other ranges.
         """
         own = {"N": force, "m": depth, "s": depth / speed if speed > 0.0 else 1.0}
-        return np.array([_size_of(unit, own) for unit in cls.units])
+        return np.array([_typical_value(unit, own) for unit in cls.units])
 
     @property
     def remembers(self) -> bool:
@@ -178,7 +178,7 @@ class ForceLaw:
 
         Scalars give a float; arrays broadcast as in NumPy.
         """
-        x, v = in_contact(depth, velocity)
+        x, v = broadcast_contact(depth, velocity)
         slope = self.penetration_gradient(x.reshape(-1), v.reshape(-1)).reshape(x.shape)
         return slope if slope.ndim else float(slope)
 
@@ -188,7 +188,7 @@ class ForceLaw:
     def damping_at(self, depth: "ArrayLike") -> Floats: ...
     def damping_at(self, depth: "ArrayLike") -> float | Floats:
         """∂F/∂v [N·s/m] at a depth > 0 [m] and at rest; a scalar gives a float."""
-        x = in_contact(depth)[0]
+        x = broadcast_contact(depth)[0]
         slope = self.velocity_gradient(x.reshape(-1)).reshape(x.shape)
         return slope if slope.ndim else float(slope)
 
@@ -215,7 +215,7 @@ class ForceLaw:
         return found[0], found[1]
 
 
-def _size_of(unit: str, own: dict[str, float]) -> float:
+def _typical_value(unit: str, own: dict[str, float]) -> float:
     """The typical value of a unit, such as ``N·s/m²``; other symbols than N, m, s count as 1."""
     size, sign = 1.0, 1
     for symbol, separator in re.findall(r"([^·/]*)([·/]?)", unit):
@@ -272,7 +272,7 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     kind: Any = given.pop("kind", None)
     if kind == Spring.kind:
         return Spring.from_dict(given)
-    one_of("kind", kind, FORCE_LAWS)
+    check_choice("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
@@ -316,12 +316,12 @@ class CompiledLaw(ForceLaw):
         compiled, parameters = type(self)._compiled, self.parameters
         depth, speed, force = np.empty(1), np.empty(1), np.empty(1)
 
-        def felt(penetration: float, velocity: float) -> float:
+        def sample_force(penetration: float, velocity: float) -> float:
             depth[0], speed[0] = penetration, velocity
             compiled(parameters, depth, speed, force)
             return force.item()
 
-        return felt
+        return sample_force
 
 
 @dataclass(frozen=True, slots=True)

@@ -51,7 +51,7 @@ def hunt_crossley_1975(
         Approach speed v₀, m/s, > 0; the law is for impacts at this speed.
     """
     e = number_in("restitution", restitution, 0.0, 1.0)
-    return _by_dissipation(stiffness, exponent, 1.5 * (1.0 - e), speed)
+    return _law_from_dissipation(stiffness, exponent, 1.5 * (1.0 - e), speed)
 
 
 def lankarani_nikravesh(
@@ -67,7 +67,7 @@ def lankarani_nikravesh(
         As in :func:`hunt_crossley_1975`.
     """
     e = number_in("restitution", restitution, 0.0, 1.0)
-    return _by_dissipation(stiffness, exponent, 0.75 * (1.0 - e * e), speed)
+    return _law_from_dissipation(stiffness, exponent, 0.75 * (1.0 - e * e), speed)
 
 
 def flores(
@@ -83,7 +83,7 @@ def flores(
         As in :func:`hunt_crossley_1975`, but e > 0.
     """
     e = number_in("restitution", restitution, 0.0, 1.0, open_low=True)
-    return _by_dissipation(stiffness, exponent, 1.6 * (1.0 - e) / e, speed)
+    return _law_from_dissipation(stiffness, exponent, 1.6 * (1.0 - e) / e, speed)
 
 
 def standard_linear_solid(
@@ -139,7 +139,7 @@ def fung(
     return GeneralisedHuntCrossley(relaxed, n, 0.0, n, whole - relaxed, spectrum)
 
 
-def _by_dissipation(
+def _law_from_dissipation(
     stiffness: float, exponent: float, wanted: float, speed: float
 ) -> GeneralisedHuntCrossley:
     """K xⁿ (1 + b v) with the requested b v₀."""

@@ -9,7 +9,7 @@ import numpy as np
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, all_good, kept, number, same_length, signal
+from palpate.validation import Floats, all_good, check_field, number, same_length, signal
 
 #: Range of relaxation times, s: it includes 4096 sample times of any allowed sample time.
 SHORTEST, LONGEST = 1e-12, 1e12
@@ -105,7 +105,7 @@ class SingleRelaxation(Relaxation):
     time: float
 
     def __post_init__(self) -> None:
-        kept(self, "time", SHORTEST, LONGEST)
+        check_field(self, "time", SHORTEST, LONGEST)
 
     @property
     def spectrum(self) -> tuple[float, float, float]:
@@ -137,7 +137,7 @@ class PowerLawRelaxation(Relaxation):
     longest: float
 
     def __post_init__(self) -> None:
-        kept(self, "exponent", -2.0, 2.0)
+        check_field(self, "exponent", -2.0, 2.0)
         _check_times(self)
 
     @property
@@ -276,8 +276,8 @@ def relaxation_from(description: Mapping[str, Any]) -> Relaxation | None:
 
 
 def _check_times(spectrum: FlatSpectrum | PowerLawRelaxation) -> None:
-    low = kept(spectrum, "shortest", SHORTEST, LONGEST)
-    high = kept(spectrum, "longest", SHORTEST, LONGEST)
+    low = check_field(spectrum, "shortest", SHORTEST, LONGEST)
+    high = check_field(spectrum, "longest", SHORTEST, LONGEST)
     if not low < high:
         raise InvalidParameterError(
             f"longest must be above shortest = {low:g} s, not {high:g}: use "

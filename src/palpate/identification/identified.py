@@ -38,7 +38,7 @@ from palpate.estimators.estimate import (
     Estimate,
     Trace,
     Traced,
-    checked_trace,
+    check_trace,
     prediction_rmse_percent,
     rmse_percent,
     violated_fraction,
@@ -57,20 +57,20 @@ from palpate.identification.replaying import (
     resolve_estimator,
 )
 from palpate.identification.weak_prior import weak_prior
-from palpate.preparation.along_penetration import at_places
+from palpate.preparation.along_penetration import divide_by_place
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.prepared import Place
 from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
     QueryOptions,
     compression_modulus_from,
+    compute_instantaneous_stiffness,
+    compute_oscillation,
+    compute_relaxation_time,
+    compute_relaxed_stiffness,
     elastic_modulus_from,
     energy_from,
-    instantaneous_stiffness_of,
-    oscillation_of,
     passivity_from,
-    relaxation_time_of,
-    relaxed_stiffness_of,
     restitution_from,
 )
 from palpate.settings import ChangeDetector, ContactGate, Scale
@@ -146,7 +146,7 @@ class Identified:
             Which estimates are recorded.
         """
         timeless = data.contact.timeless
-        given, traced = resolve_estimator(estimator, timeless=timeless), checked_trace(trace)
+        given, traced = resolve_estimator(estimator, timeless=timeless), check_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
         if contact.timeless and type(given) is not VariableProjection:
@@ -365,10 +365,10 @@ class Identified:
         return self.at(depth).damping
 
     # Quantities derived from the law; each is documented where it is computed.
-    dynamic_stiffness = _require_time(oscillation_of)
-    relaxed_stiffness = relaxed_stiffness_of
-    instantaneous_stiffness = instantaneous_stiffness_of
-    relaxation_time = property(relaxation_time_of)
+    dynamic_stiffness = _require_time(compute_oscillation)
+    relaxed_stiffness = compute_relaxed_stiffness
+    instantaneous_stiffness = compute_instantaneous_stiffness
+    relaxation_time = property(compute_relaxation_time)
     restitution = _require_time(restitution_from)
     energy = cached_property(_require_time(energy_from))
     passivity = cached_property(_require_time(passivity_from))
@@ -413,7 +413,7 @@ class Identified:
         selection = self.selected or self
         segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
         for place, contact in watch(
-            list(at_places(self.contact, rejecting=fresh.rejects_outliers))
+            list(divide_by_place(self.contact, rejecting=fresh.rejects_outliers))
         ):
             with suppress(RecordingError):
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)

@@ -19,14 +19,14 @@ from palpate.estimators import (
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Estimate, Trace, Traced, thinned
+from palpate.estimators.estimate import Estimate, Trace, Traced, choose_trace_samples
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.estimators.viscoelastic import RelaxingEstimate
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate, suggest_scale
 from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
 from palpate.settings import ContactGate, OutlierRejection
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats, shown
 
 _LOGGER = logging.getLogger(__name__)
@@ -90,7 +90,7 @@ def resolve_estimator(
     return given
 
 
-@timed("replay")
+@log_stage("replay")
 def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trace:
     """Replay a contact segment by segment; the estimator has then learned all samples.
 
@@ -105,7 +105,7 @@ def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trac
     steps = contact.time_steps
     if goes_on:
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
-    after = thinned(trace, contact.time, segments)
+    after = choose_trace_samples(trace, contact.time, segments)
     traces: list[Trace] = []
     for part in segments:
         if not (goes_on and traces):

@@ -6,7 +6,7 @@ from palpate.contact import Contact
 from palpate.diagnosis.causes import CARE
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.estimators.variable_projection import EXPONENTS, constrained
+from palpate.estimators.variable_projection import EXPONENTS, solve_in_box
 from palpate.findings import Check, Finding, Mark
 from palpate.force_laws import HuntCrossley
 
@@ -38,7 +38,7 @@ def weak_prior(
     if depth is None or any(estimator.settings[name] is not None for name in EXCLUDING):
         return None
     least_squares = estimator.estimate()
-    bounded = constrained(contact, trace, least_squares)
+    bounded = solve_in_box(contact, trace, least_squares)
     if bounded is None:
         return None
     return bounded, _finding(least_squares.law, bounded.law, depth)

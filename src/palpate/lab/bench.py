@@ -17,12 +17,12 @@ from palpate.lab.rig import (
     SimulatedMotion,
     Simulation,
     TwinPantograph,
-    rounded,
+    quantise,
 )
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
 from palpate.preparation import prepare
 from palpate.preparation.surfaces import deviation_left
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats, instance, number_in
 
 
@@ -73,7 +73,7 @@ class Bench:
         instance("probe", self.probe, Probe)
         instance("sensors", self.sensors, Sensors)
 
-    @timed("pressed")
+    @log_stage("pressed")
     def run(
         self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
     ) -> Measurement:
@@ -101,10 +101,10 @@ class Bench:
             force=motion.force,
             source="truth",
         )
-        recorded = self._recorded(time, motion, random, seed)
+        recorded = self._record_contact(time, motion, random, seed)
         return Measurement(recorded, truth, self.trajectory.at(time))
 
-    def _recorded(
+    def _record_contact(
         self, time: Floats, motion: SimulatedMotion, random: np.random.Generator, seed: int
     ) -> Contact:
         force = self.sensors.force(motion.force, random)
@@ -117,7 +117,7 @@ class Bench:
             )
         contact = prepare(
             time=time,
-            penetration=rounded(motion.recorded_penetration, self.sensors.penetration_resolution),
+            penetration=quantise(motion.recorded_penetration, self.sensors.penetration_resolution),
             force=force - tare,
             source=f"{self.material.name}, {self.probe.name}, seed {seed}",
             provenance={
@@ -179,7 +179,7 @@ class OngoingBench:
 
     def change(self, material: Material) -> None:
         """Replace the material at once, under the probe at its present depth."""
-        self.material, self._touch = material, _from(material, self.now)
+        self.material, self._touch = material, _start_touch(material, self.now)
         self._placing = None
 
     def place(self, material: Material) -> None:
@@ -195,7 +195,7 @@ class OngoingBench:
         before, after, began = self._motion, trajectory.at, self.now
 
         def blended(time: Floats) -> Command:
-            return _blended(before(time), after(time - began), time - began)
+            return _blend_commands(before(time), after(time - began), time - began)
 
         self.trajectory, self._motion, self._transition = trajectory, blended, began
 
@@ -224,8 +224,8 @@ class OngoingBench:
         return np.column_stack(
             (
                 time,
-                rounded(motion.recorded_penetration, sensors.penetration_resolution),
-                sensors.biased_force(motion.force, self.bias, self._random),
+                quantise(motion.recorded_penetration, sensors.penetration_resolution),
+                sensors.measure_force(motion.force, self.bias, self._random),
             )
         )
 
@@ -257,7 +257,7 @@ class OngoingBench:
         self._run = self._begin()
 
 
-def _from(material: Material, began: float) -> Touch:
+def _start_touch(material: Material, began: float) -> Touch:
     """The force of an untouched material whose time starts at ``began``."""
     touch = material.touch()
     return lambda time, lateral_position, penetration, velocity: touch(
@@ -265,7 +265,7 @@ def _from(material: Material, began: float) -> Touch:
     )
 
 
-def _blended(before: Command, after: Command, since: Floats) -> Command:
+def _blend_commands(before: Command, after: Command, since: Floats) -> Command:
     """Blend of two motions: x = x₀ + (x₁ − x₀) u, whose speed includes u̇ (x₁ − x₀)."""
     blend, rate = smooth_step(since / TRANSITION)
     positions = [np.stack([each.penetration, each.lateral_position]) for each in (before, after)]

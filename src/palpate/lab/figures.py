@@ -59,12 +59,12 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the error reports a missing screen
-            return _rendered(run, *size)
+            return _render_frame(run, *size)
     except Exception as error:  # each graphics library raises other errors
         raise NoRendererError(f"MuJoCo cannot render on this machine: {error}") from None
 
 
-def _rendered(run: Simulation, width: int, height: int) -> NDArray[Any]:
+def _render_frame(run: Simulation, width: int, height: int) -> NDArray[Any]:
     mujoco = require_mujoco()
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         from mujoco.egl import GLContext  # needs no screen

@@ -18,7 +18,7 @@ from palpate.validation import Floats, instance, number, number_in
 Touch = Callable[[float, float, float, float], float]
 
 
-def felt_along(
+def force_of_touch(
     touch: Touch, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
 ) -> Floats:
     """Force [N] along a whole motion, one sample after the other."""
@@ -44,7 +44,7 @@ class Material(Protocol):
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
         """Force [N] along a whole motion, shapes (k,), by :meth:`touch` sample by sample."""
-        return felt_along(self.touch(), time, lateral_position, penetration, velocity)
+        return force_of_touch(self.touch(), time, lateral_position, penetration, velocity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,7 +188,7 @@ class SpaceVaryingMaterial(Material):
 
     def touch(self) -> Touch:
         """Return the force function of the fully relaxed materials."""
-        return _selected(self.materials, self.borders, by_time=False)
+        return _select_material(self.materials, self.borders, by_time=False)
 
     def describe(self) -> dict[str, Any]:
         """Return the true parameters of every zone, and the borders [m]."""
@@ -219,7 +219,7 @@ class TimeVaryingMaterial(Material):
 
     def touch(self) -> Touch:
         """Return the force function of the fully relaxed materials."""
-        return _selected(self.materials, self.times, by_time=True)
+        return _select_material(self.materials, self.times, by_time=True)
 
     def describe(self) -> dict[str, Any]:
         """Return the true parameters of every episode, and the times [s]."""
@@ -247,7 +247,9 @@ def _remembering(law: GeneralisedHuntCrossley) -> Touch:
     return touch
 
 
-def _selected(materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool) -> Touch:
+def _select_material(
+    materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool
+) -> Touch:
     touches = [material.touch() for material in materials]
 
     def force(time: float, lateral_position: float, penetration: float, velocity: float) -> float:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError
-from palpate.lab.materials import Material, Touch, felt_along
+from palpate.lab.materials import Material, Touch, force_of_touch
 from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
 from palpate.validation import Floats, number_in
 
@@ -203,7 +203,7 @@ class IdealProbe:
     ) -> SimulatedMotion:
         """Follow a command over its times [s]."""
         x, v, lateral = command.penetration, command.velocity, command.lateral_position
-        return SimulatedMotion(x, v, lateral, felt_along(touch, time, lateral, x, v), x)
+        return SimulatedMotion(x, v, lateral, force_of_touch(touch, time, lateral, x, v), x)
 
 
 # The sensors.
@@ -245,16 +245,16 @@ class Sensors:
 
     def force(self, force: Floats, random: np.random.Generator) -> Floats:
         """Force as the sensor shows it, including the bias, N."""
-        return self.biased_force(force, self.bias(random), random)
+        return self.measure_force(force, self.bias(random), random)
 
     def bias(self, random: np.random.Generator) -> float:
         """Draw a sensor's constant bias, N."""
         return float(self.force_bias * random.standard_normal())
 
-    def biased_force(self, force: Floats, bias: float, random: np.random.Generator) -> Floats:
+    def measure_force(self, force: Floats, bias: float, random: np.random.Generator) -> Floats:
         """Force as a sensor with this bias [N] shows it."""
         noise = self.force_noise * random.standard_normal(force.size)
-        return rounded(force + bias + noise, self.force_resolution)
+        return quantise(force + bias + noise, self.force_resolution)
 
     def describe(self) -> str:
         """Describe the sensors in a line."""
@@ -268,7 +268,7 @@ class Sensors:
 PERFECT = Sensors(force_noise=0.0, force_resolution=0.0, force_bias=0.0)
 
 
-def rounded(values: Floats, step: float) -> Floats:
+def quantise(values: Floats, step: float) -> Floats:
     """Round to the nearest step, as far as floats resolve it; adding zero turns −0 into 0."""
     if step <= np.spacing(np.abs(values).max(initial=0.0)):
         return values
@@ -299,7 +299,7 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
         'rgba="0.2 0.21 0.23 1"/>'
         for x, y in geometry.motors
     )
-    return _filled(
+    return _fill_template(
         "rig.xml",
         geometry=geometry,
         time_step=time_step,
@@ -311,7 +311,7 @@ def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
     )
 
 
-def _filled(name: str, **values: Any) -> str:
+def _fill_template(name: str, **values: Any) -> str:
     """A template file next to this module, with its placeholders filled in."""
     return Path(__file__).with_name(name).read_text(encoding="utf-8").format(**values)
 
@@ -325,14 +325,16 @@ def _chain(i: int, geometry: Geometry, home: Floats) -> str:
     turned, handle = math.atan2(wrist[1] - elbow[1], wrist[0] - elbow[0]), ""
     if i == 0:
         half, end = geometry.handle / 2, geometry.poker - 0.004
-        handle = _filled("rig_handle.xml", geometry=geometry, angle=-turned, half=half, end=end)
+        handle = _fill_template(
+            "rig_handle.xml", geometry=geometry, angle=-turned, half=half, end=end
+        )
     links = {
         "near": _link(geometry.proximal, level, "0.16 0.38 0.62 1"),
         "far": _link(geometry.distal, level, "0.45 0.62 0.78 1"),
         "elbow": geometry.proximal,
         "handle": handle,
     }
-    return _filled("rig_chain.xml", i=i, x=x, y=y, angle=angle, turn=turned - angle, **links)
+    return _fill_template("rig_chain.xml", i=i, x=x, y=y, angle=angle, turn=turned - angle, **links)
 
 
 def _link(length: float, level: float, colour: str) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.design.motion import PAPER_MOTION, Motion
-from palpate.errors import InvalidParameterError, RecordingError, needed
+from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.validation import Floats, instance, number_in, signals
 
 # Elementary functions of the C library, over arrays.
@@ -209,7 +209,9 @@ class SplineTrajectory:
     """
 
     def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:
-        interpolate = needed("scipy.interpolate", "a trajectory from a file or samples", "lab")
+        interpolate = import_extra(
+            "scipy.interpolate", "a trajectory from a file or samples", "lab"
+        )
         t, x = signals(time=time, penetration=penetration)
         if t.size < 4 or not (np.isfinite(t).all() and np.isfinite(x).all()):
             raise InvalidParameterError(

@@ -37,7 +37,7 @@ def main_settings(estimator: ContactEstimator) -> dict[str, Any]:
     return found
 
 
-def offered() -> dict[str, dict[str, Any]]:
+def default_settings() -> dict[str, dict[str, Any]]:
     """Return the default main settings of every method."""
     return {name: main_settings(kind()) for name, kind in ESTIMATORS.items()}
 

@@ -23,19 +23,19 @@ from palpate.live.sinks import (
     PLACE,
     Session,
     Watching,
-    parameters_of,
-    printed,
-    undiagnosed,
+    print_line,
+    unpack_parameters,
+    why_undiagnosed,
 )
 from palpate.live.view import (
     COUNTED,
     answer,
     describe_verdict,
+    duration_rows,
     headline,
     law_lines,
-    numbers_of,
+    law_numbers,
     seconds,
-    times_of,
     verdict_on,
     where,
 )
@@ -106,7 +106,7 @@ class ShownDepth:
         return verdict | steady
 
 
-def at_depth(
+def describe_depth(
     status: dict[str, Any],
     row: Floats,
     depth: float,
@@ -128,18 +128,18 @@ def at_depth(
     found : dict, optional
         The last status of the diagnosis.
     """
-    if found and not undiagnosed(found, status) and found.get("numbers"):
+    if found and not why_undiagnosed(found, status) and found.get("numbers"):
         return answer(headline(found, status, {}, ""), reasons=False)
     kind = FORCE_LAWS.get(status.get("law", {}).get("kind", ""))
     if kind is None or not depth > 0.0:
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator starts"  # its law is not in the status yet
-    (parameters,), _, (covariance,) = parameters_of(row[None], len(kind.symbols))
+    (parameters,), _, (covariance,) = unpack_parameters(row[None], len(kind.symbols))
     if not np.isfinite(parameters).all():
         return "no estimate yet"
     if verdict:
-        if not (now := numbers_of(verdict)):
+        if not (now := law_numbers(verdict)):
             return describe_verdict(verdict)
         at = where(depth, verdict["frequency"])
         return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
@@ -194,7 +194,7 @@ class Console:
         self._watching.close()
 
     def _print(self, words: str, end: str = "\n") -> None:
-        self._heard = self._heard and printed(words, end)
+        self._heard = self._heard and print_line(words, end)
 
     def _look(self) -> None:
         self._depth.see(self._watching.take().rows)
@@ -218,7 +218,7 @@ class Console:
         verdict = self._depth.verdict(status, row[PLACE["arrived"]], depth)
         parts = [
             state.ljust(7),
-            at_depth(status, row, depth, verdict, self._watching.others().get("diagnosis")),
+            describe_depth(status, row, depth, verdict, self._watching.others().get("diagnosis")),
             *(wrong or ["none lost or late"]),  # a narrow terminal cuts off the end
             f"{counts.get('taken', 0)} samples, 99 % done within {seconds(lateness.get('p99'))}",
         ]
@@ -249,7 +249,7 @@ class Console:
 def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterator[str]:
     """Yield the lines that summarise a run, from the last statuses of the loop and the sinks."""
     counts = status.get("counts", {})
-    if (found := others.get("diagnosis")) and not undiagnosed(found, status):
+    if (found := others.get("diagnosis")) and not why_undiagnosed(found, status):
         yield from (answer([each]) for each in headline(found, status, {}, ""))
     if verdict := verdict_on(status):
         yield from law_lines(verdict)
@@ -257,7 +257,7 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     changes = f"{(count := counts.get('changes', 0))} material change{'' if count == 1 else 's'}"
     yield f"{status.get('source', '')}: {taken} samples, {learned} used, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
-    for words, *columns, limit in times_of(status):
+    for words, *columns, limit in duration_rows(status):
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
     faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
     yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])

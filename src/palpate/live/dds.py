@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live import ros
-from palpate.live.ordering import parsed, topics_of
+from palpate.live.ordering import parse_address, topic_names
 from palpate.live.publishing import RosWire
 from palpate.live.ros import RosTopics, dds_type
 from palpate.live.sources import SourceOptions
@@ -102,12 +102,12 @@ def raw_type(type_name: str) -> Any:
 
     made = _struct(message_fields(type_name, "ros2msg", ""))
     # A base class would become part of the type that peers compare.
-    made.deserialize = made.deserialize_key = made.of = classmethod(_of_bytes)
+    made.deserialize = made.deserialize_key = made.of = classmethod(_decode_bytes)
     made.serialize = lambda message, *_, **__: message.raw
     return made
 
 
-def _of_bytes(cls: Any, data: bytes, *_: Any, **__: Any) -> Any:
+def _decode_bytes(cls: Any, data: bytes, *_: Any, **__: Any) -> Any:
     message = cls.__new__(cls)
     message.raw = data
     return message
@@ -192,7 +192,7 @@ class DDS(RosTopics):
     """
 
     def __init__(self, address: str, options: SourceOptions) -> None:
-        given = parsed("dds", address, (*ros.OPTIONS, *OPTIONS))
+        given = parse_address("dds", address, (*ros.OPTIONS, *OPTIONS))
         super().__init__(given, options)
         self._domain = given.whole("domain", 0, 0, 230)
         self._interface = given.options.get("interface")
@@ -266,7 +266,7 @@ class DDS(RosTopics):
 
     def _receive(self, seconds: float) -> bool:
         if self._waits is None:
-            raise self.closed()
+            raise self.not_open_error()
         if seconds > 0.0:
             self._waits.wait(round(1e9 * seconds))
             self._discover()
@@ -306,8 +306,8 @@ class DDSWire(RosWire):
     """
 
     def __init__(self, address: str) -> None:
-        given = parsed("dds", address, OPTIONS)
-        super().__init__("dds", topics_of(given, 1)[0])
+        given = parse_address("dds", address, OPTIONS)
+        super().__init__("dds", topic_names(given, 1)[0])
         self._domain = given.whole("domain", 0, 0, 230)
         self._interface = given.options.get("interface")
         self._writers: list[tuple[Any, Any]] = []

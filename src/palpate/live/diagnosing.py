@@ -13,11 +13,11 @@ from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
-from palpate.live.sinks import PLACE, Session, Watching, basis_of
+from palpate.live.sinks import PLACE, Session, Watching, diagnosis_basis
 from palpate.live.view import answer
 from palpate.results.parameters import law_name
 from palpate.results.view import number_lines
-from palpate.validation import Floats, defined
+from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s
 EVERY = 5.0  # s from the end of one diagnosis to the next, at least
@@ -63,7 +63,7 @@ class Diagnosing:
             delay = float(status.get("delay", 0.0))
             samples = recent(np.concatenate([samples, rows]), self._window, delay)
             if time.monotonic() >= due and len(samples) >= _LEAST:
-                page = diagnosed(samples, status)
+                page = diagnose_samples(samples, status)
                 due = time.monotonic() + self._every
             watching.tell(page)
         watching.close()
@@ -94,7 +94,7 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
     return recent
 
 
-def contact_of(
+def build_contact(
     samples: Floats, sample_time: float, velocity_filter: VelocityFilter | None = None
 ) -> Contact:
     """Return the samples as a contact, with a new segment after each gap."""
@@ -117,19 +117,19 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
     return estimator_named(method)(**known)
 
 
-def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
+def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     """Diagnose these samples with the loop's method, and return the diagnosis as a status."""
     page: dict[str, Any] = {
         "at": time.strftime("%H:%M:%S"),
         "window": [float(samples[0, 0]), float(samples[-1, 0])],
         "samples": len(samples),
         "method": status.get("method"),
-        "of": basis_of(status),
+        "of": diagnosis_basis(status),
     }
     try:
         used = status.get("velocity_filter")
         step = float(status.get("sample_time", 1e-3))
-        contact = contact_of(samples, step, used and VelocityFilter(**used))
+        contact = build_contact(samples, step, used and VelocityFilter(**used))
         result = identify(contact, _estimator(status), trace=False)
         if (depth := status.get("depth")) is not None:
             result = result.at_depth(depth)
@@ -147,5 +147,5 @@ def diagnosed(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),
         "working_depths": [each.as_dict() for each in diagnosis.working_depths],
-        "frequency": defined(result.frequency),
+        "frequency": finite_or_none(result.frequency),
     }

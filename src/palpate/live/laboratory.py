@@ -20,7 +20,7 @@ from palpate.lab import (
 from palpate.live.realtime import end, give_way, show_name, start
 from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
-from palpate.validation import one_of, shown
+from palpate.validation import check_choice, shown
 
 #: Columns of a row: time, position, force, and the due time on the monotonic clock.
 WIDTH = 4
@@ -153,7 +153,7 @@ class Laboratory:
         probe: str = "twin-pantograph",
     ) -> None:
         given = {"material": material, "motion": motion}
-        self._chosen = {kind: _known(kind, name) for kind, name in given.items()}
+        self._chosen = {kind: _check_name(kind, name) for kind, name in given.items()}
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
                 f"the laboratory's --rate must be in [{1.0 / _LONGEST:g}, {1.0 / _SHORTEST:g}] Hz, "
@@ -225,11 +225,11 @@ class Laboratory:
             raise InvalidParameterError(
                 f"options of the laboratory are {', '.join(self.offers)}, not {shown(options)}"
             )
-        return "; ".join(self._asked(name, value) for name, value in options.items())
+        return "; ".join(self._send_request(name, value) for name, value in options.items())
 
-    def _asked(self, name: str, value: Any) -> str:
+    def _send_request(self, name: str, value: Any) -> str:
         kind = "motion" if name == "motion" else "material"
-        chosen = _known(kind, value)
+        chosen = _check_name(kind, value)
         if not self._open:
             raise InvalidParameterError("the laboratory is not open")
         with suppress(OSError):  # it has crashed; ``take`` reports that
@@ -268,7 +268,7 @@ class Laboratory:
         self._ring.close()
 
 
-def _known(kind: str, name: Any) -> str:
+def _check_name(kind: str, name: Any) -> str:
     names = MATERIALS if kind == "material" else TRAJECTORIES
-    one_of(kind, name, names)
+    check_choice(kind, name, names)
     return str(name)

@@ -27,7 +27,7 @@ from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
-from palpate.validation import Floats, defined, number_in
+from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
@@ -134,15 +134,15 @@ class LawsInForce:
             "fixed": estimate.fixed,
             "parameters": estimate.parameters.tolist() if learned else None,
             # Some 350 numbers: as decimal digits, JSON would take ten times as long.
-            "covariance": _packed(estimate.covariance) if learned else None,
-            "spectrum": [*map(_packed, estimate.spectrum[:3])] if learned else None,
+            "covariance": _pack_numbers(estimate.covariance) if learned else None,
+            "spectrum": [*map(_pack_numbers, estimate.spectrum[:3])] if learned else None,
             "flags": estimate.flags,
             "changes": self.changes,
             "turns": list(self.turns),
         }
 
 
-def _packed(numbers: Floats) -> str:
+def _pack_numbers(numbers: Floats) -> str:
     return b64encode(numbers.tobytes()).decode()
 
 
@@ -595,7 +595,7 @@ class Loop:
             "source": source.name,
             "sample_time": source.sample_time,
             "delay": self.preparation.delay,
-            "tare": defined(self.preparation.tare),
+            "tare": finite_or_none(self.preparation.tare),
             "tare_refused": self.tare_refused,
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
             "velocity_filter": self.preparation.velocity_filter.as_dict(),

@@ -13,7 +13,7 @@ from urllib.parse import parse_qsl
 
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.sources import Arrival, Counts, SourceOptions, Value
-from palpate.validation import number_in, one_of, shown, whole_in
+from palpate.validation import check_choice, number_in, shown, whole_in
 
 # The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
 
@@ -39,7 +39,7 @@ class WireAddress:
     def one_of(self, name: str, choices: Sequence[str]) -> str:
         """Return an option that is one of ``choices``. Default: the first."""
         value = self.options.get(name, choices[0])
-        one_of(f"{self.scheme}: {name}", value, choices)
+        check_choice(f"{self.scheme}: {name}", value, choices)
         return value
 
     def number(self, name: str, default: float, low: float, high: float) -> float:
@@ -57,7 +57,7 @@ class WireAddress:
         raise InvalidParameterError(f"{self.scheme}: {name} must be a number, not {shown(text)}")
 
 
-def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
+def parse_address(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
     """Parse an address without its scheme.
 
     Raises
@@ -82,7 +82,7 @@ def parsed(scheme: str, address: str, allowed: Sequence[str]) -> WireAddress:
 _NAME = re.compile(r"/?[A-Za-z_]\w*(/[A-Za-z_]\w*)*", re.ASCII)
 
 
-def topics_of(address: WireAddress, most: int) -> tuple[str, ...]:
+def topic_names(address: WireAddress, most: int) -> tuple[str, ...]:
     """Return the topic names in a ROS address, each with its leading slash.
 
     Raises
@@ -315,7 +315,7 @@ class WireSource:
         """Read the messages that arrive within a time, s; return whether there were any."""
         raise NotImplementedError
 
-    def closed(self) -> PalpateError:
+    def not_open_error(self) -> PalpateError:
         """Return the error for a source that is read before it is opened."""
         return PalpateError(f"{self.name} is not open")
 
@@ -387,7 +387,7 @@ class Pairing:
         ``anew`` means that its clock was set: waiting samples belong to the old clock.
         """
         if anew:
-            self._unpaired(len(self._leaders), "the clock of the positions or forces was set")
+            self._count_unpaired(len(self._leaders), "the clock of the positions or forces was set")
             self._leaders.clear()
             # The other topic's clock was set too; keep its samples of the new clock.
             near = [f for f in self._followers if abs(f.stamp - sample.stamp) < LONGEST_OVERTAKING]
@@ -395,17 +395,19 @@ class Pairing:
         self._leaders.append(sample)
         if len(self._leaders) > WAITING:
             self._leaders.popleft()
-            self._unpaired(1, f"{WAITING} samples of one topic arrived without any of the other")
-        return self._resolved()
+            self._count_unpaired(
+                1, f"{WAITING} samples of one topic arrived without any of the other"
+            )
+        return self._take_complete_pairs()
 
     def follow(self, sample: Stamped, *, anew: bool) -> list[Pair]:
         """Add a sample of the other topic; return the pairs that are complete now."""
         if anew:
             self._followers.clear()
         self._followers.append(sample)
-        return self._resolved()
+        return self._take_complete_pairs()
 
-    def _resolved(self) -> list[Pair]:
+    def _take_complete_pairs(self) -> list[Pair]:
         pairs = []
         leaders, followers = self._leaders, self._followers
         while leaders:
@@ -415,14 +417,14 @@ class Pairing:
             if not followers or (len(followers) == 1 and followers[0].stamp < stamp):
                 break  # the next one has not arrived yet
             leader = leaders.popleft()
-            value = self._value_at(stamp)
+            value = self._interpolate(stamp)
             if value is not None:
                 alone = len(followers) == 1 or followers[0].stamp == stamp
                 other = followers[0] if alone else followers[1]
                 pairs.append(Pair(stamp, leader.value, value, max(leader.there, other.there)))
         return pairs
 
-    def _value_at(self, stamp: int) -> Value | None:
+    def _interpolate(self, stamp: int) -> Value | None:
         before = self._followers[0]
         if before.stamp == stamp:
             return before.value
@@ -441,14 +443,14 @@ class Pairing:
         away = abs(sample.stamp - stamp)
         if away <= self._tolerance:
             return sample.value
-        self._unpaired(
+        self._count_unpaired(
             1,
             f"the nearest sample of the other topic is {away / NANO:.3g} s away: raise "
             f"tolerance={self._tolerance / NANO:.3g} in the address",
         )
         return None
 
-    def _unpaired(self, count: int, words: str) -> None:
+    def _count_unpaired(self, count: int, words: str) -> None:
         if count:
             self._counts.unpaired += count
             self._counts.last_fault = words

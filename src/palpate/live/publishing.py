@@ -21,9 +21,9 @@ from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
 from palpate.live.loop import TAKEN
 from palpate.live.ordering import NANO
-from palpate.live.sinks import PLACE, Session, Sink, Watching, parameters_of
-from palpate.live.sources import SOURCES, wired
-from palpate.live.view import fields_of, verdict_on
+from palpate.live.sinks import PLACE, Session, Sink, Watching, unpack_parameters
+from palpate.live.sources import SOURCES, find_wire
+from palpate.live.view import verdict_fields, verdict_on
 from palpate.validation import Floats, shown
 
 #: Fields before the law's parameters and their standard errors: published name, column of the ring.
@@ -82,7 +82,7 @@ class Fields:
         """Return the fields of rows of the ring, shape (k, len(names)), ending with ``after``."""
         fixed = rows[:, _COLUMNS]
         fixed[:, _TIMES] += 1e-9 * self.origin
-        parameters, errors, _ = parameters_of(rows, len(self.parameters))
+        parameters, errors, _ = unpack_parameters(rows, len(self.parameters))
         return np.hstack([fixed, parameters, errors, after])
 
 
@@ -317,7 +317,7 @@ def describe_status(
     said["words"] = ", ".join(words)
     if verdict:
         origin = 1e-9 * fields.origin  # zero of the loop's times
-        said |= {f"verdict_{name}": each for name, each in fields_of(verdict, origin).items()}
+        said |= {f"verdict_{name}": each for name, each in verdict_fields(verdict, origin).items()}
     for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
         said[name] = page["counts"].get(name, 0)
     return said
@@ -344,7 +344,7 @@ def open_publisher(address: str) -> Sink:
     MissingExtraError
         A package that the wire needs is not installed.
     """
-    kind, module, rest = wired(address)
+    kind, module, rest = find_wire(address)
     if kind is None or not kind.wire:
         known = ", ".join(f"{name}:…" for name, each in SOURCES.items() if each.wire)
         raise InvalidParameterError(

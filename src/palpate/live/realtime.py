@@ -69,7 +69,7 @@ _GENTLY = 5  # niceness: a third of the loop's share of the processor
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def pause_collection() -> Iterator[None]:
     """Disable garbage collection and make sleeps precise inside a ``with`` block.
 
     The loop makes no reference cycles, so it frees all its memory without the collector. Linux ends

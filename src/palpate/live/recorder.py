@@ -12,12 +12,12 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from palpate.errors import needed
+from palpate.errors import import_extra
 from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching
 from palpate.live.view import verdict_on
-from palpate.writing import opened_new
+from palpate.writing import create_new_file
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
@@ -61,7 +61,7 @@ _FOUND = _places(
 _WHOLE = _places("status", "preparation", "state")
 
 
-def described(status: dict[str, Any]) -> dict[str, str]:
+def describe_run(status: dict[str, Any]) -> dict[str, str]:
     """Return the description of a run, as metadata of its recording."""
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
@@ -113,7 +113,7 @@ class Recorder:
     gently = False
 
     def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
-        needed("mcap", "a recording", "live")
+        import_extra("mcap", "a recording", "live")
         self._path, self.every_sample = path, path is not None
         self._folder = Path() if folder is None else folder
 
@@ -166,7 +166,7 @@ def _page(recording: "RunFile | None") -> dict[str, Any]:
 
 def _begun(path: Path) -> "_Begun":
     try:
-        file, taken = opened_new(path)
+        file, taken = create_new_file(path)
     except OSError as error:
         return None, f"cannot record to {path}: {error.strerror or error}"
     words = "" if taken == path else f", because {path} already exists"
@@ -248,7 +248,7 @@ class RunFile:
             writer.register_channel(topic, "cdr", schema)
             for topic, schema in zip((INPUT, ESTIMATE), schemas, strict=True)
         ]
-        self._described = described(status)
+        self._described = describe_run(status)
         writer.add_metadata("palpate", self._described)
         self._writer = writer
 
@@ -297,7 +297,7 @@ class RunFile:
 
     def _note_changed(self, status: dict[str, Any]) -> None:
         """Record changes of the description, such as another estimator, in the metadata."""
-        now = described(status)
+        now = describe_run(status)
         changed = {name: words for name, words in now.items() if self._described.get(name) != words}
         if self._writer is not None and changed:
             since = f"by row {self.rows}, estimator {status.get('generation', 0)}"

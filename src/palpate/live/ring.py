@@ -75,7 +75,9 @@ class _Shared:
         if self._own:
             _start_tracker()
         self._memory = (
-            shared_memory.SharedMemory(create=True, size=size) if name is None else _attached(name)
+            shared_memory.SharedMemory(create=True, size=size)
+            if name is None
+            else _attach_memory(name)
         )
         assert self._memory.buf is not None  # it is open
         self._buffer: memoryview = self._memory.buf
@@ -106,7 +108,7 @@ def _start_tracker() -> None:
         sys.warnoptions[:] = before
 
 
-def _attached(name: str) -> shared_memory.SharedMemory:
+def _attach_memory(name: str) -> shared_memory.SharedMemory:
     # Python before 3.13 frees registered memory as soon as the first reader ends.
     register = resource_tracker.register
     resource_tracker.register = lambda *_: None

@@ -24,7 +24,7 @@ from palpate.live.ordering import (
     Succession,
     WireAddress,
     WireSource,
-    topics_of,
+    topic_names,
 )
 from palpate.live.sources import SourceOptions, Value
 from palpate.recordings.messages.layout import (
@@ -226,7 +226,7 @@ class RosTopics(WireSource):
     """
 
     def __init__(self, address: WireAddress, options: SourceOptions) -> None:
-        names = topics_of(address, 2)
+        names = topic_names(address, 2)
         super().__init__(f"{address.scheme}:{','.join(names)}", options, len(names))
         self._news: list[str] = []
         self._scheme = address.scheme

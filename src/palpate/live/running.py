@@ -14,7 +14,14 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
-from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
+from palpate.live.realtime import (
+    ask_for_realtime,
+    end,
+    give_way,
+    pause_collection,
+    show_name,
+    start,
+)
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink
 from palpate.live.sources import Source
@@ -110,7 +117,7 @@ def run(
         loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
         stops(loop)
         failed: dict[str, int] = {}
-        with _started(sinks, session, loop, shared_json, failed) as started, undisturbed():
+        with _start_sinks(sinks, session, loop, shared_json, failed) as started, pause_collection():
             # The sinks are ready before the source opens, so that no sample waits for them.
             for sentence in ask_for_realtime() if realtime else ():
                 loop.say(sentence)
@@ -164,7 +171,7 @@ class _Asked:
 
 
 @contextmanager
-def _started(
+def _start_sinks(
     sinks: Sequence[Sink],
     session: Session,
     loop: Loop,

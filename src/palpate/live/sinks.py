@@ -18,7 +18,7 @@ from palpate.writing import abandon_output
 # Printing to a terminal that may have gone.
 
 
-def printed(words: str, end: str = "\n") -> bool:
+def print_line(words: str, end: str = "\n") -> bool:
     """Print and flush; return whether the output still has a reader.
 
     If the reader is gone or the disk is full, standard output is abandoned, so that Python does not
@@ -84,7 +84,7 @@ PLACE = {name: k for k, name in enumerate(COLUMNS)}
 _FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
 
 
-def parameters_of(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:
+def unpack_parameters(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:
     """Return the parameters (k, p) of a law, their standard errors and covariances (k, p, p)."""
     square = rows[:, _COVARIANCE : _COVARIANCE + MOST_PARAMETERS**2]
     square = square.reshape(-1, MOST_PARAMETERS, MOST_PARAMETERS)[:, :count, :count]
@@ -105,7 +105,7 @@ _SINCE = {
 }
 
 
-def basis_of(status: Mapping[str, Any]) -> dict[str, Any]:
+def diagnosis_basis(status: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields on which a diagnosis depends; it is outdated as soon as one differs."""
     changes = status.get("counts", {}).get("changes", 0)
     method = [status.get("method"), status.get("generation")]
@@ -113,23 +113,23 @@ def basis_of(status: Mapping[str, Any]) -> dict[str, Any]:
     return {"method": method, "changes": changes, **shared}
 
 
-def outdated(page: Mapping[str, Any], status: Mapping[str, Any]) -> str:
+def why_outdated(page: Mapping[str, Any], status: Mapping[str, Any]) -> str:
     """Return why the last diagnosis is outdated; empty if it is not."""
-    now = basis_of(status)
+    now = diagnosis_basis(status)
     return " and ".join(words for name, words in _SINCE.items() if page["of"][name] != now[name])
 
 
-def undiagnosed(page: Mapping[str, Any] | None, status: Mapping[str, Any]) -> str:
+def why_undiagnosed(page: Mapping[str, Any] | None, status: Mapping[str, Any]) -> str:
     """Return why no diagnosis holds; empty if the last one does."""
     if page is None or "of" not in page:
         return UNDIAGNOSED if page is None else NO_DIAGNOSIS_YET
-    return outdated(page, status)
+    return why_outdated(page, status)
 
 
-def diagnosis_of(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
+def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
     """Return the published fields of a diagnosis; without numbers if it is outdated or None."""
     marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
-    reason, time, answer, numbers = undiagnosed(page, status), math.nan, "", dict[str, Any]()
+    reason, time, answer, numbers = why_undiagnosed(page, status), math.nan, "", dict[str, Any]()
     if page is not None and not reason:
         reason, marks = page["reason"], page["verdict"] or marks
         time = 1e-9 * status.get("origin", 0) + page["window"][1]
@@ -183,7 +183,7 @@ class Watching:
 
     def diagnosis(self, status: dict[str, Any]) -> dict[str, str | float]:
         """Return the published fields of the last diagnosis."""
-        return diagnosis_of(self.others().get("diagnosis"), status)
+        return diagnosis_fields(self.others().get("diagnosis"), status)
 
     def tell(self, page: dict[str, Any]) -> None:
         """Write the sink's status, with its number of lost rows."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, needed
+from palpate.errors import InvalidParameterError, import_extra
 from palpate.validation import number_in, shown
 
 #: A number, or a vector in the frame of the source.
@@ -246,7 +246,7 @@ SOURCES: Mapping[str, Kind] = {
 }
 
 
-def wired(address: str) -> tuple[Kind | None, Any, str]:
+def find_wire(address: str) -> tuple[Kind | None, Any, str]:
     """Return the kind of an address, or None, its module, and the part after the colon.
 
     Raises
@@ -256,7 +256,7 @@ def wired(address: str) -> tuple[Kind | None, Any, str]:
     """
     scheme, colon, rest = address.partition(":")
     kind = SOURCES.get(scheme) if colon else None
-    module = None if kind is None else needed(f"palpate.live.{kind.module}", scheme, "live")
+    module = None if kind is None else import_extra(f"palpate.live.{kind.module}", scheme, "live")
     return kind, module, rest
 
 
@@ -280,7 +280,7 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         The recording cannot be read.
     """
     given = options or SourceOptions()
-    kind, module, rest = wired(address)
+    kind, module, rest = find_wire(address)
     if kind is not None:
         source: Source = getattr(module, kind.opener)(rest, given)
         return source

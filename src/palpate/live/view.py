@@ -19,13 +19,13 @@ from palpate.estimators.law_verdicts import (
     UNDECIDED,
     Evidence,
     LawVerdict,
-    verdict_of,
+    judge_evidence,
 )
-from palpate.estimators.viscoelastic import RelaxingEstimate, law_of
+from palpate.estimators.viscoelastic import RelaxingEstimate, build_law
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.live.sinks import undiagnosed
-from palpate.quantities.derived import in_hertz
+from palpate.live.sinks import why_undiagnosed
+from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import describe_relaxation
 from palpate.results.view import NumberLine
 from palpate.validation import or_nan
@@ -41,8 +41,8 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
     if page is None:
         return None
     evidence = Evidence(*page["evidence"])
-    estimate = estimate_of(page)
-    verdict = verdict_of(evidence, estimate)
+    estimate = status_estimate(page)
+    verdict = judge_evidence(evidence, estimate)
     return {
         **verdict.as_dict(),
         "known": verdict.known,
@@ -62,7 +62,7 @@ def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
     }
 
 
-def estimate_of(page: Mapping[str, Any]) -> Estimate:
+def status_estimate(page: Mapping[str, Any]) -> Estimate:
     """Return the estimate in the loop's status; a law of zero force before the first sample."""
     if page["parameters"] is None:
         law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 1.0)
@@ -70,7 +70,7 @@ def estimate_of(page: Mapping[str, Any]) -> Estimate:
         return Estimate.from_law(law, np.zeros((size, size)), status=Status.WAITING, samples=0)
     packed = (page["covariance"], *page["spectrum"])
     covariance, times, numbers, joint = (np.frombuffer(b64decode(each)) for each in packed)
-    law = law_of(times, numbers)
+    law = build_law(times, numbers)
     value = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
     return RelaxingEstimate(value, (), (times, numbers, joint.reshape(len(numbers) + 1, -1), []))
 
@@ -108,7 +108,7 @@ _FELT = tuple(NUMBERS)[:5]
 Numbers = dict[str, tuple[float, float]]
 
 
-def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
+def law_numbers(verdict: Mapping[str, Any]) -> Numbers:
     """Return the :data:`NUMBERS` of the preferred law, each with its standard error.
 
     They hold at the depth and frequency of the motion. Empty until the first verdict of
@@ -118,9 +118,9 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
     # Depth and frequency are of the samples since a change; an outdated law has no band there.
     if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
         return {}
-    estimate = estimate_of(verdict)
+    estimate = status_estimate(verdict)
 
-    def felt(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
+    def law_response(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
         whole = law.dynamic_stiffness(depth, omega)
         return (
             whole.real,
@@ -130,7 +130,7 @@ def numbers_of(verdict: Mapping[str, Any]) -> Numbers:
             law.relaxed().stiffness_at(depth),
         )
 
-    values, errors = estimate.with_errors(felt)
+    values, errors = estimate.with_errors(law_response)
     found = dict(zip(_FELT, zip(values.tolist(), errors.tolist(), strict=True), strict=True))
     law: GeneralisedHuntCrossley = estimate.law
     if not law.remembers:  # its stiffness does not depend on time
@@ -144,7 +144,7 @@ def certainty(verdict: Mapping[str, Any]) -> str:
     """Return how strong the evidence is: none, before (outdated), alone, open, weak or strong."""
     if not verdict["known"]:
         return "none" if verdict["parameters"] is None else "before"
-    if math.isnan(lead := lead_of(verdict)):
+    if math.isnan(lead := bic_lead(verdict)):
         return "alone"
     return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
 
@@ -159,7 +159,7 @@ def standing(verdict: Mapping[str, Any]) -> str:
     return LawVerdict.from_dict(verdict).comparison
 
 
-def lead_of(verdict: Mapping[str, Any]) -> float:
+def bic_lead(verdict: Mapping[str, Any]) -> float:
     """Return the preferred law's ΔBIC over the best other law without memory, NaN without one."""
     rival = LawVerdict.from_dict(verdict).rival
     return math.nan if rival is None else rival.score
@@ -179,12 +179,12 @@ def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
     yield from verdict["flags"]
 
 
-def written(numbers: Numbers, name: str) -> str:
+def format_law_number(numbers: Numbers, name: str) -> str:
     """Format one of the numbers with its standard error and unit."""
     return with_error(*numbers[name], unit=NUMBERS[name][0])
 
 
-def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
+def verdict_fields(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
     """Return the verdict as fields of a message: text, and plain numbers in SI units.
 
     ``origin`` is the zero of the loop's times, s.
@@ -192,7 +192,7 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
     fields: dict[str, float | str] = {
         "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
         "standing": standing(verdict),
-        "lead": lead_of(verdict),
+        "lead": bic_lead(verdict),
         "samples": or_nan(verdict["samples"]),
         "independent_samples": or_nan(verdict["effective_samples"]),
         "since": origin + float(verdict["since"]),
@@ -201,7 +201,7 @@ def fields_of(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, floa
         "depth": or_nan(verdict["depth"] or None),
         "frequency": or_nan(verdict["frequency"] or None),
     }
-    numbers = numbers_of(verdict)
+    numbers = law_numbers(verdict)
     for name in NUMBERS:
         value, error = numbers.get(name, (math.nan, math.nan))
         fields |= {name: value, f"{name}_standard_error": error}
@@ -228,7 +228,7 @@ def headline(
     at : str
         Where the present estimate holds, such as ``"at 8.8 mm, 1.8 Hz"``.
     """
-    why = undiagnosed(found, status)
+    why = why_undiagnosed(found, status)
     if found and not why and found.get("numbers"):
         return [NumberLine(**each) for each in found["numbers"]]
     reason = why or (found or {}).get("reason") or ""
@@ -243,7 +243,7 @@ def _present(now: Numbers, name: str) -> str:
 
 def where(depth: float, frequency: float | None) -> str:
     """Format a working depth and, if known, a frequency: ``at 8.8 mm, 1.8 Hz``."""
-    often = f", {in_hertz(frequency)}" if frequency else ""
+    often = f", {format_hertz(frequency)}" if frequency else ""
     return f"at {format_quantity(depth, 'm')}{often}"
 
 
@@ -292,7 +292,7 @@ def percent(fraction: float | None) -> str:
     return f"{shown:.{digits}f} %"
 
 
-def times_of(status: Mapping[str, Any]) -> Iterator[list[str]]:
+def duration_rows(status: Mapping[str, Any]) -> Iterator[list[str]]:
     """Yield a row per duration: name, median, 99 %, 99.9 %, longest, share within the limit."""
     for name, words in (("cycle", "update, estimate"), ("lateness", "sample to result")):
         figures = status.get(name) or {}
@@ -327,12 +327,12 @@ _TURNS = 4
 Words = dict[str, Any]
 
 
-def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
+def view_texts(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
     """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
     loop, depth, found = page["loop"], page["depth"], page["now"]
     law, tiles = loop.get("law") or {}, []
     panels = [
-        [f"{name.capitalize()} {_at(depth)}", unit, name, f"{name}_error"]
+        [f"{name.capitalize()} {_describe_depth(depth)}", unit, name, f"{name}_error"]
         for name, unit in _UNITS.items()
     ]
     for k in law.get("shown", ()):
@@ -351,10 +351,10 @@ def view_of(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: flo
     ]
     view: Words = {"numbers": tiles, "curves": panels}
     view["changes"] = changes or [["none"]]
-    return view | (card_of(verdict, now) if verdict else {})
+    return view | (law_card_texts(verdict, now) if verdict else {})
 
 
-def _at(depth: Mapping[str, Any]) -> str:
+def _describe_depth(depth: Mapping[str, Any]) -> str:
     """Format the working depth of the page, and the motion's frequency."""
     known = math.isfinite(depth["value"])
     return where(depth["value"], depth["frequency"]) if known else "at working depth"
@@ -391,14 +391,14 @@ def describe_change(change: Mapping[str, Any]) -> str:
     return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
 
 
-def card_of(verdict: Mapping[str, Any], now: float) -> Words:
+def law_card_texts(verdict: Mapping[str, Any], now: float) -> Words:
     """Return the texts of the page's card of force laws at time ``now``, s."""
     sure, turns = certainty(verdict), verdict["turns"][: -_TURNS - 1 : -1]
     since, (badge, kind) = "", _BADGES[sure]
     if sure not in ("none", "before") and math.isfinite(verdict["since"]):
         turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
         since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
-    numbers, often = numbers_of(verdict), verdict["frequency"]
+    numbers, often = law_numbers(verdict), verdict["frequency"]
     return {
         "law-name": "Not known yet" if sure == "none" else verdict["law"],
         "law-badge": badge,
@@ -411,7 +411,12 @@ def card_of(verdict: Mapping[str, Any], now: float) -> Words:
         ],
         "law-at": f"small oscillation {where(verdict['depth'], often)}" if numbers else "",
         "law-numbers": [
-            [long, written(numbers, name) if name in numbers else _absent(verdict, numbers, name)]
+            [
+                long,
+                format_law_number(numbers, name)
+                if name in numbers
+                else _absent(verdict, numbers, name),
+            ]
             for name, (_, long) in NUMBERS.items()
         ],
         "law-flags": verdict["flags"] or ["no warnings"],
@@ -428,11 +433,11 @@ def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
         return "–"
     if name != "relaxation_time":
         return "equals K′: no memory"
-    law = estimate_of(verdict).law
+    law = status_estimate(verdict).law
     return describe_relaxation(law) if law.remembers else "no memory"
 
 
-def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
+def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
     """Return the texts that continue while the view is paused: answer, state, counts, times.
 
     ``contact_force`` is the present force, N, if the probe is in contact.
@@ -452,7 +457,7 @@ def facts_of(page: Mapping[str, Any], state: str, contact_force: float | None = 
         "source": loop.get("source", ""),
         "recorded": recorded,
         "said": loop.get("said", [])[::-1],
-        "times": list(times_of(loop)),
+        "times": list(duration_rows(loop)),
         "counts": _counts(loop.get("counts", {}), others, page["page"]),
     }
     if isinstance(truth, Mapping):
@@ -491,7 +496,7 @@ _FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
 def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator[list[str]]:
     """Yield title, value, class and text of the mark, reason, and estimate now of each number."""
     now, depth = page["now"], page["depth"]
-    for line in headline(found, page["loop"], now, _at(depth)):
+    for line in headline(found, page["loop"], now, _describe_depth(depth)):
         title = f"{line.name.capitalize()} {line.at}{' (chosen)' * depth['chosen']}"
         why, mark, last = "; ".join(filter(None, (line.reason, line.skew))), "no verdict", ""
         if line.mark is not None:

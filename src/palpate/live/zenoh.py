@@ -7,9 +7,9 @@ import uuid
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, PalpateError, needed
+from palpate.errors import InvalidParameterError, PalpateError, import_extra
 from palpate.live import ros
-from palpate.live.ordering import WireAddress, parsed, topics_of
+from palpate.live.ordering import WireAddress, parse_address, topic_names
 from palpate.live.publishing import RosWire
 from palpate.live.ros import LONGEST, RosTopics, dds_type
 from palpate.live.sources import SourceOptions
@@ -37,7 +37,7 @@ def attachment(number: int, written: int, sender: bytes) -> bytes:
     return _ATTACHED.pack(number, written, 16, sender)
 
 
-def attached(data: bytes) -> tuple[int, int, bytes] | None:
+def parse_attachment(data: bytes) -> tuple[int, int, bytes] | None:
     """Return number, time (ns since 1970) and sender; None if it is not an rmw_zenoh attachment."""
     if len(data) == _ATTACHED.size and data[16] == 16:
         number, written, _, sender = _ATTACHED.unpack(data)
@@ -49,13 +49,13 @@ def attached(data: bytes) -> tuple[int, int, bytes] | None:
     return None
 
 
-def key_of(domain: int, topic: str, type_name: str, type_hash: str) -> str:
+def topic_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
     """Return the Zenoh key of a ROS 2 topic; the type's name and hash may be ``*``."""
     name = type_name if type_name == "*" else dds_type(type_name)
     return f"{domain}/{topic.strip('/')}/{name}/{type_hash}"
 
 
-def opened(address: WireAddress) -> "zenoh.Session":
+def open_session(address: WireAddress) -> "zenoh.Session":
     """Open a session: a client of a router or peer, or a peer itself if ``listen`` is given.
 
     Raises
@@ -63,7 +63,7 @@ def opened(address: WireAddress) -> "zenoh.Session":
     PalpateError
         Nothing answers at the address, or the address to listen on is in use.
     """
-    zenoh = needed("zenoh", "ROS 2 over Zenoh", "live")
+    zenoh = import_extra("zenoh", "ROS 2 over Zenoh", "live")
     listen = _endpoints(address, "listen", "")
     connect = _endpoints(address, "connect", "" if listen else ROUTER)
     scouting = address.one_of("scouting", ("no", "yes")) == "yes"
@@ -143,7 +143,7 @@ class Zenoh(RosTopics):
     """
 
     def __init__(self, address: str, options: SourceOptions) -> None:
-        self._address = parsed("zenoh", address, (*ros.OPTIONS, *OPTIONS))
+        self._address = parse_address("zenoh", address, (*ros.OPTIONS, *OPTIONS))
         super().__init__(self._address, options)
         self._domain = self._address.whole("domain", 0, 0, 1_000_000)
         self._queue: SimpleQueue[_Came] = SimpleQueue()
@@ -151,11 +151,11 @@ class Zenoh(RosTopics):
 
     def open(self) -> None:
         """Open the session; topics may appear later."""
-        self._session = opened(self._address)
+        self._session = open_session(self._address)
         import zenoh
 
         for index, topic in enumerate(self.topics):
-            key = key_of(self._domain, topic.name, "*", "*")
+            key = topic_key(self._domain, topic.name, "*", "*")
             # Called in Zenoh's own thread, which saves a change of thread per message.
             took = zenoh.handlers.Callback(self._taker(index), lambda: None, indirect=False)
             self._session.declare_subscriber(key, took)
@@ -177,13 +177,13 @@ class Zenoh(RosTopics):
 
     def _receive(self, seconds: float) -> bool:
         if self._session is None:
-            raise self.closed()
+            raise self.not_open_error()
         try:
             came = self._queue.get(timeout=seconds)
         except Empty:
             return False
         topic, extra = self.topics[came.topic], came.attachment
-        known = (None, came.written, b"") if extra is None else attached(extra)
+        known = (None, came.written, b"") if extra is None else parse_attachment(extra)
         if not self.accept(came.topic, ros.ros2_type(came.key.split("/")[-2])):
             return True
         if came.payload is None:
@@ -219,8 +219,8 @@ class ZenohWire(RosWire):
     """
 
     def __init__(self, address: str) -> None:
-        self._address = parsed("zenoh", address, OPTIONS)
-        super().__init__("zenoh", topics_of(self._address, 1)[0])
+        self._address = parse_address("zenoh", address, OPTIONS)
+        super().__init__("zenoh", topic_names(self._address, 1)[0])
         self._domain = self._address.whole("domain", 0, 0, 1_000_000)
         self._session: zenoh.Session | None = None
         self._publishers: list[zenoh.Publisher] = []
@@ -231,7 +231,7 @@ class ZenohWire(RosWire):
     def open(self) -> None:
         """Open the session, and announce a node and topics to ``ros2 topic list``."""
         super().open()
-        self._session = opened(self._address)
+        self._session = open_session(self._address)
         import zenoh
 
         node = f"@ros2_lv/{self._domain}/{self._session.zid()}/0"
@@ -241,7 +241,7 @@ class ZenohWire(RosWire):
             kind, checksum = dds_type(type_name), self.store.hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
-                    key_of(self._domain, name, type_name, checksum),
+                    topic_key(self._domain, name, type_name, checksum),
                     congestion_control=zenoh.CongestionControl.BLOCK,
                     express=True,  # send at once, unbatched
                 )

@@ -11,8 +11,8 @@ import struct
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from palpate.errors import InvalidParameterError, PalpateError, needed
-from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parsed
+from palpate.errors import InvalidParameterError, PalpateError, import_extra
+from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parse_address
 from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sources import SourceOptions, Value
@@ -70,10 +70,10 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
         return Packet(number, _stamp(time), position, push)
     if size > LONGEST:
         raise PacketError(f"a packet of {size} bytes, the limit is {LONGEST}")
-    return _of_json(data, vectors)
+    return _parse_json(data, vectors)
 
 
-def _of_json(data: bytes, vectors: bool) -> Packet:
+def _parse_json(data: bytes, vectors: bool) -> Packet:
     try:
         given = json.loads(data)
     except (ValueError, RecursionError):
@@ -151,7 +151,7 @@ class Endpoint:
 
     def _open(self, kind: str, options: Mapping[str, int | bytes]) -> None:
         """Bind or connect; the peer may appear later."""
-        zmq = needed("zmq", "ZeroMQ", "live")
+        zmq = import_extra("zmq", "ZeroMQ", "live")
         self._socket = socket = zmq.Context().socket(getattr(zmq, kind))
         for name, value in options.items():
             socket.setsockopt(getattr(zmq, name), value)
@@ -190,7 +190,7 @@ class ZeroMQ(Endpoint, WireSource):
     """
 
     def __init__(self, address: str, options: SourceOptions) -> None:
-        given = parsed("zmq", address, ("socket", "bind", "topic"))
+        given = parse_address("zmq", address, ("socket", "bind", "topic"))
         self._pull = given.one_of("socket", ("sub", "pull")) == "pull"
         self._topic = given.options.get("topic", "")
         if self._pull and self._topic:
@@ -211,7 +211,7 @@ class ZeroMQ(Endpoint, WireSource):
 
     def _receive(self, seconds: float) -> bool:
         if self._socket is None:
-            raise self.closed()
+            raise self.not_open_error()
         if not self._socket.poll(round(1e3 * seconds)):
             return False
         frames = self._socket.recv_multipart()  # the first may be the topic
@@ -253,7 +253,7 @@ class ZeroMQWire(Endpoint, Wire):
     """
 
     def __init__(self, text: str) -> None:
-        address = parsed("zmq", text, SINK_OPTIONS)
+        address = parse_address("zmq", text, SINK_OPTIONS)
         super().__init__(address, "tcp://127.0.0.1:5556 or ipc:///tmp/estimates", binds=True)
         self._binary = address.one_of("format", ("json", "binary")) == "binary"
         self._number = 0

@@ -5,5 +5,5 @@ from palpate.preparation.online import OnlinePreparation as OnlinePreparation
 from palpate.preparation.preparing import prepare as prepare
 from palpate.preparation.roles import Columns as Columns
 from palpate.preparation.roles import Roles as Roles
-from palpate.preparation.roles import roles_of as roles_of
+from palpate.preparation.roles import choose_roles as choose_roles
 from palpate.preparation.settings import Preparation as Preparation

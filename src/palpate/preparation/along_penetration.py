@@ -11,8 +11,8 @@ from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
-from palpate.preparation.delay import in_step
-from palpate.preparation.held import held_channels
+from palpate.preparation.delay import remove_delay
+from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.roles import Columns, Roles
@@ -20,15 +20,15 @@ from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import (
     add,
     baseline_between,
-    baseline_of,
     deviation_left,
+    estimate_baseline,
+    find_surface,
     free_samples,
     never_free,
-    surface_of,
 )
-from palpate.preparation.velocity import velocities_of
+from palpate.preparation.velocity import estimate_velocities
 from palpate.recordings import Recording
-from palpate.recordings.recording import UNITS, size_of
+from palpate.recordings.recording import UNITS, unit_size
 from palpate.stages import stage
 from palpate.validation import signals as checked_signals
 
@@ -44,7 +44,7 @@ def along_penetration(
     time, depth, force, part = signals.time, signals.depth, signals.force, signals.part
     values = {"time": time, "penetration": depth, "force": force, "segment": part}
     own = {} if signals.velocity is None else {"velocity": signals.velocity}
-    return _prepared(recording, {**values, **own}, dict(signals.made), settings)
+    return _prepare_channels(recording, {**values, **own}, dict(signals.made), settings)
 
 
 def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Contact:
@@ -73,10 +73,10 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
     made, values = dict[str, str](), dict(given)
     for channel, unit in settings.units.items():
         if channel in values and unit != next(iter(UNITS[channel])):
-            values[channel] = np.asarray(values[channel], dtype=float) * size_of(channel, unit)
+            values[channel] = np.asarray(values[channel], dtype=float) * unit_size(channel, unit)
             add(made, channel, f"in {unit}")
     findings = () if settings.strict else _settle_arrays(values)
-    contact = _prepared(None, values, made, settings)
+    contact = _prepare_channels(None, values, made, settings)
     usual = Columns()
     raw = Recording({getattr(usual, name): np.asarray(each) for name, each in given.items()})
     return replace(
@@ -112,7 +112,7 @@ def describe_filter(used: VelocityFilter, lost: int) -> str:
     return words + (f", without {lost} dropout{'s' if lost > 1 else ''}" if lost else "")
 
 
-def _prepared(
+def _prepare_channels(
     recording: Recording | None,
     values: dict[str, ArrayLike],
     made: dict[str, str],
@@ -132,7 +132,7 @@ def _prepared(
         source="" if recording is None else recording.source,
     )
     late = settings.delay
-    held = None if settings.no_time else held_channels(time, penetration, force, force)
+    held = None if settings.no_time else find_fresh_samples(time, penetration, force, force)
     if held is not None:
         contact = contact.taken(held.before)
         contact = replace(contact, force=held.taken(force), findings=(held.finding,))
@@ -140,15 +140,17 @@ def _prepared(
     if "velocity" not in values:
         runs, window = list(contact.segments()), settings.velocity_window
         with stage(_LOGGER, "velocity by the filter"):
-            velocity, used, lost = velocities_of(contact.time, contact.penetration, runs, window)
+            velocity, used, lost = estimate_velocities(
+                contact.time, contact.penetration, runs, window
+            )
         words = {**contact.provenance, "velocity": describe_filter(used, lost)}
         contact = replace(contact, velocity=velocity, velocity_filter=used, provenance=words)
     if held is not None:
         contact = contact.taken(held.after)
     done = Prepared(recording or Recording({}), settings)
-    contact, done = _tared(contact, done)
+    contact, done = _subtract_offset(contact, done)
     contact, done = _surface_found(contact, done)
-    contact = replace(in_step(contact, late), prepared=done)
+    contact = replace(remove_delay(contact, late), prepared=done)
     low, high = settings.window or (None, None)
     return contact if low is None and high is None else contact.window(low, high)
 
@@ -166,7 +168,7 @@ def _correct(values: dict[str, ArrayLike], made: dict[str, str], settings: Prepa
         add(made, "penetration", f"relative to {surface:g} m")
 
 
-def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
+def _subtract_offset(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
     """Subtract the force offset: its mean between two times or in detected free air."""
     times, source = done.settings.tare, contact.source
     if times is None:
@@ -178,7 +180,7 @@ def _tared(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]:
             free = free_samples(-contact.penetration, contact.force)
         if free is None:
             raise never_free(source)
-        found = baseline_of(contact.time, contact.force, free)
+        found = estimate_baseline(contact.time, contact.force, free)
     made, findings = dict(contact.provenance), list(contact.findings)
     found.say(made, findings)
     force = contact.force - found.zero
@@ -192,7 +194,7 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
     if not isinstance(rule, str):
         return contact, done
     with stage(_LOGGER, "surface"):
-        found = surface_of(contact.penetration, contact.velocity, contact.force, rule)
+        found = find_surface(contact.penetration, contact.velocity, contact.force, rule)
     if rule == "estimate" and (found.assumed or abs(found.position) <= SEARCHED):
         return contact, done  # the estimator finds the surface itself
     made, findings = dict(contact.provenance), list(contact.findings)
@@ -210,7 +212,7 @@ def _surface_found(contact: Contact, done: Prepared) -> tuple[Contact, Prepared]
 OF_THE_WHOLE = (Check.EPISODES, Check.SURFACE, Check.ORIENTATION)
 
 
-def at_places(contact: Contact, *, rejecting: bool) -> Iterator[tuple[Place, Contact]]:
+def divide_by_place(contact: Contact, *, rejecting: bool) -> Iterator[tuple[Place, Contact]]:
     """Yield each place and the contact there, with its own surface; nothing for a single place.
 
     ``rejecting``: exclude load transfer first, because all touches together show it more clearly

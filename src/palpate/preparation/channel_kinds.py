@@ -5,7 +5,7 @@ import unicodedata
 
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
-from palpate.recordings.recording import UNITS, plain_unit, stated_unit
+from palpate.recordings.recording import UNITS, find_unit, plain_unit
 
 # Words for the quantity of a channel without a unit, also in German, Spanish, French and Italian,
 # without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.
@@ -79,7 +79,7 @@ _RAW = frozenset(("adc", "raw", "count", "counts", "ticks", "lsb"))
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
-def kind_of(name: str, unit: str | None = None) -> str | None:
+def channel_kind(name: str, unit: str | None = None) -> str | None:
     """Return the quantity of a channel: a key of ``WORDS``, or None if the name does not show it.
 
     Parameters
@@ -89,7 +89,7 @@ def kind_of(name: str, unit: str | None = None) -> str | None:
     unit : str, optional
         Unit in the recording. Default: the unit at the end of the name.
     """
-    unit = plain_unit(unit) if unit else stated_unit(name)
+    unit = plain_unit(unit) if unit else find_unit(name)
     possible = _OF_UNIT.get(unit or "")
     words = [word for word in split_name(name) if word in _KIND and word != unit]
     kinds = [_KIND[word] for word in sorted(words, key=lambda word: _WEAK.get(word, 3))]
@@ -121,7 +121,7 @@ def split_name(name: str) -> list[str]:
 
 def divide_unit(name: str) -> tuple[str, str | None]:
     """The name without the unit at its end, and this unit."""
-    unit = stated_unit(name)
+    unit = find_unit(name)
     if unit is not None:
         name = re.sub(rf"[\[(_/, ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
     return name, unit

@@ -9,14 +9,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import SHORTEST_STEP, numbered, slices_of
+from palpate.contact import SHORTEST_STEP, number_runs, run_slices
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, covered
-from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, size_of
+from palpate.recordings.poses import align_signs, lie_between_samples
+from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, unit_size
 from palpate.validation import Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late
@@ -59,7 +59,7 @@ class Rows:
         return self.untimed + self.repeated + self.late
 
 
-def rows_of(
+def select_increasing_rows(
     time: NDArray[np.int64] | Floats,
     label: NDArray[np.int64] | None = None,
     *,
@@ -82,7 +82,7 @@ def rows_of(
     keep, part = np.ones(t.size, dtype=bool), np.zeros(t.size, dtype=np.int64)
     repeated, number = 0, 0
     again: list[int] = []
-    for start, stop in ((run.start, run.stop) for run in slices_of(own)):
+    for start, stop in ((run.start, run.stop) for run in run_slices(own)):
         starts = _starts(t[start:stop])
         again += [start + each for each in starts]
         for low, high in pairwise([0, *starts, stop - start]):
@@ -180,7 +180,7 @@ def settle_stamps(
         many = time.size / np.unique(arrivals).size
         words = (
             f"samples arrive in packets of about {many:.0f}, every "
-            f"{tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
+            f"{tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
         )
         return times, keep, [Check.CLOCK.finding(words, "stamp each sample when it is taken")]
     again[1:] = time[1:] == time[:-1]
@@ -198,7 +198,7 @@ def settle_stamps(
     if others > COARSE * time.size and others >= np.count_nonzero(copies):
         times, tick = _spread(time)
         words = (
-            f"the clock ticks every {tick * size_of('time', unit) * 1e3:.3g} ms: palpate spread "
+            f"the clock ticks every {tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread "
         )
         words += f"{np.count_nonzero(again)} samples evenly within its ticks"
         return times, keep, [Check.CLOCK.finding(words, "stamp the samples by a finer clock")]
@@ -265,7 +265,7 @@ def _spread(time: "Times") -> tuple["Times", float]:
     steps = np.diff(since)
     tick = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
     ends = ~((steps >= 0.0) & (steps <= GAP * tick))  # an unknown time also ends a run
-    for part in slices_of(np.concatenate([[0], np.cumsum(ends)])):
+    for part in run_slices(np.concatenate([[0], np.cumsum(ends)])):
         since[part] = _spread_stretch(since[part], tick)
     if time.dtype.kind in "iu" and tick * np.mean(steps > 0.0) > EXACT:
         return np.rint(since).astype(np.int64) + origin, tick
@@ -352,7 +352,7 @@ class Signals:
         return replace(self, **{k: each[keep] for k, each in given.items() if each is not None})
 
 
-def signals_of(
+def build_signals(
     recording: Recording,
     roles: Roles,
     units: Mapping[str, str] | None = None,
@@ -411,7 +411,7 @@ class Stream:
 
     def seconds(self, time: Times, origin: int | float) -> Floats:
         """Times in seconds from an origin, subtracted before conversion to keep the digits."""
-        return np.asarray((time - origin) * size_of("time", self.unit), dtype=np.float64)
+        return np.asarray((time - origin) * unit_size("time", self.unit), dtype=np.float64)
 
 
 @dataclass(slots=True)
@@ -433,10 +433,10 @@ class _Taking:
             by_clock.setdefault(own if roles.time is None else roles.time, {})[role] = channel
         streams = [self._stream(clock, values, rate) for clock, values in by_clock.items()]
         if len(streams) > 1:
-            return self._interpolated(streams)
+            return self._interpolate_streams(streams)
         [stream] = streams
         time, values, part = self._running(stream, "samples")
-        return self._made(stream.seconds(time, _origin_of(stream)), values, part)
+        return self._make_signals(stream.seconds(time, _time_origin(stream)), values, part)
 
     def _values(self, roles: Roles) -> Channels:
         """The channels of each role as one array, in SI units."""
@@ -448,9 +448,9 @@ class _Taking:
             kind = "penetration" if role == "depth" else role
             if kind in UNITS:
                 given = self.units.get(kind)
-                first = given or self._unit_of(names[0], kind)
-                own = [given or self._unit_of(name, kind, first) for name in names]
-                columns = [c * size_of(kind, unit) for c, unit in zip(columns, own, strict=True)]
+                first = given or self._choose_unit(names[0], kind)
+                own = [given or self._choose_unit(name, kind, first) for name in names]
+                columns = [c * unit_size(kind, unit) for c, unit in zip(columns, own, strict=True)]
                 listed = ", ".join(map(repr, names))
                 made = f"column {listed}" if len(names) == 1 else f"columns {listed}"
                 in_si = own[0] == next(iter(UNITS[kind]))
@@ -510,7 +510,7 @@ class _Taking:
             Check.ROWS.finding(words, remedy, severity="with-care" if many else "note")
         )
 
-    def _unit_of(self, name: str, kind: str, usual: str | None = None) -> str:
+    def _choose_unit(self, name: str, kind: str, usual: str | None = None) -> str:
         """The unit from the recording or the channel's name; else the usual one, else SI."""
         own, stated = self.recording.units.get(name), self.recording.unit_of(name)
         si = next(iter(UNITS[kind]))
@@ -521,16 +521,16 @@ class _Taking:
         elif stated == UNSTATED:
             words = f"the file states no unit of the {kind} ({self.recording.table})"
             remedy = "the units, such as --unit penetration=um,force=mN"
-        elif stated is None or (kind == "time" and not own and not size_of(kind, stated)):
+        elif stated is None or (kind == "time" and not own and not unit_size(kind, stated)):
             return usual or si  # ``time (UTC)`` states a time zone, not a unit
-        elif not size_of(kind, stated):
+        elif not unit_size(kind, stated):
             known = ", ".join(UNITS[kind])
             words = f"palpate cannot convert the unit {stated} of the {kind} (known: {known})"
         else:
             return stated
         raise RecordingError(f"{self.recording.place(name)}: {words}; pass {remedy}")
 
-    def _stated_rate(self) -> float | None:
+    def _find_stated_rate(self) -> float | None:
         """The rate that the file states, if any."""
         rate = self.recording.settings.get("rate")
         if rate is not None:
@@ -541,7 +541,7 @@ class _Taking:
     def _stream(self, clock: str | None, values: Channels, rate: float | None) -> Stream:
         recording, lengths = self.recording, {role: len(each) for role, each in values.items()}
         if clock is None:
-            rate = rate or self._stated_rate()
+            rate = rate or self._find_stated_rate()
             if rate is None:
                 raise RecordingError.of(
                     recording.source,
@@ -573,7 +573,7 @@ class _Taking:
                 f"{listed}; name the right clock with --time",
             )
         given = "ns" if dated else self.units.get("time")
-        unit = given or self._unit_of(clock, "time")
+        unit = given or self._choose_unit(clock, "time")
         if given or unit != next(iter(UNITS["time"])):
             self.stated.add("time")
         return Stream(clock, time, unit, values)
@@ -587,8 +587,10 @@ class _Taking:
             taken = {role: channel[keep] for role, channel in stream.values.items()}
             stream = replace(stream, time=time[keep], values=taken)
         label = stream.values.get("segment")
-        numbers = None if label is None else numbered(label, label.size)
-        rows = rows_of(stream.time, numbers, largest=LATEST / size_of("time", stream.unit))
+        numbers = None if label is None else number_runs(label, label.size)
+        rows = select_increasing_rows(
+            stream.time, numbers, largest=LATEST / unit_size("time", stream.unit)
+        )
         if not rows.keep.any():
             there = len(stream.time)
             reason = "no sample has a valid time" if there else "the recording has no samples"
@@ -636,7 +638,7 @@ class _Taking:
             "time must increase within a segment; drop --strict to skip such samples"
         )
 
-    def _made(self, time: Floats, values: Channels, part: NDArray[np.int64]) -> Signals:
+    def _make_signals(self, time: Floats, values: Channels, part: NDArray[np.int64]) -> Signals:
         """Make signals from values on one clock; separate them at gaps and report these."""
         breaks = gaps(time, part)
         if breaks.any():
@@ -648,7 +650,7 @@ class _Taking:
         stated = frozenset(self.stated)
         return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
 
-    def _interpolated(self, streams: list[Stream]) -> Signals:
+    def _interpolate_streams(self, streams: list[Stream]) -> Signals:
         """The samples of the slowest clock, with the others interpolated at its times."""
         source, units = self.recording.source, {stream.unit for stream in streams}
         if len(units) > 1:
@@ -656,7 +658,7 @@ class _Taking:
             raise RecordingError(
                 f"{source}: the clocks are in {listed}; pass one unit, such as --unit time=s"
             )
-        origin = _origin_of(*streams)
+        origin = _time_origin(*streams)
         on_time = []
         for stream in streams:
             time, values, part = self._running(stream, f"samples of {stream.clock}")
@@ -672,9 +674,9 @@ class _Taking:
         at, values, clock = on_time.pop(first)
         values, keep = dict(values), np.ones(at.size, dtype=bool)
         for other, own, name in on_time:
-            keep &= covered(at, other)
+            keep &= lie_between_samples(at, other)
             for role, channel in own.items():
-                values[role] = _at(at, other, np.asarray(channel))
+                values[role] = _interpolate(at, other, np.asarray(channel))
                 kind = "penetration" if role == "depth" else role
                 if kind in self.made:
                     self.made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
@@ -689,18 +691,18 @@ class _Taking:
                 Check.CLOCK.finding(f"{words}: the other clock has no sample near them")
             )
         taken = {role: channel[keep] for role, channel in values.items()}
-        return self._made(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
+        return self._make_signals(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
 
 
-def _origin_of(*streams: Stream) -> int | float:
+def _time_origin(*streams: Stream) -> int | float:
     """The origin of time: the first time if it is an integer or since 1970, else 0."""
-    firsts = [s.time[np.abs(s.time) * size_of("time", s.unit) <= LATEST] for s in streams]
+    firsts = [s.time[np.abs(s.time) * unit_size("time", s.unit) <= LATEST] for s in streams]
     known = [first.min() for first in firsts if first.size]
     if not known:
         return 0
     whole = all(stream.time.dtype.kind in "iu" for stream in streams)
     smallest = min(known)
-    far = abs(float(smallest)) * size_of("time", streams[0].unit) > SINCE_LONG_AGO
+    far = abs(float(smallest)) * unit_size("time", streams[0].unit) > SINCE_LONG_AGO
     return (int(smallest) if whole else float(smallest)) if far or whole else 0
 
 
@@ -708,9 +710,9 @@ def _step(time: Floats) -> float:
     return float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
-def _at(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
+def _interpolate(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
     if values.dtype.kind not in "fiu":
         raise InvalidParameterError("segment must be on the clock of the position or the force")
     if values.ndim == 1:
         return np.interp(wanted, time, values.astype(np.float64))
-    return np.column_stack([_at(wanted, time, column) for column in values.T])
+    return np.column_stack([_interpolate(wanted, time, column) for column in values.T])

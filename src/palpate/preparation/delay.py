@@ -13,7 +13,7 @@ from palpate.errors import RecordingError
 from palpate.estimators.batch_fit import fit_curves
 from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.surfaces import add
-from palpate.preparation.velocity import spiked
+from palpate.preparation.velocity import find_spikes
 from palpate.validation import Floats
 
 LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
@@ -25,7 +25,7 @@ REPEATED = 0.25  # fraction of repeated readings above which a force counts as r
 LIGHT = 0.1  # fraction of the median depth; at smaller depths contact may be lost
 
 
-def in_step(contact: Contact, late: float | tuple[float, float] | Literal["find"]) -> Contact:
+def remove_delay(contact: Contact, late: float | tuple[float, float] | Literal["find"]) -> Contact:
     """Remove the delay of the force, s, by linear interpolation.
 
     It shifts the force rather than the motion, because interpolation smooths, and a smoothed
@@ -76,7 +76,7 @@ def find_delay(contact: Contact) -> Delay:
     """
     contact = contact.taken(slice(MOST_SAMPLES))
     with np.errstate(invalid="ignore"):
-        lost = spiked(contact.force)
+        lost = find_spikes(contact.force)
     contact = replace(contact, force=np.where(lost, np.nan, contact.force))
     x, v = contact.penetration, contact.velocity
     inside = (x > 0.0) & np.isfinite(v)
@@ -89,7 +89,9 @@ def find_delay(contact: Contact) -> Delay:
     width = max(int(period / WINDOWS_A_PERIOD / step), 1)
     every = -(-len(contact) // MOST_SCANNED)
     scan = np.unique(np.linspace(-reach, reach, SCANNED).round().astype(int)).tolist()
-    depths, rates = np.stack([_moved(contact, shift) for shift in scan], axis=1)[:, :, ::every]
+    depths, rates = np.stack([_shift_motion(contact, shift) for shift in scan], axis=1)[
+        :, :, ::every
+    ]
     forces = np.tile(contact.force[::every], (len(scan), 1))
     noise = fit_curves(depths, rates, forces).noise
     if not np.isfinite(noise).any():
@@ -113,7 +115,7 @@ def _unknown(contact: Contact, why: str) -> RecordingError:
     return RecordingError.of(contact.source, f"{words}: {why}; pass it, such as --delay 5ms")
 
 
-def _moved(contact: Contact, shift: int) -> tuple[Floats, Floats]:
+def _shift_motion(contact: Contact, shift: int) -> tuple[Floats, Floats]:
     """Penetration and velocity ``shift`` samples earlier; NaN outside the segment."""
     place = np.arange(len(contact)) - shift
     there = np.clip(place, 0, len(contact) - 1)
@@ -126,10 +128,10 @@ def _moved(contact: Contact, shift: int) -> tuple[Floats, Floats]:
 
 def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:
     """Return the delay that remains after a shift by whole samples, and its standard error, s."""
-    (x, v), force = _moved(contact, shift), contact.force
+    (x, v), force = _shift_motion(contact, shift), contact.force
     fit = fit_curves(x, v, force)
     law, offset = fit.law(0), float(fit.offset[0])
-    motion = [(x, v), *(_moved(contact, shift + by) for by in (1, -1))]
+    motion = [(x, v), *(_shift_motion(contact, shift + by) for by in (1, -1))]
     deep = LIGHT * float(np.nanmedian(x[x > 0.0]))
     used = np.all([(each > deep) & np.isfinite(rate) for each, rate in motion], axis=0)
     used &= np.isfinite(force)

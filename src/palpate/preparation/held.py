@@ -52,7 +52,7 @@ class FreshSamples:
         return force[self.before]
 
 
-def held_channels(
+def find_fresh_samples(
     time: Floats, depth: Floats, force: Floats, pressed: Floats
 ) -> FreshSamples | None:
     """Find the samples to keep of a recording with a held channel; None without one.
@@ -69,7 +69,7 @@ def held_channels(
     pressed : numpy.ndarray, shape (k,)
         Compression with any offset.
     """
-    beats = [beat_of(_busiest(each)) for each in (depth, force)]
+    beats = [hold_length(_busiest(each)) for each in (depth, force)]
     if not any(beats):
         return None
     slower = int(beats[1] > beats[0])
@@ -88,11 +88,11 @@ def held_channels(
     step = float(np.median(np.diff(time)))
     apart = [each != round(each) for each in beats]
     late = 0.5 * step * (apart[1] - apart[0]), step * math.sqrt(sum(apart) / 12.0)
-    finding = held_channel(name, beat)
+    finding = report_held_channel(name, beat)
     return FreshSamples(before, after, at, late if any(apart) else 0.0, finding)
 
 
-def held_channel(name: str, beat: float, late: float | None = None) -> Finding:
+def report_held_channel(name: str, beat: float, late: float | None = None) -> Finding:
     """Report a channel that changes every ``beat`` samples; ``late``: mean delay, s, if kept."""
     words = f"the {name} changes only every {beat:.0f} samples (sample and hold): "
     if late is None:
@@ -115,7 +115,7 @@ def _busiest(values: Floats) -> Floats:
     return busiest[np.isfinite(busiest)]
 
 
-def beat_of(values: Floats) -> float:
+def hold_length(values: Floats) -> float:
     """Mean number of samples for which a held channel keeps a value; 0 if it is not held.
 
     It is a whole number if all changes fall on one phase, as with clocks in step.

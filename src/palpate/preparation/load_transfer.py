@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import Contact, slices_of
+from palpate.contact import Contact, run_slices
 from palpate.findings import Check, Finding
 from palpate.settings import ContactGate
 from palpate.validation import Floats
@@ -63,7 +63,7 @@ def find_load_transfer(
         return None
     rising &= highest - first > RISE_OF_LARGEST * float(np.percentile(force[inside], 99.0))
     # A touch lasts until the probe is out of the material.
-    touches = list(slices_of(np.where(inside | (depth > 0.0), segment, -1)))
+    touches = list(run_slices(np.where(inside | (depth > 0.0), segment, -1)))
     out = np.zeros(len(depth), dtype=bool)
     parts = 0
     for k in np.flatnonzero(rising).tolist():

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 import palpate._core as _core
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
-from palpate.preparation.settings import flipped
+from palpate.preparation.settings import check_flip
 from palpate.preparation.velocity import window_samples
 from palpate.settings import Configured
 from palpate.validation import (
@@ -17,10 +17,10 @@ from palpate.validation import (
     above_zero,
     arguments,
     number_in,
+    reject_masks,
     same_length,
     shown,
     signal,
-    unmasked,
 )
 
 _DEFAULTS = _core.defaults["OnlinePreparation"]
@@ -98,7 +98,7 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
             raise InvalidParameterError(
                 f"velocity_window must be at most {longest}, not {shown(velocity_window)}"
             )
-        turned = flipped(flip)
+        turned = check_flip(flip)
         super().__init__(
             step,
             samples,
@@ -178,7 +178,7 @@ def _rows(name: str, values: "ArrayLike", columns: int) -> Floats:
     """``values`` as one dimension, row by row."""
     if columns == 1:
         return signal(name, values)
-    unmasked(name, values)
+    reject_masks(name, values)
     array = np.asarray(values)
     if array.ndim != 2 or array.shape[1] != columns:
         raise InvalidParameterError(

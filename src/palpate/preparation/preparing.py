@@ -16,8 +16,8 @@ from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.channel_kinds import is_wanted
-from palpate.preparation.clocks import signals_of
-from palpate.preparation.roles import Columns, Roles, contact_groups, roles_of
+from palpate.preparation.clocks import build_signals
+from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.preparation.settings import ForceFrame, Preparation
 from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
@@ -119,8 +119,8 @@ def prepare(
         error bar includes the error of the delay.
     surface : float or str, optional
         Position of the surface, m, in the corrected penetration; or how
-        :func:`palpate.preparation.surfaces.surface_of` finds it: ``"threshold"``, ``"baseline"`` or
-        ``"fit"``; or ``"estimate"``: the estimator finds it, from a first value by ``"fit"`` if
+        :func:`palpate.preparation.surfaces.find_surface` finds it: ``"threshold"``, ``"baseline"``
+        or ``"fit"``; or ``"estimate"``: the estimator finds it, from a first value by ``"fit"`` if
         zero is far from it. Default: 0 for a penetration, ``"fit"`` for a position.
     normal : str or sequence of float, optional
         Direction out of the material, in the frame of the position: ``"z"``, ``"-z"`` or three
@@ -181,7 +181,7 @@ def prepare(
     given = {name: values for name, values in arrays.items() if values is not None}
     if recording is None and position is not None:
         settings = replace(settings, columns=Columns(force="force", position="position"))
-        contact = prepared_contact(_recording_of_arrays(given, settings), settings)
+        contact = prepare_contact(_recording_of_arrays(given, settings), settings)
     elif recording is None:
         contact = contact_of_arrays(given, settings)
     elif given:
@@ -189,7 +189,7 @@ def prepare(
             f"pass a recording or arrays, not both: name the channel {next(iter(given))} in columns"
         )
     else:
-        contact = prepared_contact(as_recording(recording, strict=strict), settings)
+        contact = prepare_contact(as_recording(recording, strict=strict), settings)
     if source is None and provenance is None:
         return contact
     return dataclasses.replace(
@@ -220,7 +220,7 @@ def _recording_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) 
     return Recording(channels)
 
 
-def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
+def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     """Make a contact from a recording with the settings of :func:`prepare`.
 
     Raises
@@ -230,12 +230,12 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     """
     if groups := contact_groups(recording, settings.columns):
         return _contacts_of_groups(recording, groups, settings)
-    recorded, roles = recording, roles_of(recording, settings.columns)
+    recorded, roles = recording, choose_roles(recording, settings.columns)
     recording = roles.recording
     _log_roles(roles)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
-            signals = signals_of(
+            signals = build_signals(
                 recording,
                 roles,
                 settings.units,
@@ -257,7 +257,7 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
     return dataclasses.replace(
         contact,
         source=recording.source,
-        prepared=dataclasses.replace(contact.prepared, recording=recorded, way=prepared_contact),
+        prepared=dataclasses.replace(contact.prepared, recording=recorded, way=prepare_contact),
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,
@@ -265,8 +265,8 @@ def prepared_contact(recording: Recording, settings: Preparation) -> Contact:
         findings=(
             *(each for each in recording.findings if each.severity != "note"),
             *roles.findings,
-            *_commanded(roles),
-            *_unused(settings, roles, pressing=pressing),
+            *_report_commanded_channels(roles),
+            *_report_unused_settings(settings, roles, pressing=pressing),
             *signals.findings,
             *contact.findings,
         ),
@@ -284,12 +284,12 @@ def _contacts_of_groups(
         source = f"{recording.source}:{group}" if recording.source else group
         channels = {name: recording.channels[name] for name in {*names, *clocks}}
         part = dataclasses.replace(recording, channels=channels, source=source, findings=())
-        contacts.append(prepared_contact(part, settings))
+        contacts.append(prepare_contact(part, settings))
     words = (
         f"palpate takes {len(groups)} groups for contacts with one object: {', '.join(groups[:6])}"
     )
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
-    contact = joined(contacts)
+    contact = join_contacts(contacts)
     findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
     return dataclasses.replace(contact, source=recording.source, findings=findings)
 
@@ -306,7 +306,7 @@ def _log_roles(roles: Roles) -> None:
             _LOGGER.info("%s is %s", role, words)
 
 
-def _commanded(roles: Roles) -> list[Finding]:
+def _report_commanded_channels(roles: Roles) -> list[Finding]:
     """Warn of a commanded position or force: the robot may not have followed it."""
     found = []
     for kind, names in (("position", roles.depth), ("force", roles.force)):
@@ -319,7 +319,9 @@ def _commanded(roles: Roles) -> list[Finding]:
     return found
 
 
-def _unused(settings: Preparation, roles: Roles, *, pressing: bool) -> list[Finding]:
+def _report_unused_settings(
+    settings: Preparation, roles: Roles, *, pressing: bool
+) -> list[Finding]:
     """Report the settings that had no effect."""
     flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
     options = {
@@ -371,7 +373,7 @@ def _array(column: Any) -> NDArray[Any]:
 # Joining several contacts with one object.
 
 
-def joined(contacts: Sequence[Contact]) -> Contact:
+def join_contacts(contacts: Sequence[Contact]) -> Contact:
     """Join several contacts with one object to one contact, in separate segments.
 
     Parameters

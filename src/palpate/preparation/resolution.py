@@ -46,11 +46,11 @@ def suggest_surface_deviation(contact: Contact) -> float | None:
 
     None if the penetration has neither.
     """
-    [found] = resolutions_of(contact.penetration[None]).tolist()
+    [found] = estimate_resolutions(contact.penetration[None]).tolist()
     return None if math.isnan(found) else found
 
 
-def resolutions_of(penetration: Floats, *, threads: int = 1) -> Floats:
+def estimate_resolutions(penetration: Floats, *, threads: int = 1) -> Floats:
     """Return twice the noise and rounding of each row, m; NaN if it has neither.
 
     Parameters

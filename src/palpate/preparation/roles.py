@@ -5,23 +5,29 @@ import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 
-from palpate.errors import MissingChannelError, RecordingError, listed
+from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import (
     _OF_UNIT,
     JOINTS,
     SLIDES,
     TIP,
+    channel_kind,
     divide_unit,
     is_wanted,
-    kind_of,
     split_name,
 )
-from palpate.preparation.vectors import COUNTED, ONE_OF_MANY, Vector, flattened_arrays, vectors_of
+from palpate.preparation.vectors import (
+    COUNTED,
+    ONE_OF_MANY,
+    Vector,
+    find_flattened_arrays,
+    find_vectors,
+)
 from palpate.recordings import Recording
 from palpate.recordings.opening import within
 from palpate.recordings.poses import IN_BASE, Step, Transforms, chain_in_use, frames_in, state_poses
-from palpate.recordings.recording import OTHER_UNITS, UNITS, holds_numbers, size_of, stated_unit
+from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +110,7 @@ class Roles:
         return {"depth": self.depth, "force": self.force, "orientation": self.orientation, **own}
 
 
-def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
+def choose_roles(recording: Recording, columns: Columns | None = None) -> Roles:
     """Choose the channels of a contact.
 
     It is the channel with the requested name, else the channel with the default name, else the only
@@ -120,7 +126,7 @@ def roles_of(recording: Recording, columns: Columns | None = None) -> Roles:
     return _Choosing(recording, Columns() if columns is None else columns).roles()
 
 
-def uses_of(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
+def explain_roles(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
     """Return each channel's role (empty without one) and the reason, and the error if any."""
     return _Choosing(recording, Columns()).uses()
 
@@ -169,13 +175,13 @@ class _Choosing:
         self.chains: dict[tuple[str, ...], list[Step]] = {}  # keys: channels of the position
         self.findings: list[Finding] = []
         names = self.recording.channels
-        self.arrays = flattened_arrays(names)
-        found = vectors_of(names)
+        self.arrays = find_flattened_arrays(names)
+        found = find_vectors(names)
         # If there are depth[0], depth[1] and depth[2], then force[k] are three runs, not axes.
         runs = any(self._vector_kind(each) == "penetration" for each in found)
         found = [v for v in found if not (runs and v.components[0].endswith("]"))]
         self.vectors = [each for each in found if self._is_one(each)]
-        self.assumed = self._assumed_vectors()
+        self.assumed = self._assume_vectors()
         self.vectors += self.assumed
         self.vectors += [v for v in self.arrays if IN_BASE.match(v.stem) and v not in self.vectors]
         self._add_chains()
@@ -307,7 +313,7 @@ class _Choosing:
     def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
         """Return whether the depths are penetrations, and all channels or vectors that fit."""
         if self.columns.position is not None:
-            return False, [self._named("position", self.columns.position)]
+            return False, [self._find_named_channels("position", self.columns.position)]
         given = self._given("penetration")
         if found := [given] if given else self._candidates("penetration", 1):
             return True, found
@@ -369,7 +375,7 @@ class _Choosing:
         in the position's topic or group, else the only one.
         """
         if self.columns.orientation is not None:
-            return self._named("orientation", self.columns.orientation), None
+            return self._find_named_channels("orientation", self.columns.orientation), None
         own, frame = (self.recording.frames.get(names[0], "") for names in (depth, force))
         if len(depth) == len(force) == 3 and own and frame:
             steps = self.transforms.chain(frame, own)
@@ -395,9 +401,9 @@ class _Choosing:
         name = getattr(self.columns, role)
         if name == getattr(Columns(), role) and name not in self.recording.channels:
             return ()
-        return self._named(role, name)
+        return self._find_named_channels(role, name)
 
-    def _named(self, role: str, name: str) -> tuple[str, ...]:
+    def _find_named_channels(self, role: str, name: str) -> tuple[str, ...]:
         channels = self.recording.channels
         if found := self._channel(name):
             self.reasons[role] = "has this name"
@@ -455,7 +461,7 @@ class _Choosing:
         unknown = [
             f"{unit} of {name!r}"
             for name in names
-            if self._kind(name) is None and (unit := stated_unit(name)) and unit not in _OF_UNIT
+            if self._kind(name) is None and (unit := find_unit(name)) and unit not in _OF_UNIT
         ]
         texts = [
             n
@@ -471,12 +477,12 @@ class _Choosing:
             remedy = _REMEDIES["strain"]
         elif absent == ["position"] and "angle" in kinds:
             remedy = _REMEDIES["angle"]
-        elif unnamed := self._unnamed(absent):
+        elif unnamed := self._match_unknown_names(absent):
             words_for = "its channel" if len(absent) == 1 else "their channels"
             remedy = f"name {words_for}, such as {_options(unnamed, unnamed)}"
         return MissingChannelError(absent[0], names, self.recording.source, f"{words}; {remedy}")
 
-    def _unnamed(self, absent: Sequence[str]) -> dict[str, str]:
+    def _match_unknown_names(self, absent: Sequence[str]) -> dict[str, str]:
         """Map the missing roles to channels with unknown names; {} if they cannot be matched.
 
         A single role may be a vector: ``state``, an array with a position and a quaternion. Several
@@ -502,7 +508,7 @@ class _Choosing:
             one = dict.fromkeys(one, groups[0])
         several = {each: names for each, names in found.items() if len(names) > 1}
         said = [
-            f"{len(names)} channels could be the {each}: {listed([*map(' '.join, names)])}"
+            f"{len(names)} channels could be the {each}: {list_names([*map(' '.join, names)])}"
             for each, names in several.items()
         ]
         words = f"{'; '.join(said)}; choose one, such as {_options(one, several)}"
@@ -557,7 +563,7 @@ class _Choosing:
 
     def _convertible(self, name: str, kind: str) -> bool:
         unit = self.recording.unit_of(name)
-        return not unit or size_of("penetration" if kind == "position" else kind, unit) > 0.0
+        return not unit or unit_size("penetration" if kind == "position" else kind, unit) > 0.0
 
     def _moves(self, names: tuple[str, ...]) -> bool:
         """Whether any of the channels changes: a fixed frame is not a probe."""
@@ -572,7 +578,7 @@ class _Choosing:
         right_size = vector.second or len(names) == 3 or self._vector_kind(vector) == "orientation"
         return len(lengths) == len(clocks) == 1 and right_size
 
-    def _assumed_vectors(self) -> list[Vector]:
+    def _assume_vectors(self) -> list[Vector]:
         """Return position and force if both are arrays written as columns and nothing else fits.
 
         Numbered columns may as well be three runs or sensors, so otherwise the user must choose.
@@ -612,12 +618,12 @@ class _Choosing:
             return "angle"
         unit = self.recording.unit_of(name)
         # The stem of x, y, z is empty; then the component's name decides.
-        return kind_of(vector.stem, unit) or kind_of(name, unit)
+        return channel_kind(vector.stem, unit) or channel_kind(name, unit)
 
     def _kind(self, name: str) -> str | None:
         if name not in self.kinds:
             recording = self.recording
-            kind = kind_of(name, recording.unit_of(name) or "-")
+            kind = channel_kind(name, recording.unit_of(name) or "-")
             slides = not SLIDES.isdisjoint(split_name(name))
             if kind in ("position", "velocity") and self._is_joint(name):
                 kind = "angle"

@@ -15,7 +15,7 @@ from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE, UNIT_LENGTH, rotate
-from palpate.recordings.recording import UNITS, size_of
+from palpate.recordings.recording import UNITS, unit_size
 from palpate.validation import Floats, instance, number_in, pair_in, shown
 
 FLIPPED = ("force", "penetration")
@@ -57,7 +57,7 @@ class Preparation:
         object.__setattr__(self, "units", units)
         for channel, unit in units.items():
             _check_unit(channel, unit)
-        flipped(self.flip)
+        check_flip(self.flip)
         if isinstance(self.tare, str) and self.tare != "find":
             raise InvalidParameterError(
                 f"tare must be 'find' or two times (start, stop) in s, not {shown(self.tare)}"
@@ -103,7 +103,7 @@ class Preparation:
 def _check_unit(channel: str, unit: Any) -> None:
     if channel not in UNITS:
         raise InvalidParameterError(f"units must name {', '.join(UNITS)}, not {shown(channel)}")
-    if not isinstance(unit, str) or not size_of(channel, unit):
+    if not isinstance(unit, str) or not unit_size(channel, unit):
         known = list(UNITS[channel])
         raise InvalidParameterError(
             f"unit of the {channel} must be one of {', '.join(known)} or a multiple such as "
@@ -111,7 +111,7 @@ def _check_unit(channel: str, unit: Any) -> None:
         )
 
 
-def flipped(flip: Sequence[str]) -> set[str]:
+def check_flip(flip: Sequence[str]) -> set[str]:
     """Check and return the channels whose sign is reversed."""
     names = {flip} if isinstance(flip, str) else set(flip)
     for channel in names:
@@ -129,7 +129,7 @@ def flipped(flip: Sequence[str]) -> set[str]:
 LARGEST_TURN = math.radians(2.0)
 
 
-def turned(force: Floats, orientation: Floats, source: str = "") -> Floats:
+def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floats:
     """Rotate forces from the tool's frame to the base's frame, with the probe's orientation.
 
     Parameters
@@ -169,7 +169,7 @@ def largest_turn(orientation: Floats) -> float:
     return 2.0 * math.acos(float(np.percentile(cosine, 1.0)))
 
 
-def frame_of(
+def choose_frame(
     recording: Recording, roles: Roles, asked: ForceFrame | None, findings: list[Finding]
 ) -> ForceFrame:
     """Return the frame of the force: as requested, else from the recording, else base.

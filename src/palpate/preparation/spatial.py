@@ -8,27 +8,27 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, VelocityFilter, between, slices_of
+from palpate.contact import Contact, VelocityFilter, between, run_slices
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals
-from palpate.preparation.delay import in_step
-from palpate.preparation.held import held_channels
+from palpate.preparation.delay import remove_delay
+from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import (
     Normal,
     Preparation,
-    frame_of,
+    choose_frame,
     grows,
     no_normal,
     normal_found,
     normal_given,
+    rotate_to_base,
     turn_findings,
-    turned,
 )
 from palpate.preparation.surfaces import (
     Baseline,
@@ -36,19 +36,19 @@ from palpate.preparation.surfaces import (
     Surface,
     SurfaceRule,
     add,
-    assumed_surface,
     baseline_between,
-    baseline_of,
     deviation_left,
-    episodes_of,
+    estimate_baseline,
+    find_episodes,
+    find_surface,
     free_samples,
     never_free,
-    surface_of,
+    report_assumed_surface,
     travel,
 )
-from palpate.preparation.velocity import step_of, velocities_of
+from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.stages import stage, timed
+from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
@@ -95,23 +95,23 @@ def along_normal(
     ends = -math.inf if low is None else low, math.inf if high is None else high
     signals = signals.taken(between(signals.time, *ends, recording.source))
     recorded, late = signals.force, settings.delay
-    signals = _framed(recording, roles, signals, settings, findings)
+    signals = _check_orientation(recording, roles, signals, settings, findings)
     if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
         add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
     with stage(_LOGGER, "force offset"):
-        signals, zero, said = tared(signals, settings, recording.source)
+        signals, zero, said = tare_force(signals, settings, recording.source)
     findings += said
     if zero is not None:
         zero.say(made, findings)
     if signals.orientation is not None:
         add(made, "force", "rotated by the orientation")
     with stage(_LOGGER, "contact normal"):
-        whole = on_normal(signals, settings, recording.source)
+        whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
     held = (
         None
         if settings.no_time
-        else held_channels(signals.time, signals.depth, recorded, whole.force)
+        else find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
     )
     if held is not None:
         force = held.taken(signals.force)
@@ -121,9 +121,9 @@ def along_normal(
         late = late or held.late
     pieces = _pieces(signals, whole, settings)
     if len(pieces) > 1 or pieces[0][1] is not None:
-        findings += _travelled(pieces, signals)
+        findings += _report_travel(pieces, signals)
     findings += whole.findings
-    contact, places = _joined(pieces, settings, made, findings)
+    contact, places = _join_pieces(pieces, settings, made, findings)
     done = Prepared(
         recording,
         settings,
@@ -134,11 +134,11 @@ def along_normal(
         places=tuple(places) if pieces[0][1] is not None else (),
     )
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
-    return in_step(contact, late)
+    return remove_delay(contact, late)
 
 
-@timed("frame of the force")
-def _framed(
+@log_stage("frame of the force")
+def _check_orientation(
     recording: Recording,
     roles: Roles,
     signals: Signals,
@@ -148,8 +148,8 @@ def _framed(
     """The signals, with an orientation only if the force is in the tool's frame."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
-    findings += saturated(signals.force)
-    frame = frame_of(recording, roles, settings.force_frame, findings)
+    findings += check_saturation(signals.force)
+    frame = choose_frame(recording, roles, settings.force_frame, findings)
     orientation = signals.orientation
     if orientation is not None:
         findings += turn_findings(orientation, settings.tool_weight)
@@ -161,7 +161,7 @@ def _framed(
     return signals if frame == "tool" else replace(signals, orientation=None)
 
 
-@timed("episodes")
+@log_stage("episodes")
 def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list[Piece]:
     """The whole recording, or its episodes if the probe travels over the material."""
     position, force = signals.depth, signals.force
@@ -173,25 +173,25 @@ def _pieces(signals: Signals, whole: AlongNormal, settings: Preparation) -> list
         return [(signals, None, whole)]
     peak = float(np.nanpercentile(whole.force, 99.0))
     found: list[Piece] = []
-    for part in slices_of(signals.part):
-        for each in episodes_of(signals.time[part], position[part], force[part], settings.spot):
+    for part in run_slices(signals.part):
+        for each in find_episodes(signals.time[part], position[part], force[part], settings.spot):
             there = np.arange(part.start + each.start, part.start + each.stop)
             if float(np.nanpercentile(whole.force[there], 99.0)) > FIRM * peak:
                 own = signals.taken(there)
-                found.append((own, each, _pressed_there(own, whole, settings)))
+                found.append((own, each, _project_place(own, whole, settings)))
     return found or [(signals, None, whole)]
 
 
-def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
+def _project_place(own: Signals, whole: AlongNormal, settings: Preparation) -> AlongNormal:
     """Depth and compression at one place, with the signs found from the whole recording."""
     if own.force.ndim == 1:  # its own largest values give its sign
-        return on_normal(own, settings, "")
+        return project_on_normal(own, settings, "")
     if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
         own = replace(own, force=-own.force)
-    return on_normal(own, replace(settings, flip=(*settings.flip, "force")), "")
+    return project_on_normal(own, replace(settings, flip=(*settings.flip, "force")), "")
 
 
-def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
+def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
     left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
     words, elsewhere, end = (
         f"the probe travels over the material: {len(pieces)} places, each prepared separately",
@@ -209,8 +209,8 @@ def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
     ]
 
 
-@timed("surface and velocity of each place")
-def _joined(
+@log_stage("surface and velocity of each place")
+def _join_pieces(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], findings: list[Finding]
 ) -> tuple[Contact, list[Place]]:
     """Join the pieces, each with its own surface."""
@@ -218,9 +218,9 @@ def _joined(
     clocks, depths, velocities, forces, labels, places = [], [], [], [], [], []
     filters, lost = list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
-        runs = list(slices_of(signals.part))
+        runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
-        velocity, used, count = velocities_of(
+        velocity, used, count = estimate_velocities(
             signals.time, own.depth, runs, settings.velocity_window
         )
         if (fresh := signals.fresh) is not None:
@@ -229,7 +229,7 @@ def _joined(
         if isinstance(settings.surface, float | int):
             surface = Surface(float(settings.surface), 0.0, "as given")
         else:
-            surface = surface_of(own.depth, velocity, own.force, rule)
+            surface = find_surface(own.depth, velocity, own.force, rule)
         clocks.append(signals.time)
         forces.append(own.force)
         depths.append(own.depth - surface.position)
@@ -273,7 +273,7 @@ def _say_surface(places: list[Place], made: dict[str, str], findings: list[Findi
     assumed = sum(place.surface.assumed for place in places)
     if assumed:
         where = f"at {assumed} of {len(places)} places the probe is always in contact"
-        findings.append(assumed_surface(where, "lift the probe between places"))
+        findings.append(report_assumed_surface(where, "lift the probe between places"))
 
 
 # Projection of a position and a force in space on the contact normal.
@@ -285,7 +285,7 @@ SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # error of the weight, over the largest
 ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, from the scatter of blocks
 
 
-def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
+def project_on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
     """Project position and force on the contact normal.
 
     Either may already be along one axis. If not given, the normal is found by
@@ -305,13 +305,13 @@ def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNorm
     position, force = signals.depth, signals.force
     given = None if settings.normal is None else normal_given(settings.normal)
     if force.ndim == position.ndim == 2:
-        return _in_space(position, force, given, settings, source)
+        return _project_vectors(position, force, given, settings, source)
     if force.ndim == 2:
         normal = given or normal_found(force, np.column_stack([position] * 3) * 0.0, source)
         return _along_axis(position, force @ normal.vector, normal, settings)
     if position.ndim == 1:
         return _along_axis(position, force, None, settings)
-    normal = given or _by_motion(position, force, source)
+    normal = given or _normal_from_motion(position, force, source)
     depth = -(position @ normal.vector)
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
@@ -322,7 +322,7 @@ def on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNorm
     return result
 
 
-def _in_space(
+def _project_vectors(
     position: Floats, force: Floats, given: Normal | None, settings: Preparation, source: str
 ) -> AlongNormal:
     found, findings = given or normal_found(force, position, source), list[Finding]()
@@ -342,7 +342,7 @@ def _in_space(
         words = f"along the given normal the force {how}"
         remedy = "reverse the sign of --normal, or pass --flip-force"
         findings.append(Check.DIRECTION.finding(words, remedy, mark="do-not-trust"))
-    findings += misdirected(position, force, found.vector, given=given is not None)
+    findings += check_force_direction(position, force, found.vector, given=given is not None)
     return AlongNormal(depth, along, found, findings)
 
 
@@ -351,7 +351,7 @@ def _is_negative(force: Floats) -> bool:
     return float(np.nansum(force * np.abs(force))) < 0.0
 
 
-def _by_motion(position: Floats, force: Floats, source: str) -> Normal:
+def _normal_from_motion(position: Floats, force: Floats, source: str) -> Normal:
     """The normal, opposite to the motion in which the force grows: −Σ ΔF Δp."""
     known = np.isfinite(position).all(axis=1) & np.isfinite(force)
     p, f = position[known], np.abs(force[known])
@@ -385,7 +385,7 @@ def _along_axis(
     return AlongNormal(depth, force, normal, findings)
 
 
-def tared(
+def tare_force(
     signals: Signals, settings: Preparation, source: str
 ) -> tuple[Signals, Baseline | None, list[Finding]]:
     """Subtract the tool's weight and the force offset in free air, then rotate the force.
@@ -396,7 +396,7 @@ def tared(
     """
     force, weight, down = signals.force, settings.tool_weight, None
     if signals.orientation is not None:
-        down = turned(np.array(WEIGHT_DIRECTION), signals.orientation * INVERSE, source)
+        down = rotate_to_base(np.array(WEIGHT_DIRECTION), signals.orientation * INVERSE, source)
     elif weight is not None and force.ndim == signals.depth.ndim == 2:
         down = np.broadcast_to(WEIGHT_DIRECTION, force.shape)
     if down is not None:
@@ -410,7 +410,7 @@ def tared(
             findings = _weight_left(signals, down, found, weight, source)
         force = signals.force
     if signals.orientation is not None:
-        force = turned(force, signals.orientation, source)
+        force = rotate_to_base(force, signals.orientation, source)
     return replace(signals, force=force), found, findings
 
 
@@ -423,13 +423,13 @@ def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | No
         # A rotating offset hides the contact axis: iterate once, with the offset subtracted.
         along = force - np.nanmedian(force, axis=0)
         for _ in range(2):
-            mask = _free(signals, turned(along, signals.orientation, source))
+            mask = _free(signals, rotate_to_base(along, signals.orientation, source))
             if mask is not None:
-                along = force - baseline_of(signals.time, force, mask).mean
+                along = force - estimate_baseline(signals.time, force, mask).mean
     else:
         mask = _free(signals, force)
     if mask is not None:
-        return baseline_of(signals.time, force, mask)
+        return estimate_baseline(signals.time, force, mask)
     if tare == "find":
         raise never_free(source)
     return None
@@ -480,7 +480,7 @@ def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     """
     height = signals.depth
     if height.ndim == 2 and along.ndim == 1:
-        height = height @ _by_motion(height, along, "").vector
+        height = height @ _normal_from_motion(height, along, "").vector
     elif height.ndim == 2:  # the direction in which the force varies most, whatever its offset
         known = along[np.isfinite(along).all(axis=1)]
         height = height @ np.linalg.svd(known - known.mean(axis=0), full_matrices=False)[2][0]
@@ -503,7 +503,9 @@ MOVES, STEPS = 8.0, 3.0  # change of the other axes meanwhile: σ and steps of r
 SOME, MANY = 0.002, 0.02  # fractions of the recording
 
 
-def misdirected(position: Floats, force: Floats, normal: Floats, *, given: bool) -> list[Finding]:
+def check_force_direction(
+    position: Floats, force: Floats, normal: Floats, *, given: bool
+) -> list[Finding]:
     """Report forces that do not point along the motion in which they grow.
 
     The motion, −Σ ΔF Δp, does not depend on the axes of the force. The two differ if an axis is
@@ -572,7 +574,7 @@ def _angle(one: Floats, other: Floats) -> float:
     return math.atan2(across, abs(float(one @ other)))
 
 
-def saturated(force: Floats) -> list[Finding]:
+def check_saturation(force: Floats) -> list[Finding]:
     """Report axes of the sensor that stay at their largest value while the others change.
 
     An axis that never changes is not saturated but not measured, as with a load cell of one axis.
@@ -590,7 +592,7 @@ def saturated(force: Floats) -> list[Finding]:
     for k, column in enumerate(force.T):
         others = [each for each in range(force.shape[1]) if each != k]
         for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
-            held = (run for run in slices_of(column == edge) if column[run.start] == edge)
+            held = (run for run in run_slices(column == edge) if column[run.start] == edge)
             count = sum(
                 run.stop - run.start
                 for run in held

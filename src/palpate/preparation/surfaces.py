@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import slices_of
+from palpate.contact import run_slices
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.estimators.least_squares import Fitted, robust_covariance
@@ -158,7 +158,7 @@ def _free_bins(place: NDArray[np.int64], force: Floats) -> int:
     return BINS
 
 
-def baseline_of(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baseline:
+def estimate_baseline(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baseline:
     """Return the mean force in free air, with its drift if that is significant.
 
     Parameters
@@ -292,10 +292,10 @@ class Surface:
         """The finding on an assumed surface; none if it was found."""
         if not self.assumed:
             return []
-        return [assumed_surface("the recording has no free air")]
+        return [report_assumed_surface("the recording has no free air")]
 
 
-def assumed_surface(
+def report_assumed_surface(
     reason: str,
     remedy: str = "record from before the touch, or pass the surface, such as --surface 0.7mm",
 ) -> Finding:
@@ -308,7 +308,7 @@ def assumed_surface(
     )
 
 
-def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
+def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
     """Find the surface of the material.
 
     *threshold*: the depth at which the force exceeds max(6 σ, 3 % of its peak) on the way in. It is
@@ -335,17 +335,17 @@ def surface_of(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule
     least = max(NOISES_OF_CONTACT * noise_of(f), LIGHTEST * peak)
     free = f < least
     if np.count_nonzero(free) < FEWEST_FREE or not least < HEAVIEST * peak:
-        return _assumed(x)
+        return _assume_surface(x)
     going_in = v > 0.0
     if rule == "threshold":
-        return _crossings(x, f, least) or _assumed(x)
+        return _crossings(x, f, least) or _assume_surface(x)
     found = _departure(x[going_in], f[going_in], least, peak)
     if found is None or rule == "baseline":
-        return found or _assumed(x)
-    return _fitted(x, v, f, found) or found
+        return found or _assume_surface(x)
+    return _fit_surface(x, v, f, found) or found
 
 
-def _assumed(x: Floats) -> Surface:
+def _assume_surface(x: Floats) -> Surface:
     words = "the shallowest sample: there is no free air"
     return Surface(float(x.min()) if x.size else 0.0, None, words)
 
@@ -399,7 +399,7 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
     return centre - mean / slope, of_mean / slope * math.sqrt(1.0 + lever)
 
 
-def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
+def _fit_surface(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
     """Least squares of law, offset and surface; None if it ends far from its start."""
     depth = float(np.percentile(x, 99.0)) - start.position
     speed, size = float(np.sqrt(np.mean(v**2))), float(np.percentile(f, 99.0))
@@ -408,7 +408,7 @@ def _fitted(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
     near = x > start.position - depth  # more free air is not needed
     kept = slice(None, None, int(np.count_nonzero(near)) // MOST_FITTED + 1)
     samples = np.array([(x[near] - start.position) / depth, v[near] / speed, f[near]])[:, kept]
-    found = placed(samples, np.array([(size, 0.0, n, 0.0, 0.0) for n in GROWTHS]))
+    found = fit_surface_position(samples, np.array([(size, 0.0, n, 0.0, 0.0) for n in GROWTHS]))
     away = float(found.parameters[4]) * depth
     error = math.sqrt(robust_covariance(found.jacobian, found.residual)[-1, -1]) * depth
     near_start = abs(away) <= FARTHEST * start.deviation and 0.0 < error < depth
@@ -424,7 +424,9 @@ EXPONENT_RANGE = (0.2, 6.0)  # wider than for any material; keeps powers finite
 SURFACE_RANGE = (-3.0, 0.9)  # working depths
 
 
-def placed(samples: Floats, starts: Floats, *, exponent_fixed: bool = False) -> Fitted:
+def fit_surface_position(
+    samples: Floats, starts: Floats, *, exponent_fixed: bool = False
+) -> Fitted:
     """Fit (k, c, n, F₀, d) by least squares from several starts; return the best fit.
 
     Parameters
@@ -476,7 +478,7 @@ class Stay:
     place: Floats
 
 
-def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) -> list[Stay]:
+def find_episodes(time: Floats, position: Floats, force: Floats, radius: float) -> list[Stay]:
     """Divide a recording into episodes, the longest first, and return them in order of time.
 
     In an episode the position stays within ``radius`` of its median, across the contact normal of
@@ -511,7 +513,7 @@ def episodes_of(time: Floats, position: Floats, force: Floats, radius: float) ->
 
 def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
     """The longest part of an interval without taken samples."""
-    free = [run for run in slices_of(taken[start:stop]) if not taken[start + run.start]]
+    free = [run for run in run_slices(taken[start:stop]) if not taken[start + run.start]]
     longest = max(free, key=lambda run: run.stop - run.start, default=None)
     return None if longest is None else (start + longest.start, start + longest.stop)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.contact import Contact, slices_of
+from palpate.contact import Contact, run_slices
 from palpate.preparation.gates import choose_gate
 from palpate.settings import ContactGate
 from palpate.validation import Plain
@@ -53,7 +53,7 @@ def find_touches(contact: Contact, gate: ContactGate | None = None) -> list[Touc
     for part in contact.segments():
         time, force = contact.time[part], np.nan_to_num(contact.force[part])
         depth = np.nan_to_num(contact.penetration[part])
-        runs = [run for run in slices_of(force > limit) if force[run.start] > limit]
+        runs = [run for run in run_slices(force > limit) if force[run.start] > limit]
         for start, stop in _join_near(runs, time.tolist()):
             peak = float(force[start:stop].max())
             if peak > chosen.make_force:

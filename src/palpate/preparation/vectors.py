@@ -48,7 +48,7 @@ class Vector:
         return len(self.components)
 
 
-def vectors_of(names: Iterable[str]) -> list[Vector]:
+def find_vectors(names: Iterable[str]) -> list[Vector]:
     """Find vectors of three or four components, in order of first appearance.
 
     ``force.x``, ``force.y``, ``force.z``; ``pos[0]``, ``pos[1]``, ``pos[2]``; ``fx_N``, ``fy_N``,
@@ -69,7 +69,7 @@ def vectors_of(names: Iterable[str]) -> list[Vector]:
     return found
 
 
-def flattened_arrays(names: Iterable[str]) -> list[Vector]:
+def find_flattened_arrays(names: Iterable[str]) -> list[Vector]:
     """Find consecutive columns ``name_0``, ``name_1`` … that may be an array written as columns."""
     families: dict[str, list[tuple[int, int, str]]] = defaultdict(list)
     for place, name in enumerate(names):

@@ -76,7 +76,7 @@ def noise_gain(used: VelocityFilter) -> float:
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
-    """Velocity [m/s] by :func:`velocities_of`, of samples without a break.
+    """Velocity [m/s] by :func:`estimate_velocities`, of samples without a break.
 
     Parameters
     ----------
@@ -87,10 +87,10 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
     window : float, optional
         Length of a parabola's window, s. Default: a smoothing spline.
     """
-    return velocities_of(time, penetration, [slice(None)], window)[0]
+    return estimate_velocities(time, penetration, [slice(None)], window)[0]
 
 
-def velocities_of(
+def estimate_velocities(
     time: Floats, penetration: Floats, runs: Sequence[slice], window: float | None = None
 ) -> tuple[Floats, VelocityFilter, int]:
     """Velocity [m/s] of each run of samples, the filter, and the number of dropouts excluded.
@@ -113,7 +113,7 @@ def velocities_of(
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # depths up to ±1e308 m
         for run in runs:
             known = np.arange(time.size)[run][np.isfinite(penetration[run])]
-            samples.append((known, ~spiked(penetration[known])))
+            samples.append((known, ~find_spikes(penetration[known])))
         steps = [np.diff(time[known]) for known, _ in samples]
         joined = np.concatenate([*steps, np.empty(0)])
         step = float(np.median(joined)) if joined.size else 1e-3
@@ -136,12 +136,12 @@ def velocities_of(
             # With all samples λ is ``beat`` times as large; h³ of the shorter step gives beat³.
             used = _spline_filter(_core.choose_spline(sums, longest) * beat**4)
         for (known, good), at in zip(samples, kept, strict=True):
-            slope = _slope_of(time[at], penetration[at], step, width, used.penalty)
+            slope = _estimate_slope(time[at], penetration[at], step, width, used.penalty)
             velocity[known] = slope if good.all() else np.interp(time[known], time[at], slope)
     return velocity, used, sum(int(np.count_nonzero(~good)) for _, good in samples)
 
 
-def _slope_of(t: Floats, x: Floats, step: float, width: int, penalty: float | None) -> Floats:
+def _estimate_slope(t: Floats, x: Floats, step: float, width: int, penalty: float | None) -> Floats:
     """Slope at each sample of a run without dropouts."""
     if t.size < 3:
         slope: Floats = np.gradient(x, t) if t.size == 2 else np.zeros(t.size)
@@ -162,7 +162,7 @@ def _spline_filter(penalty: float) -> VelocityFilter:
 def velocities_of_rows(
     time: Floats, penetration: Floats, threads: int
 ) -> tuple[Floats, list[VelocityFilter]]:
-    """Velocity of contacts as rows, each by :func:`velocities_of`, and their filters.
+    """Velocity of contacts as rows, each by :func:`estimate_velocities`, and their filters.
 
     Parameters
     ----------
@@ -192,7 +192,7 @@ def velocities_of_rows(
     for row, known in enumerate(filters):
         if known is None:
             clock = time if time.ndim == 1 else time[row]
-            velocity[row], known, _ = velocities_of(clock, penetration[row], [slice(None)])
+            velocity[row], known, _ = estimate_velocities(clock, penetration[row], [slice(None)])
         made.append(known)
     return velocity, made
 
@@ -227,11 +227,11 @@ def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
     step = max(AT_ONCE // width, 1)
     for k in range(0, at.size, step):
         some = slice(k, k + step)
-        slope[some] = _fitted(t, x, first[some, None] + np.arange(width), at[some])
+        slope[some] = _fit_parabolas(t, x, first[some, None] + np.arange(width), at[some])
     return slope
 
 
-def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
+def _fit_parabolas(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
     """Slope at samples ``at`` of the parabolas through samples ``inside``, by central moments."""
     times = t[inside] - t[at, None]
     unit = np.abs(times).max(axis=1, keepdims=True)
@@ -255,7 +255,7 @@ def _fitted(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
 # Spikes of a channel, and its resolution.
 
 
-def spiked(values: Floats) -> NDArray[np.bool_]:
+def find_spikes(values: Floats) -> NDArray[np.bool_]:
     """Mask of the spikes.
 
     A spike differs from the median of five by more than max(8 σ, 2 %, 1.5 steps), and by more than

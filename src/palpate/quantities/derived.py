@@ -21,12 +21,12 @@ from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
     Path,
-    energy_of,
-    fastest_of,
-    loops_of,
-    passivity_of,
+    check_passivity,
+    compute_energy_loss,
+    fast_approach_speed,
+    find_loops,
 )
-from palpate.quantities.restitution import Restitution, dissipation_of, restitution_of
+from palpate.quantities.restitution import Restitution, compute_dissipation, compute_restitution
 from palpate.validation import Floats, Plain, instance, number, number_in
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ class SmallOscillation(Plain):
     loss_tangent: Quantity
 
 
-def oscillation_of(
+def compute_oscillation(
     result: Derivable, frequency: float | None = None, depth: float | None = None
 ) -> SmallOscillation:
     """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, for any law.
@@ -183,7 +183,7 @@ def oscillation_of(
         The frequency is outside half to twice the motion's mean frequency, or the depth is out of
         its range.
     """
-    omega, there = _check_frequency(result, frequency), _numbers_at(result, depth)
+    omega, there = _check_frequency(result, frequency), _evaluate_depth(result, depth)
     stiffness, damping = there.stiffness, there.damping
     if result.law.relaxes and omega != result.frequency:
         law = result.law
@@ -196,18 +196,18 @@ def oscillation_of(
     return SmallOscillation(there.depth, omega, stiffness, damping, tangent)
 
 
-def relaxed_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
+def compute_relaxed_stiffness(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
-    there = _numbers_at(result, depth)
+    there = _evaluate_depth(result, depth)
     if not result.law.relaxes:
         return there.stiffness
     found = _evaluate(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
     return Quantity(*found, 0.0)
 
 
-def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) -> Quantity:
+def compute_instantaneous_stiffness(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x before any relaxation, N/m, at a depth [m]; default: the working depth."""
-    there = _numbers_at(result, depth)
+    there = _evaluate_depth(result, depth)
     if not result.law.relaxes:
         return there.stiffness
     found = _evaluate(
@@ -216,7 +216,7 @@ def instantaneous_stiffness_of(result: Derivable, depth: float | None = None) ->
     return Quantity(*found, 0.0)
 
 
-def relaxation_time_of(result: Derivable) -> Quantity | None:
+def compute_relaxation_time(result: Derivable) -> Quantity | None:
     """The law's relaxation time, s; None for a law without one or with several.
 
     Its systematic error is half the distance between the relaxation times that were offered.
@@ -225,18 +225,18 @@ def relaxation_time_of(result: Derivable) -> Quantity | None:
     return None if time is None else Quantity(time, 0.0, time * law.relaxation.resolution)
 
 
-def band_of(result: Derivable) -> tuple[float, float]:
+def motion_band(result: Derivable) -> tuple[float, float]:
     """Return the frequency band of the motion, rad/s: half to twice its mean frequency."""
     return band_about(result.frequency)
 
 
-def in_hertz(frequency: float) -> str:
+def format_hertz(frequency: float) -> str:
     """Format a frequency [rad/s] in Hz."""
     return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
 def _check_frequency(result: Derivable, frequency: float | None) -> float:
-    low, high = band_of(result)
+    low, high = motion_band(result)
     if not (low > 0.0 and math.isfinite(high)):
         raise InvalidParameterError(
             "no frequency can be analysed: the probe is held still, or there are too few samples"
@@ -246,8 +246,9 @@ def _check_frequency(result: Derivable, frequency: float | None) -> float:
     omega = number("frequency", frequency)
     if not low <= omega <= high:
         raise InvalidParameterError(
-            f"frequency must be in the band of the motion, {in_hertz(low)} to {in_hertz(high)} "
-            f"({rounded(low, 3)} to {rounded(high, 3)} rad/s), not {in_hertz(omega)}: the samples "
+            f"frequency must be in the band of the motion, {format_hertz(low)} to "
+            f"{format_hertz(high)} ({rounded(low, 3)} to {rounded(high, 3)} rad/s), not "
+            f"{format_hertz(omega)}: the samples "
             "carry no information outside of it"
         )
     return omega
@@ -263,7 +264,7 @@ def _evaluate(
     return found, math.hypot(error, 0.5 * moved)
 
 
-def _numbers_at(result: Derivable, depth: float | None) -> WorkingDepth:
+def _evaluate_depth(result: Derivable, depth: float | None) -> WorkingDepth:
     """Return the numbers at a depth; None means the working depth."""
     known = result.diagnosis.working_depth
     if depth is None and not 0.0 < known.depth <= 1e100:
@@ -300,7 +301,7 @@ LONGEST_GAP = 20.0
 _absurd_numbers = np.errstate(all="ignore")
 
 
-def path_of(result: Derivable) -> Path:
+def build_path(result: Derivable) -> Path:
     """Return the finite samples without the rejected outliers.
 
     Segments without a gap in time, such as approach and retract of a force curve, are joined, so
@@ -343,24 +344,24 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
     """
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
-    fastest = fastest_of(result.contact.velocity[result.trace.taken])
+    fastest = fast_approach_speed(result.contact.velocity[result.trace.taken])
     found, v0 = result.diagnosis, speed or result.query.impact_speed
     law = result.law.simplest()
     own = [result.law.names().index(name) for name in law.names()]
-    b = dissipation_of(law, result.covariance[np.ix_(own, own)], found.working_depth)
+    b = compute_dissipation(law, result.covariance[np.ix_(own, own)], found.working_depth)
     trusted = found.verdict.damping != "do-not-trust"
-    return restitution_of(law, b, fastest, v0, trusted=trusted)
+    return compute_restitution(law, b, fastest, v0, trusted=trusted)
 
 
 @_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
     """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
-    data, path = result.data or Data(result.contact), path_of(result)
+    data, path = result.data or Data(result.contact), build_path(result)
     going_on = replace(result.contact, segment=_segment_numbers(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
-    return energy_of(
+    return compute_energy_loss(
         path,
-        loops_of(going_on, path),
+        find_loops(going_on, path),
         result.law,
         result.diagnosis.working_depth.damping,
         force_noise=data.force_noise,
@@ -374,7 +375,7 @@ def energy_from(result: Derivable) -> EnergyLoss:
 def passivity_from(result: Derivable) -> Passivity:
     """Whether the law's force, and the recorded force, become negative in the recorded motion."""
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
-    return passivity_of(path_of(result), result.law, there, data.force_noise)
+    return check_passivity(build_path(result), result.law, there, data.force_noise)
 
 
 @_absurd_numbers
@@ -399,20 +400,20 @@ def elastic_modulus_from(
     InvalidParameterError
         There is no tip, or Poisson's ratio is out of its range.
     """
-    from palpate.quantities.elastic_modulus import elastic_modulus_of
-    from palpate.quantities.indentation import force_curve_of, indentation_of
+    from palpate.quantities.elastic_modulus import compute_elastic_modulus
+    from palpate.quantities.indentation import find_force_curve, fit_force_curve
 
     tip = tip or result.query.tip
     ratio = result.query.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:
         raise InvalidParameterError("tip is missing: pass one, such as tip=Sphere(radius=5e-3)")
     QueryOptions(tip=tip, poisson_ratio=ratio)  # which checks them
-    if (curve := force_curve_of(result.contact)) is not None:
-        return indentation_of(curve, tip, ratio).modulus
+    if (curve := find_force_curve(result.contact)) is not None:
+        return fit_force_curve(curve, tip, ratio).modulus
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface
     inside = depth[depth > 0.0]
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2
-    found = elastic_modulus_of(result.law, result.diagnosis, (low, high), tip, ratio)
+    found = compute_elastic_modulus(result.law, result.diagnosis, (low, high), tip, ratio)
     if found.refused or not result.estimate.fixed:
         return found
     unchecked = "the exponent was fixed, so it does not confirm the shape of the tip"
@@ -436,11 +437,11 @@ def compression_modulus_from(
     InvalidParameterError
         There is no specimen.
     """
-    from palpate.quantities.specimen import compression_modulus_of
+    from palpate.quantities.specimen import compute_compression_modulus
 
     specimen = specimen or result.query.specimen
     if specimen is None:
         raise InvalidParameterError(
             "specimen is missing: pass one, such as specimen=Specimen(area=3e-4, height=0.02)"
         )
-    return compression_modulus_of(result.diagnosis, specimen)
+    return compute_compression_modulus(result.diagnosis, specimen)

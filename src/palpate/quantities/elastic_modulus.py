@@ -16,7 +16,7 @@ from palpate.digits import format_quantity
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import defined, kept
+from palpate.validation import check_field, finite_or_none
 
 # Depth over radius, and strain: beyond these the assumption of small strains may fail.
 SMALL_DEPTH = SMALL_STRAIN = 0.1
@@ -75,7 +75,7 @@ class Sphere(Tip):
     exponent: ClassVar[float] = 1.5
 
     def __post_init__(self) -> None:
-        kept(self, "radius", 0.0, 1.0, open_low=True)
+        check_field(self, "radius", 0.0, 1.0, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -112,7 +112,7 @@ class FlatPunch(Tip):
     exponent: ClassVar[float] = 1.0
 
     def __post_init__(self) -> None:
-        kept(self, "radius", 0.0, 1.0, open_low=True)
+        check_field(self, "radius", 0.0, 1.0, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -141,7 +141,7 @@ class Cone(Tip):
     exponent: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
-        kept(self, "half_angle", 0.0, 1.57, open_low=True)
+        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -175,7 +175,7 @@ class Pyramid(Tip):
     exponent: ClassVar[float] = 2.0
 
     def __post_init__(self) -> None:
-        kept(self, "half_angle", 0.0, 1.57, open_low=True)
+        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -250,7 +250,7 @@ class ElasticModulus:
         """Return it as plain numbers and text, with None for undefined numbers."""
         return {
             **self.value.as_dict(),
-            "reduced": defined(self.value.value / (1.0 - self.poisson_ratio**2)),
+            "reduced": finite_or_none(self.value.value / (1.0 - self.poisson_ratio**2)),
             "poisson_ratio": self.poisson_ratio,
             "poisson_ratio_assumed": self.assumed,
             "tip": self.tip.as_dict(),
@@ -261,7 +261,7 @@ class ElasticModulus:
         }
 
 
-def elastic_modulus_of(
+def compute_elastic_modulus(
     law: ForceLaw,
     found: Diagnosis,
     depths: tuple[float, float],
@@ -317,11 +317,11 @@ def elastic_modulus_of(
         modulus * math.hypot(spread, moved, by_force, tip.departure(there.depth)),
     )
     remarks = (*_remarks(found, exponent, tip), *tip.limitations(depths[1]))
-    mark = worst(found.verdict.stiffness, mark_of_error(value.whole_error / modulus))
+    mark = worst(found.verdict.stiffness, error_mark(value.whole_error / modulus))
     return ElasticModulus(value, *known, remarks=remarks, mark=mark)
 
 
-def mark_of_error(relative: float) -> Mark:
+def error_mark(relative: float) -> Mark:
     """Return the mark that a relative standard error of the modulus allows."""
     if relative <= TRUSTED[0]:
         return "trust"

@@ -15,7 +15,7 @@ from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.touches import find_touches
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import Floats, Plain, defined
+from palpate.validation import Floats, Plain, finite_or_none
 
 # Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.
 HYSTERESIS = 0.10
@@ -44,7 +44,7 @@ class Path:
     segment: NDArray[np.int64]
     inside: NDArray[np.bool_]
 
-    def felt(self, law: ForceLaw) -> Floats:
+    def law_force(self, law: ForceLaw) -> Floats:
         """Force of a law along the motion, N."""
         within = np.diff(self.time)[np.diff(self.segment) == 0]
         usual = float(np.median(within)) if within.size else 1.0
@@ -95,7 +95,7 @@ class Loops:
         return stops - starts
 
 
-def loops_of(contact: Contact, path: Path) -> Loops:
+def find_loops(contact: Contact, path: Path) -> Loops:
     """Return the whole touches, or the whole cycles if touches cover less than half of the contact.
 
     A touch begins and ends out of contact, within the recording. A cycle goes from one inward
@@ -272,13 +272,13 @@ class EnergyLoss:
             "loops": len(self.lost),
             "measured": self.measured.as_dict(),
             "predicted": self.predicted.as_dict(),
-            "put_in": defined(self.put_in),
+            "put_in": finite_or_none(self.put_in),
             "fraction": self.fraction.as_dict(),
             "remarks": list(self.remarks),
         }
 
 
-def energy_of(
+def compute_energy_loss(
     path: Path,
     loops: Loops,
     law: ForceLaw,
@@ -309,7 +309,7 @@ def energy_of(
     """
     work = path.work(path.force)
     lost = loops.over(work)
-    predicted = loops.over(path.work(path.felt(law)))
+    predicted = loops.over(path.work(path.law_force(law)))
     variance = loops.over(path.variance(force_noise, depth_noise))
     each = put_in(work, loops)
     samples = np.arange(len(path.time))
@@ -339,7 +339,7 @@ def _drift_work(path: Path, loops: Loops, law: ForceLaw) -> float:
     """Return ∮ ḋ t dx, mean of the loops, J, for a zero that drifts at the residual's rate ḋ."""
     inside = path.inside
     time = path.time[inside] - path.time[inside].mean()
-    left = path.force[inside] - path.felt(law)[inside]
+    left = path.force[inside] - path.law_force(law)[inside]
     rate = float(time @ left / (time @ time))
     return abs(rate * float(loops.over(path.work(path.time)).mean()))
 
@@ -424,7 +424,9 @@ class Passivity(Plain):
         return f"Passivity(negative force at {share} by the model; limit {limit})"
 
 
-def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float) -> Passivity:
+def check_passivity(
+    path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float
+) -> Passivity:
     """Return where a law's force is negative along a path.
 
     Parameters
@@ -440,7 +442,7 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
     """
     below = path.depth > 0.0
     depth, velocity, measured = path.depth[below], path.velocity[below], path.force[below]
-    force, damping = path.felt(law)[below], there.damping.value
+    force, damping = path.law_force(law)[below], there.damping.value
     size, pulls = force.size, force < 0.0
     lowest = int(np.argmin(force)) if pulls.any() else None
     return Passivity(
@@ -452,11 +454,11 @@ def passivity_of(path: Path, law: ForceLaw, there: WorkingDepth, force_noise: fl
         measured_there=float(measured[pulls].mean()) if pulls.any() else math.nan,
         measured_fraction=float(np.mean(measured < -PULLS * force_noise)) if size else math.nan,
         limit=-there.force.value / damping if damping > 0.0 else math.nan,
-        fastest_withdrawal=fastest_of(-velocity),
+        fastest_withdrawal=fast_approach_speed(-velocity),
     )
 
 
-def fastest_of(velocity: Floats) -> float:
+def fast_approach_speed(velocity: Floats) -> float:
     """99.9th percentile of the positive velocities, m/s (robust to spikes); 0 without any."""
     inwards = velocity[velocity > 0.0]
     return float(np.percentile(inwards, 99.9)) if inwards.size else 0.0

@@ -36,7 +36,7 @@ from palpate.quantities.elastic_modulus import (
     ElasticModulus,
     FlatPunch,
     Tip,
-    mark_of_error,
+    error_mark,
 )
 from palpate.quantities.restitution import UNKNOWN
 from palpate.recordings import Recording
@@ -102,7 +102,7 @@ def is_force_curve(channels: Mapping[str, Any]) -> bool:
     return POSITION in channels and FORCE in channels
 
 
-def force_curve_of(contact: Contact) -> Recording | None:
+def find_force_curve(contact: Contact) -> Recording | None:
     """Return the force curve from which a contact was made; None if it is from another source."""
     recording = None if contact.prepared is None else contact.prepared.recording
     if recording is None or recording.source != contact.source:
@@ -119,7 +119,7 @@ def refuse_options(names: Iterable[str]) -> None:
         )
 
 
-def indentation_of(
+def fit_force_curve(
     recording: Recording, tip: Tip, poisson_ratio: float | None = None
 ) -> Indentation:
     """Fit the approach of a recorded force curve; see :func:`fit_approach`."""
@@ -128,7 +128,7 @@ def indentation_of(
     return fit_approach(*signals, tip, poisson_ratio, source=recording.source)
 
 
-def contact_of(recording: Recording, found: Indentation) -> Contact:
+def prepare_force_curve(recording: Recording, found: Indentation) -> Contact:
     """Return a force curve as a contact: the force above the baseline, over the depth.
 
     An approach alone is timeless: at one speed damping does not differ from stiffness.
@@ -491,7 +491,7 @@ def _check_modulus(
     error = math.hypot(relative, *(part.size for part in parts))
     if refused is not None:
         yield Check.MODULUS.finding(f"no modulus: {refused}", mark="do-not-trust")
-    elif (mark := mark_of_error(error)) != "trust":
+    elif (mark := error_mark(error)) != "trust":
         _, cause, remedy = parts[0]
         if parts[0].size < relative:
             cause, remedy = "the force scatters", "average several curves of one place"

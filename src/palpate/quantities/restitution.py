@@ -71,7 +71,7 @@ def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     all_good("speed", speeds, (speeds >= 0.0) & np.isfinite(speeds), "at least 0 and finite")
     with np.errstate(over="ignore"):  # above 10³⁰⁰ e is 0
         d = np.clip(b * speeds, -1e300, 1e300)
-    e = _solved(d.reshape(-1))[0].reshape(d.shape)
+    e = _solve_restitution(d.reshape(-1))[0].reshape(d.shape)
     return e if e.ndim else float(e)
 
 
@@ -81,7 +81,7 @@ def restitution_slope(d: Floats) -> Floats:
     With y = d e, d − ln(1 + d) = −y − ln(1 − y) gives d/(1 + d) dd = y/(1 − y) dy, so that
     de/dd = [(1 − y)/(e (1 + d)) − e]/d; near 0, where that cancels, −2/3 + 8d/9 − 44d²/45.
     """
-    e, left = _solved(d)
+    e, left = _solve_restitution(d)
     few = np.clip(d, -1e-4, 1e-4)
     slopes = -2.0 / 3.0 + 8.0 * few / 9.0 - 44.0 * few**2 / 45.0
     far = np.abs(d) > 1e-4  # there truncation and cancellation errors are both about 10⁻¹²
@@ -117,7 +117,7 @@ def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Flo
     return found if found.ndim else float(found)
 
 
-def _solved(d: Floats) -> tuple[Floats, Floats]:
+def _solve_restitution(d: Floats) -> tuple[Floats, Floats]:
     """Restitution e, and 1 − d e without cancellation."""
     few = np.clip(d, -SMALL, SMALL)
     e = 1.0 - 2.0 * few / 3.0 + 4.0 * few**2 / 9.0
@@ -125,12 +125,12 @@ def _solved(d: Floats) -> tuple[Floats, Floats]:
     e[d <= -1.0] = left[d <= -1.0] = np.nan
     many = (d > -1.0) & (np.abs(d) >= SMALL)
     # By t = −ln(1 − d e), of the sign of d: t − 1 + exp(−t) = d − ln(1 + d).
-    wanted = _without_logarithm(d[many])
+    wanted = _subtract_logarithm(d[many])
     # d e < 1 and (d e)²/2 < d − ln(1 + d) bound t from above; for d < 0 its size, as t²/2 does.
     root = np.sqrt(2.0 * wanted)
     t = np.where(d[many] > 0.0, wanted + np.minimum(root, 1.0), -root)
     for _ in range(MOST_STEPS):
-        change = (_without_exponential(t) - wanted) / -np.expm1(-t)
+        change = (_subtract_exponential(t) - wanted) / -np.expm1(-t)
         t -= change
         if (np.abs(change) <= 1e-15 * np.abs(t)).all():
             break
@@ -138,7 +138,7 @@ def _solved(d: Floats) -> tuple[Floats, Floats]:
     return e, left
 
 
-def _without_logarithm(z: Floats) -> Floats:
+def _subtract_logarithm(z: Floats) -> Floats:
     """Return z − ln(1 + z); where that cancels r z − 2 (r³/3 + r⁵/5 + …), r = z/(2 + z)."""
     near = (z > -0.4) & (z < 0.66)
     value = z - np.log1p(np.where(near, 0.0, z))
@@ -147,11 +147,11 @@ def _without_logarithm(z: Floats) -> Floats:
     return value
 
 
-def _without_exponential(t: Floats) -> Floats:
+def _subtract_exponential(t: Floats) -> Floats:
     """Return t − 1 + exp(−t); near 0 as z − ln(1 + z) of z = exp(−t) − 1."""
     value = t + np.expm1(-t)
     near = np.abs(t) < 0.5
-    value[near] = _without_logarithm(np.expm1(-t[near]))
+    value[near] = _subtract_logarithm(np.expm1(-t[near]))
     return value
 
 
@@ -163,7 +163,7 @@ def _inverse(e: Floats) -> Floats:
     d = np.minimum(1.5 * (1.0 - e), 1.0) / e
     moving = d > 0.0
     for _ in range(MOST_STEPS):
-        now = _solved(d[moving])[0]
+        now = _solve_restitution(d[moving])[0]
         change = np.log(now / e[moving]) * now / (restitution_slope(d[moving]) * d[moving])
         d[moving] *= np.exp(-change)
         # ln e is accurate to 10⁻¹⁶; near d = 0 the relative accuracy of d is lower.
@@ -203,7 +203,7 @@ APPROXIMATIONS: dict[str, Callable[[float], float]] = {
 }
 
 
-def approximations_of(dissipation: float, speed: float) -> dict[str, float]:
+def compute_approximations(dissipation: float, speed: float) -> dict[str, float]:
     """Return e by each of :data:`APPROXIMATIONS` at a dissipation b [s/m] and a speed v₀ [m/s].
 
     NaN where an approximation is undefined: for b < 0, and where its e would be below 0.
@@ -238,7 +238,7 @@ class Restitution(Plain):
     coefficient : Quantity
         e from the exact relation, :func:`palpate.restitution`; NaN if undefined.
     dissipation : Quantity
-        b = B/K, s/m, from :func:`dissipation_of`.
+        b = B/K, s/m, from :func:`compute_dissipation`.
     approximations : mapping of str to float
         e from published approximations at the same b v₀; NaN where one is undefined.
     remarks : tuple of str
@@ -257,7 +257,7 @@ class Restitution(Plain):
         return f"Restitution({e} at {rounded(self.speed, 3)} m/s, dissipation {b})"
 
 
-def restitution_of(
+def compute_restitution(
     law: ForceLaw,
     b: Quantity,
     fastest_approach: float,
@@ -274,7 +274,7 @@ def restitution_of(
     law : ForceLaw
         The identified law.
     b : Quantity
-        Its dissipation, from :func:`dissipation_of`.
+        Its dissipation, from :func:`compute_dissipation`.
     fastest_approach : float
         Fastest approach recorded in contact, m/s.
     speed : float, optional
@@ -300,7 +300,7 @@ def restitution_of(
         fastest_approach,
         Quantity(e, slope * b.standard_error, slope * b.systematic),
         b,
-        MappingProxyType(approximations_of(b.value, v0)),
+        MappingProxyType(compute_approximations(b.value, v0)),
         (
             *([EQUIVALENT] if law.relaxes else []),
             *_remarks(b, v0, fastest_approach),
@@ -309,7 +309,7 @@ def restitution_of(
     )
 
 
-def dissipation_of(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
+def compute_dissipation(law: ForceLaw, covariance: Floats, there: WorkingDepth) -> Quantity:
     """Return b = B/K of a Hunt–Crossley law, s/m; unknown for other laws or without stiffness.
 
     For a generalised law, b = B′/F′ of the Hunt–Crossley law with the same K′ and B′ at working

@@ -12,7 +12,7 @@ from palpate.diagnosis.outcome import Diagnosis, Quantity
 from palpate.digits import rounded
 from palpate.quantities.elastic_modulus import SMALL_STRAIN
 from palpate.quantities.restitution import UNKNOWN
-from palpate.validation import Plain, defined, kept
+from palpate.validation import Plain, check_field, finite_or_none
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +31,8 @@ class Specimen(Plain):
     height: float
 
     def __post_init__(self) -> None:
-        kept(self, "area", 0.0, 1.0, open_low=True)
-        kept(self, "height", 0.0, 1.0, open_low=True)
+        check_field(self, "area", 0.0, 1.0, open_low=True)
+        check_field(self, "height", 0.0, 1.0, open_low=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +65,13 @@ class CompressionModulus:
         return {
             **self.value.as_dict(),
             "specimen": self.specimen.as_dict(),
-            "strain": defined(self.strain),
+            "strain": finite_or_none(self.strain),
             "refused": self.refused,
             "remarks": list(self.remarks),
         }
 
 
-def compression_modulus_of(found: Diagnosis, specimen: Specimen) -> CompressionModulus:
+def compute_compression_modulus(found: Diagnosis, specimen: Specimen) -> CompressionModulus:
     """Return Young's modulus from the stiffness at working depth and the size of the specimen.
 
     Parameters

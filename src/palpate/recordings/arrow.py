@@ -14,7 +14,7 @@ import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.nested import MOST_COLUMNS, text_of
+from palpate.recordings.nested import MOST_COLUMNS, read_text
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording, printable
 
@@ -169,7 +169,9 @@ def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Dr
         asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
         raise draft.error(f"no column {asked}; available: {there}")
     for k, form in enumerate(wanted):
-        unit = next((text_of(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None)
+        unit = next(
+            (read_text(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None
+        )
         try:
             table = table_of(form.name)
             table.validate(full=True)
@@ -280,7 +282,7 @@ def _name(column: str) -> str:
 def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
     """The metadata of a file, without long texts."""
     notes = {
-        str(text_of(name)): str(text_of(words))
+        str(read_text(name)): str(read_text(words))
         for name, words in metadata.items()
         if name not in _NO_NOTES and len(words) <= 200
     }

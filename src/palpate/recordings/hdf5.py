@@ -19,7 +19,7 @@ from palpate.recordings.nested import (
     Findings,
     no_class,
     plain_numbers,
-    text_of,
+    read_text,
 )
 from palpate.recordings.opening import FORCE_CURVES, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
@@ -53,7 +53,7 @@ def read(path: Path, request: Request) -> Recording:
         The file is not HDF5, is too damaged, or holds no time series.
     """
     source = printable(path)
-    with opened(path, source) as file:
+    with open_file(path, source) as file:
         if not _is_afm(file):
             walk = Walk(Findings(source, request))
             walk.group(file, ())
@@ -64,7 +64,7 @@ def read(path: Path, request: Request) -> Recording:
 
 
 @contextmanager
-def opened(path: Path, source: str) -> Iterator[h5py.File]:
+def open_file(path: Path, source: str) -> Iterator[h5py.File]:
     """Open a file for reading.
 
     Raises
@@ -96,7 +96,7 @@ def _why(error: BaseException) -> str:
 def _is_afm(file: h5py.File) -> bool:
     """Whether the file holds force curves that afmformats exported."""
     try:
-        return text_of(file.attrs.get("software")) == "afmformats" and "0" in file
+        return read_text(file.attrs.get("software")) == "afmformats" and "0" in file
     except DAMAGED:
         return False
 
@@ -115,7 +115,7 @@ class Walk:
             names = list(group)
             for attribute, part in _PLOTTED.items():  # axes are one name or several
                 for name in np.atleast_1d(group.attrs.get(attribute, ())).tolist():
-                    self.found.plots["/".join((*path, text_of(name) or ""))] = part
+                    self.found.plots["/".join((*path, read_text(name) or ""))] = part
         except DAMAGED as error:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
             return
@@ -123,7 +123,7 @@ class Walk:
             self._member(group, path, name)
 
     def _member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
-        name = text_of(link) or ""  # a name that is not UTF-8 is bytes
+        name = read_text(link) or ""  # a name that is not UTF-8 is bytes
         whole = "/".join((*path, name))
         try:
             if isinstance(group.get(link, getlink=True), h5py.ExternalLink):
@@ -147,7 +147,7 @@ class Walk:
         whole = "/".join((*path, name))
         kind, shape = item.dtype.kind, item.shape
         if shape == () and kind in "iufbOS" and item.dtype.itemsize <= _LONGEST_TEXT:
-            self.found.note(whole, text_of(item[()]) or item[()])
+            self.found.note(whole, read_text(item[()]) or item[()])
         elif shape is None or not all(shape) or kind not in "iufbV" or item.dtype.subdtype:
             self.found.omit(whole, _no_numbers(item))
         elif item.external or item.is_virtual:
@@ -207,11 +207,11 @@ class Walk:
         try:
             for name in item.attrs:
                 value = item.attrs[name]
-                words = text_of(value)
+                words = read_text(value)
                 if words is None and np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iufb":
                     words = str(value)
                 if words is not None:
-                    yield text_of(name) or "", words
+                    yield read_text(name) or "", words
         except DAMAGED:  # attributes are optional; reading the arrays reports the damage
             return
 
@@ -243,7 +243,7 @@ def read_matlab(path: Path, request: Request) -> Recording:
         The file is too damaged, or holds no time series.
     """
     source = printable(path)
-    with opened(path, source) as file:
+    with open_file(path, source) as file:
         walk = _Variables(Findings(source, request))
         walk.group(file, ())
         return walk.found.recording()
@@ -264,7 +264,7 @@ class _Variables(Walk):
     def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
         """Add a variable or a field, depending on the class."""
         whole = "/".join((*path, name))
-        kind = text_of(item.attrs.get("MATLAB_class"))
+        kind = read_text(item.attrs.get("MATLAB_class"))
         if "MATLAB_empty" in item.attrs:
             self.found.omit(whole, "is empty")
         elif item.dtype.kind == "O" and kind is None:
@@ -312,6 +312,6 @@ def _unit_beside(item: h5py.Dataset) -> str | None:
     """The unit in a field ``unit`` of the same struct."""
     for name in UNIT_FIELDS:
         unit = item.parent.get(name)
-        if isinstance(unit, h5py.Dataset) and text_of(unit.attrs.get("MATLAB_class")) == "char":
+        if isinstance(unit, h5py.Dataset) and read_text(unit.attrs.get("MATLAB_class")) == "char":
             return _char(unit)
     return None

@@ -34,7 +34,7 @@ def read(path: Path, request: Request) -> Recording:
     found = Findings(printable(path), request)
     request.reserve(_LARGEST * path.stat().st_size)
     try:
-        whole = _parsed(path.read_bytes(), found)
+        whole = _parse_json(path.read_bytes(), found)
         if isinstance(whole, list):
             _add_samples(found, (), whole)
         elif isinstance(whole, dict):
@@ -45,7 +45,7 @@ def read(path: Path, request: Request) -> Recording:
     return found.recording()
 
 
-def _parsed(content: bytes, found: Findings) -> Any:
+def _parse_json(content: bytes, found: Findings) -> Any:
     """Parse a file as one JSON value, or line by line as a list; skip damaged lines."""
     text = content.decode("utf-8-sig", "replace")
     try:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import RecordingError, needed
+from palpate.errors import RecordingError, import_extra
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
 from palpate.recordings.opening import Request
 from palpate.recordings.recording import Recording, printable
@@ -86,7 +86,7 @@ def read(path: Path, request: Request) -> Recording:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
         # Version 7.3 needs h5py; version 5 does not.
-        hdf5 = needed("palpate.recordings.hdf5", "reading a MATLAB 7.3 file", "recordings")
+        hdf5 = import_extra("palpate.recordings.hdf5", "reading a MATLAB 7.3 file", "recordings")
         recording: Recording = hdf5.read_matlab(path, request)
         return recording
     if not begin.startswith(b"MATLAB 5.0"):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.recordings.opening import Draft, first_line, within
 from palpate.recordings.recording import Recording
-from palpate.recordings.times import clock_rank, epoch_unit_of
+from palpate.recordings.times import clock_rank, detect_epoch_unit
 
 #: An array with more columns than this is an image or another kind of table.
 MOST_COLUMNS = 256
@@ -140,7 +140,7 @@ class Findings(Draft):
                 ranked.setdefault(leaf.group, []).append(leaf)
         request, every = self.request, self.leaves.values()
         asked = [leaf for leaf in every if request.wants(leaf.channel)]
-        wanted = {leaf.channel: self._clock_of(leaf, ranked) for leaf in asked}
+        wanted = {leaf.channel: self._find_clock(leaf, ranked) for leaf in asked}
         needed = {*wanted, *(clock.channel for clock in wanted.values() if clock is not None)}
         chosen = [leaf for leaf in every if leaf.channel in needed]
         for k, leaf in enumerate(chosen):
@@ -157,7 +157,7 @@ class Findings(Draft):
         }
         return self.done()
 
-    def _clock_of(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
+    def _find_clock(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
         """Return the clock named after an array, else the one in its group or in a group above."""
         for form in _OWN_CLOCKS:
             own = self.leaves.get((leaf.group, form.format(leaf.name)))
@@ -181,7 +181,7 @@ class Findings(Draft):
         unit = leaf.unit
         if leaf.rank is not None:
             values = _whole_times(values)
-            unit = unit or epoch_unit_of(values)
+            unit = unit or detect_epoch_unit(values)
             if unit and not leaf.unit:
                 self.note(leaf.channel, f"{unit} since 1970 (assumed from its values)")
         for name, column in _columns(leaf, values, clock):
@@ -203,7 +203,7 @@ class Findings(Draft):
         return f"the file holds no arrays of numbers{why}; check the program that wrote it"
 
 
-def text_of(value: object) -> str | None:
+def read_text(value: object) -> str | None:
     """Return the text of an attribute or a field; None if it is not text."""
     while isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]

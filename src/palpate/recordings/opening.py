@@ -15,7 +15,7 @@ from typing import IO, Any
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import InvalidParameterError, RecordingError, needed
+from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file
@@ -138,7 +138,7 @@ class Format:
         """Import and return the module."""
         if self.extra is None:
             return import_module(self.module)
-        return needed(self.module, f"reading a {self.name} file", self.extra)
+        return import_extra(self.module, f"reading a {self.name} file", self.extra)
 
 
 _HERE = "palpate.recordings"
@@ -243,14 +243,14 @@ def _read(file: Path, request: Request) -> Recording:
     if not standard and not _is(stat.S_ISFIFO, file):
         if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder
             regular_size(file)
-        return format_of(file).read(file, request)
+        return detect_format(file).read(file, request)
     source = "standard input" if standard else printable(file)
     # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
         _copy_stream(file, source, content, request.max_size)
         regular_size(copy, source)
         try:
-            recording = format_of(copy).read(copy, request)
+            recording = detect_format(copy).read(copy, request)
         except RecordingError as error:  # the user does not know the name of the copy
             raise RecordingError(str(error).replace(printable(copy), source)) from None
     return replace(recording, source=source)
@@ -295,7 +295,7 @@ def _log(recording: Recording, seconds: float) -> None:
         _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
 
 
-def format_of(path: Path) -> Format:
+def detect_format(path: Path) -> Format:
     """Return the format of a file; text if palpate does not recognise it."""
     begin = b""
     if _is(stat.S_ISDIR, path):

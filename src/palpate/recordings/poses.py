@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import RecordingError, listed
+from palpate.errors import RecordingError, list_names
 from palpate.findings import Check, Finding, Severity
 from palpate.recordings.recording import Recording
 from palpate.validation import Floats
@@ -57,7 +57,7 @@ def interpolate_rotation(at: Floats, time: Floats, quaternions: Floats) -> Float
     return unit
 
 
-def covered(wanted: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
+def lie_between_samples(wanted: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
     """Whether each time lies between two samples of a clock without a gap between them."""
     step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
     after = np.searchsorted(time, wanted)
@@ -275,7 +275,9 @@ class Transforms:
         words = f"the transforms above {child!r} go round in a circle; record a fixed frame"
         if roots:
             names = [f"--position '/tf[{root}>{child}]'" for root in roots[:3]]
-            words = f"several chains of transforms end in {child!r}; choose one: {listed(names)}"
+            words = (
+                f"several chains of transforms end in {child!r}; choose one: {list_names(names)}"
+            )
         raise RecordingError.of(self.recording.source, words)
 
     def _downward(self, frame: str, below: Mapping[str, Step | None]) -> list[Step]:
@@ -315,7 +317,7 @@ class Transforms:
                 return None
             at = min(clocks, key=lambda time: float(np.median(np.diff(time))))
             for time in clocks:
-                at = at[covered(at, time)]
+                at = at[lie_between_samples(at, time)]
             if not at.size:
                 words = f"the transforms of {name} are at no time all known; record them together"
                 raise RecordingError.of(self.recording.source, words)

@@ -17,7 +17,7 @@ from palpate.errors import printable as visible
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.recordings.times import SECONDS, is_timelike
-from palpate.validation import Floats, shown, unmasked
+from palpate.validation import Floats, reject_masks, shown
 
 # With an apostrophe or a narrow space, or with a comma that cannot be the decimal mark.
 _THOUSANDS = re.compile(
@@ -113,7 +113,7 @@ class Recording:
     def __post_init__(self) -> None:
         channels = {}
         for name, values in self.channels.items():
-            unmasked(f"channel {name!r}", values)
+            reject_masks(f"channel {name!r}", values)
             try:
                 channels[name] = np.asarray(values)
             except (TypeError, ValueError):
@@ -158,7 +158,7 @@ class Recording:
         """
         own = self.units.get(name)
         is_element = name.endswith("]") and any(name.startswith(topic) for topic in self.types)
-        return plain_unit(own) if own else None if is_element else stated_unit(name)
+        return plain_unit(own) if own else None if is_element else find_unit(name)
 
     def numbers(self, name: str, *, strict: bool = False) -> Floats:
         """Return a channel as numbers.
@@ -199,7 +199,7 @@ class Recording:
         return words + (f", sample {sample}" if self.rows is None else f", row {self.rows[sample]}")
 
     def _numbers_of_text(self, name: str, values: NDArray[Any], *, strict: bool) -> Floats:
-        found = [_number_of(value) for value in values]
+        found = [_read_number(value) for value in values]
         wrong = [sample for sample, number in enumerate(found) if number is None]
         if wrong and (strict or len(wrong) > MOST_TEXT * values.size):
             remedy = "drop --strict to exclude such values" if strict else "choose another channel"
@@ -208,7 +208,7 @@ class Recording:
         return np.array([np.nan if number is None else number for number in found])
 
 
-def _number_of(value: Any) -> float | None:
+def _read_number(value: Any) -> float | None:
     try:
         return number_in_text(value) if isinstance(value, str) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -230,7 +230,7 @@ def number_in_text(text: str) -> float:
 def holds_numbers(values: NDArray[Any]) -> bool:
     """Whether most of the first texts of a channel are numbers."""
     filled = [value for value in values[:1000].tolist() if str(value).strip()]
-    return 2 * sum(_number_of(value) is not None for value in filled) > len(filled)
+    return 2 * sum(_read_number(value) is not None for value in filled) > len(filled)
 
 
 def printable(path: str | Path) -> str:
@@ -249,7 +249,7 @@ def _shown(value: Any) -> str:
     return text if len(text) < 200 else f"{text[:40]}…"
 
 
-def truth_of(notes: Mapping[str, str]) -> ForceLaw | None:
+def read_truth(notes: Mapping[str, str]) -> ForceLaw | None:
     """Return the force law of the note ``truth``; None if it is absent or invalid.
 
     Parameters
@@ -334,7 +334,7 @@ def plain_unit(text: str) -> str:
     return text if text in KNOWN else _SPELT.get(text, _SPELT.get(text.lower(), text))
 
 
-def size_of(kind: str, unit: str) -> float:
+def unit_size(kind: str, unit: str) -> float:
     """Return the size in SI of a unit of some quantity; 0 if it is not one.
 
     A number may precede the unit: ``0.0098N``. A mass counts as its weight.
@@ -352,11 +352,11 @@ def unit_in_name(name: str) -> str | None:
 
     None without a unit, or with a unit that palpate does not know.
     """
-    unit = stated_unit(name)
+    unit = find_unit(name)
     return unit if unit in KNOWN or unit in WEIGHTS else None
 
 
-def stated_unit(name: str) -> str | None:
+def find_unit(name: str) -> str | None:
     """Return the unit at the end of a column's name, even if palpate cannot convert it.
 
     In brackets any text counts; without them only a text that is unlikely to be part of the name.
@@ -364,13 +364,13 @@ def stated_unit(name: str) -> str | None:
     while bracketed := _BRACKETED.fullmatch(name):
         unit = plain_unit(bracketed[2] or bracketed[3] or "")
         if not _NO_UNIT.fullmatch(unit):
-            return _of_time(name, unit)
+            return _lower_time_unit(name, unit)
         name = bracketed[1]
     if (behind := _AFTER_A_COMMA.fullmatch(name)) and plain_unit(behind[1]) in _BARE:
-        return _of_time(name, plain_unit(behind[1]))  # ``Fz, gf``, ``Kraft in N``
+        return _lower_time_unit(name, plain_unit(behind[1]))  # ``Fz, gf``, ``Kraft in N``
     words = re.split(r"[_\s]+", name)
     for count in (2, 1):  # velocity_m_s before any other that ends with _s
-        unit = _of_time(name, plain_unit("/".join(words[-count:])))
+        unit = _lower_time_unit(name, plain_unit("/".join(words[-count:])))
         is_word = unit == "in" and words[-2:][0].lower() not in _LENGTHS
         if len(words) > count and unit in _BARE and not is_word:
             return unit
@@ -379,6 +379,6 @@ def stated_unit(name: str) -> str | None:
     return unit if unit in _BARE and unit != "in" else None
 
 
-def _of_time(name: str, unit: str) -> str:
+def _lower_time_unit(name: str, unit: str) -> str:
     """Return the unit, in lower case if it is a unit of time, as in ``Time_MS``."""
     return unit.lower() if unit.lower() in SECONDS and is_timelike(name) else unit

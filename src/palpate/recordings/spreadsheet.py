@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from openpyxl import load_workbook
 
-from palpate.errors import RecordingError, listed
+from palpate.errors import RecordingError, list_names
 from palpate.recordings.opening import TEXT, Draft, Request, excess, first_line
 from palpate.recordings.recording import (
     Recording,
@@ -56,8 +56,8 @@ def read(path: Path, request: Request) -> Recording:
             book = load_workbook(file, read_only=True, data_only=True)
         for name in _chosen_sheets([sheet.title for sheet in book.worksheets], draft):
             with _damage_explained(draft):
-                rows = _rows_of(book[name], draft)
-            table = _parsed(rows, draft) if any(map(any, rows)) else Recording({})
+                rows = _read_rows(book[name], draft)
+            table = _parse_table(rows, draft) if any(map(any, rows)) else Recording({})
             filled = {n: values for n, values in table.channels.items() if _is_filled(values)}
             if all(values.dtype == object for values in filled.values()):
                 filled = {}  # a sheet of text
@@ -76,7 +76,7 @@ def read(path: Path, request: Request) -> Recording:
         if count < _FEWEST_ROWS <= max(counts.values()):
             draft.omit(f"sheet {name!r}", f"holds only {count} rows of numbers")
             del tables[name]
-    return _joined(tables, draft)
+    return _join_tables(tables, draft)
 
 
 @contextmanager
@@ -108,11 +108,13 @@ def _chosen_sheets(names: Sequence[str], draft: Draft) -> Sequence[str]:
     if wanted is None or wanted in names:
         return names if wanted is None else [wanted]
     if wanted not in by_number:
-        raise draft.error(f"no sheet {wanted!r}; pass --sheet with one of {listed(list(names))}")
+        raise draft.error(
+            f"no sheet {wanted!r}; pass --sheet with one of {list_names(list(names))}"
+        )
     return by_number[wanted]
 
 
-def _rows_of(sheet: Any, draft: Draft) -> list[_Row]:
+def _read_rows(sheet: Any, draft: Draft) -> list[_Row]:
     sheet.reset_dimensions()  # the stated ones may be wrong
     rows = []
     for row in sheet.iter_rows(max_row=_MOST_ROWS, values_only=True):
@@ -121,7 +123,7 @@ def _rows_of(sheet: Any, draft: Draft) -> list[_Row]:
     return rows
 
 
-def _parsed(rows: Sequence[_Row], draft: Draft) -> Recording:
+def _parse_table(rows: Sequence[_Row], draft: Draft) -> Recording:
     """Parse the table in a sheet with the text reader; no channels without a table.
 
     Raises
@@ -148,11 +150,11 @@ def _words(cell: Any) -> str:
     return "" if cell is None else str(cell)
 
 
-def _joined(tables: dict[str, Recording], draft: Draft) -> Recording:
+def _join_tables(tables: dict[str, Recording], draft: Draft) -> Recording:
     """Join tables to one recording: a single table without a group, else a group for each sheet."""
     for sheet, table in tables.items():
         group = f"{sheet}/" if len(tables) > 1 else ""
-        clock = _clock_of(table) if group else None
+        clock = _find_clock(table) if group else None
         for name in table.channels:
             draft.channels[group + name] = table.channels[name]
             if clock not in (None, name):
@@ -165,13 +167,13 @@ def _joined(tables: dict[str, Recording], draft: Draft) -> Recording:
     needed |= {draft.clocks[name] for name in needed if name in draft.clocks}
     if not needed:
         wanted = ", ".join(draft.request.channels or ())
-        raise draft.error(f"no channel {wanted}; available: {listed(list(draft.channels))}")
+        raise draft.error(f"no channel {wanted}; available: {list_names(list(draft.channels))}")
     for name in draft.channels.keys() - needed:
         del draft.channels[name]
     return draft.done(table.rows if len(tables) == 1 else None)
 
 
-def _clock_of(table: Recording) -> str | None:
+def _find_clock(table: Recording) -> str | None:
     """The column with the times: its name or else its unit shows it."""
     ranks = {name: rank for name in table.channels if (rank := clock_rank(name)) is not None}
     timed = [name for name in table.channels if table.unit_of(name) in SECONDS]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import SECONDS, clock_rank, clock_unit
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.validation import Floats
 
 #: Least length of a gap in median steps; shorter ones are single missed samples and jitter.
@@ -107,7 +107,7 @@ class Survey:
     channels: tuple[ChannelSurvey, ...]
 
 
-@timed("survey")
+@log_stage("survey")
 def survey(recording: Recording) -> Survey:
     """Survey a recording.
 
@@ -118,7 +118,7 @@ def survey(recording: Recording) -> Survey:
     """
     members: dict[tuple[str, int], list[str]] = {}
     for name, values in recording.channels.items():
-        members.setdefault((clock_of(recording, name), len(values)), []).append(name)
+        members.setdefault((channel_clock(recording, name), len(values)), []).append(name)
     # A time column is on its own clock; it does not count as one of the clock's channels.
     clocks = [
         _clock(recording, clock, count, (n for n in names if n != clock))
@@ -128,7 +128,7 @@ def survey(recording: Recording) -> Survey:
     return Survey(tuple(clocks), channels)
 
 
-def clock_of(recording: Recording, name: str) -> str:
+def channel_clock(recording: Recording, name: str) -> str:
     """Return the name of the channel with the times of a channel; empty without one.
 
     In a table, whose columns name no clock, it is the column whose name suggests times.

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.errors import InvalidParameterError, needed
+from palpate.errors import InvalidParameterError, import_extra
 from palpate.writing import write_bytes, write_text
 
 _ROWS = 100_000  # rows in a batch of formatted text
@@ -66,8 +66,8 @@ def has_parquet() -> bool:
 def _as_parquet(
     columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> bytes:
-    pa = needed("pyarrow", "writing Parquet (instead of .csv)", "recordings")
-    parquet = needed("pyarrow.parquet", "writing Parquet", "recordings")
+    pa = import_extra("pyarrow", "writing Parquet (instead of .csv)", "recordings")
+    parquet = import_extra("pyarrow.parquet", "writing Parquet", "recordings")
     # pa.array would import pandas to check whether the values are its own.
     arrays = []
     for values in columns.values():

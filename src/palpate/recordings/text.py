@@ -29,20 +29,20 @@ from palpate.recordings.text_layout import (
     WHOLE_THOUSANDS,
     WIDE,
     TextLayout,
-    cells_of,
+    detect_layout,
+    has_open_quote,
     is_other_table,
-    layout_of,
-    padded,
-    parsed_number,
-    unclosed,
+    pad_cells,
+    parse_number,
+    split_cells,
     vector_in,
 )
 from palpate.recordings.times import (
-    epoch_of,
+    detect_epoch,
     is_nanoseconds,
     is_timelike,
     iso_nanoseconds,
-    joined_stamps,
+    join_stamps,
     past_midnight,
     plain_iso_times,
     whole_time,
@@ -138,13 +138,13 @@ class _Text:
     def blocks(self) -> Iterator[bytes]:
         r"""Yield whole lines, each with its ``\n``, without empty lines at the end."""
         rest = b""
-        for chunk in self._in_utf8():
+        for chunk in self._convert_to_utf8():
             rest += chunk
             if len(rest) < BLOCK:
                 continue
-            cut = self._filled(rest, rest.rfind(b"\n") + 1)
+            cut = self._end_of_text(rest, rest.rfind(b"\n") + 1)
             if cut:
-                yield _without_returns(rest[:cut])
+                yield _strip_returns(rest[:cut])
             rest = rest[cut:]
             if len(rest) > LONGEST_LINE:
                 raise RecordingError(
@@ -153,11 +153,11 @@ class _Text:
                 )
         self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
         rest += b"\n"
-        if cut := self._filled(rest, len(rest)):
-            yield _without_returns(rest[:cut])
+        if cut := self._end_of_text(rest, len(rest)):
+            yield _strip_returns(rest[:cut])
 
     @staticmethod
-    def _filled(lines: bytes, end: int) -> int:
+    def _end_of_text(lines: bytes, end: int) -> int:
         """Return the end of the last line that is not blank."""
         filled = len(lines[:end].rstrip(b" \t\f\r\n"))
         return lines.find(b"\n", filled) + 1 if filled else 0
@@ -174,9 +174,9 @@ class _Text:
                 return block.decode("cp1252")
             except UnicodeDecodeError:
                 return block.decode("latin-1")
-        return block.decode(errors="replace")  # _in_utf8 encoded it
+        return block.decode(errors="replace")  # _convert_to_utf8 encoded it
 
-    def _in_utf8(self) -> Iterator[bytes]:
+    def _convert_to_utf8(self) -> Iterator[bytes]:
         chunks = self._chunks()
         head = next(chunks, b"")
         marks = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -259,10 +259,10 @@ class _Column:
         self.pieces: list[NDArray[Any]] = []
         self.wrong: tuple[int, str] | None = None
         remembered = lru_cache(maxsize=10_000)
-        self._is_number = remembered(lambda cell: parsed_number(cell, decimal) is not None)
+        self._is_number = remembered(lambda cell: parse_number(cell, decimal) is not None)
         self.has_thousands = False
 
-    def refused(self, cells: Sequence[str]) -> list[int]:
+    def rows_to_skip(self, cells: Sequence[str]) -> list[int]:
         """Indices of the rows to skip, because they have no valid time."""
         if self.kind not in ("dates", "nanoseconds") or plain_iso_times(cells) is not None:
             return []
@@ -286,7 +286,7 @@ class _Column:
             words = np.array(list(map(sys.intern, cells)), dtype=object)
             wrong = len(cells) - sum(map(self._is_number, cells))
             self.extend(words, wrong, sum(not cell.strip() for cell in cells))
-        elif (values := self._at_once(cells)) is not None:
+        elif (values := self._convert_at_once(cells)) is not None:
             self.extend(values)
         else:
             unknown = [np.nan] * self.width if self.kind == "vectors" else np.nan
@@ -298,7 +298,7 @@ class _Column:
             values = np.array([unknown if each is None else each for each in found], dtype)
             self.extend(values, len(unread), sum(not cells[k].strip() for k in unread))
 
-    def _at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
+    def _convert_at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
         if self.kind == "dates":
             return plain_iso_times(cells)
         if self.kind != "numbers" or self.decimal == "," or "_" in "".join(cells):
@@ -318,7 +318,7 @@ class _Column:
             return whole_time(cell)
         if self.has_thousands and WHOLE_THOUSANDS.fullmatch(cell.strip()):
             cell = cell.replace(",", "")
-        return parsed_number(cell, self.decimal)
+        return parse_number(cell, self.decimal)
 
     def mistaken(self) -> str | None:
         """The kind that the column should have had; None if its kind was right."""
@@ -354,8 +354,7 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     most = 0.5 * len(filled)
     if kind is None and filled:
         numbers = sum(
-            parsed_number(cell, decimal) is not None
-            or bool(WHOLE_THOUSANDS.fullmatch(cell.strip()))
+            parse_number(cell, decimal) is not None or bool(WHOLE_THOUSANDS.fullmatch(cell.strip()))
             for cell in filled
         )
         if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
@@ -369,9 +368,9 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
                 return _Column(name, decimal, "vectors", max(set(vectors), key=vectors.count))
             kind = "text"
     column = _Column(name, decimal, kind or "numbers")
-    commas = [cell for cell in filled if "," in cell and parsed_number(cell, ".") is None]
+    commas = [cell for cell in filled if "," in cell and parse_number(cell, ".") is None]
     # If some numbers have no comma, a comma before three digits is not the decimal mark.
-    plain = sum(parsed_number(cell, ".") is not None for cell in filled)
+    plain = sum(parse_number(cell, ".") is not None for cell in filled)
     column.has_thousands = (
         decimal == "."
         and plain > 0
@@ -435,11 +434,11 @@ class _Table:
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
         named = self.request.header_row
-        layout = layout_of(lines, self.source, named) if len(lines) > (named or 0) else None
+        layout = detect_layout(lines, self.source, named) if len(lines) > (named or 0) else None
         # The notes are long, no rows follow them, or a later table may have more rows.
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
-            layout = layout_of(lines, self.source, named)
+            layout = detect_layout(lines, self.source, named)
         self.layout: TextLayout = layout
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
@@ -448,7 +447,7 @@ class _Table:
         self.header = re.compile(again, re.MULTILINE)
         some = lines[layout.first : layout.first + PROBED]
         probed = list(self._records(some, 0, lambda *_: None))
-        cells = _turned([found for _, found in probed], len(layout.header))
+        cells = _transpose([found for _, found in probed], len(layout.header))
         for name, found in zip(layout.header, cells, strict=True):
             kind = kinds.get(name) if self.request.wants(name) else "nothing"
             self.columns.append(_column_for(name, found, layout.decimal, kind))
@@ -462,7 +461,7 @@ class _Table:
         self.lost[what] = count + 1, first
 
     def _add(self, block: bytes, row: int) -> None:
-        arrays = self._parsed_at_once(block) if block and not self.words else None
+        arrays = self._parse_at_once(block) if block and not self.words else None
         if arrays is not None:
             for column, values in zip(self.columns, arrays, strict=True):
                 column.extend(values)
@@ -516,7 +515,7 @@ class _Table:
     def _add_last_words(self, row: int) -> None:
         """Add the last lines if they have the cells of rows; else they are text below the table."""
         lines = self.text.decode(self.words).split("\n")[:-1]
-        cells = [cells_of(line, self.layout.delimiter) for line in lines if line.strip(" ,;|\t")]
+        cells = [split_cells(line, self.layout.delimiter) for line in lines if line.strip(" ,;|\t")]
         if cells and all(len(each) == len(self.columns) for each in cells):
             self._add_rows(self.words, row)
         elif cells:
@@ -531,7 +530,7 @@ class _Table:
                     break
                 cut = block.find(b"\n", cut) + 1 or len(block)
             piece, block = block[:cut], block[cut:]
-            cells = self._divided_at_once(piece)
+            cells = self._divide_at_once(piece)
             if cells is not None:
                 self._add_cells(range(row, row + len(cells[0])), cells)
             else:
@@ -540,13 +539,13 @@ class _Table:
                 )
                 if records:
                     rows, found = zip(*records, strict=True)
-                    self._add_cells(rows, _turned(found, len(self.columns)))
+                    self._add_cells(rows, _transpose(found, len(self.columns)))
             row += piece.count(b"\n")
 
     def _add_cells(self, rows: Sequence[int], columns: Sequence[Sequence[str]]) -> None:
         keep = np.ones(len(rows), dtype=bool)
         for column, found in zip(self.columns, columns, strict=True):
-            for k in column.refused(found):
+            for k in column.rows_to_skip(found):
                 if keep[k]:
                     self._lose(f"has no valid time in column {column.name!r}", rows[k], found[k])
                 keep[k] = False
@@ -569,17 +568,17 @@ class _Table:
             if "\0" in line:
                 lose("contains zero bytes", at)
                 continue
-            if unclosed(line):
+            if has_open_quote(line):
                 end = next((j for j in range(k, min(k + MOST_LINES, len(lines)))
-                            if unclosed(lines[j])), None)  # fmt: skip
+                            if has_open_quote(lines[j])), None)  # fmt: skip
                 line = "" if end is None else "\n".join(lines[k - 1 : end + 1])
                 # Two stray marks far apart do not enclose the rows between them.
-                if end is None or len(cells_of(line, delimiter)) != width:
+                if end is None or len(split_cells(line, delimiter)) != width:
                     lose("has a quotation mark that is never closed", at)
                     continue
                 k = end + 1
-            cells = cells_of(line, delimiter)
-            fitting = cells if len(cells) == width else padded(cells, width)
+            cells = split_cells(line, delimiter)
+            fitting = cells if len(cells) == width else pad_cells(cells, width)
             # Padding an almost empty row of a wide table would invent many cells.
             if width > WIDE and 2 * len(cells) < width:
                 lose("has less than half as many cells as the header", at)
@@ -588,7 +587,7 @@ class _Table:
             else:
                 yield at, fitting
 
-    def _parsed_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
+    def _parse_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
         """The columns of lines of plain numbers; None if they hold anything else."""
         dtypes = [column.dtype for column in self.columns]
         if any(dtype is None for dtype in dtypes):
@@ -607,14 +606,14 @@ class _Table:
         if block.translate(None, _PLAIN) != pattern * rows:
             return None
         large = self.text.size > (HEAD if self.text.compressed else LARGE)
-        parse = _by_arrow if large and _pyarrow_csv() is not None else _by_numpy
+        parse = _parse_with_arrow if large and _pyarrow_csv() is not None else _parse_with_numpy
         try:
             arrays = parse(block, delimiter, dtypes)
         except ValueError:  # pyarrow's own is one
             return None
         return arrays if len(arrays[0]) == rows else None  # both parsers skip blank lines
 
-    def _divided_at_once(self, lines: bytes) -> list[list[str]] | None:
+    def _divide_at_once(self, lines: bytes) -> list[list[str]] | None:
         """The cells of each column; None if a row is incomplete or a cell is quoted."""
         delimiter, width = self.layout.delimiter, len(self.columns)
         if delimiter == SPACES or b'"' in lines or b"\0" in lines or b"\r" in lines:
@@ -631,7 +630,7 @@ class _Table:
         text = self.text.decode(line)
         cells = list[str]()
         with suppress(csv.Error):  # a line end within a cell
-            cells = [] if unclosed(text) else cells_of(text[:-1], self.layout.delimiter)
+            cells = [] if has_open_quote(text) else split_cells(text[:-1], self.layout.delimiter)
         killed = self.text.size % BUFFER == 0 and not self.text.compressed
         cut = len(cells) < len(self.columns) or killed or bool(self.text.losses)
         # Its last number may lack digits; compare its length with the numbers above.
@@ -658,10 +657,10 @@ class _Table:
             elif column.kind in ("dates", "nanoseconds"):
                 units[column.name] = "ns"
         for name, values in channels.items():
-            found = epoch_of(values) if is_timelike(name) else None
+            found = detect_epoch(values) if is_timelike(name) else None
             if found is not None and units.setdefault(name, found[0]) == found[0]:
                 channels[name] = found[1]
-        joined = joined_stamps(channels)
+        joined = join_stamps(channels)
         channels |= joined
         units |= dict.fromkeys(joined, "ns")
         for name in [each for each in channels if not self.request.wants(each)]:
@@ -691,7 +690,7 @@ class _Table:
         if self.text.encoding != "utf-8":
             encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
             draft.notes["encoding"] = encoding
-        rows = _in_one(self.rows)
+        rows = _concatenate_numbers(self.rows)
         recording = replace(
             draft.done(rows), settings=self.layout.settings, table=self.layout.place
         )
@@ -701,16 +700,16 @@ class _Table:
         return recording
 
 
-def _without_returns(lines: bytes) -> bytes:
+def _strip_returns(lines: bytes) -> bytes:
     return re.sub(rb"\r+\n", b"\n", lines) if b"\r" in lines else lines
 
 
-def _turned(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:
+def _transpose(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:
     """The columns of rows."""
     return list(zip(*cells, strict=True)) if cells else [()] * width
 
 
-def _in_one(rows: Sequence[Sequence[int]]) -> Sequence[int]:
+def _concatenate_numbers(rows: Sequence[Sequence[int]]) -> Sequence[int]:
     """All row numbers in one sequence; a range if they are consecutive."""
     rows = [each for each in rows if len(each)]
     if not rows:
@@ -722,7 +721,7 @@ def _in_one(rows: Sequence[Sequence[int]]) -> Sequence[int]:
     return joined  # type: ignore[no-any-return]
 
 
-def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
+def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
     arrow, csv = import_module("pyarrow"), _pyarrow_csv()
     names = [str(k) for k in range(len(dtypes))]
     types = [arrow.float64() if dtype.kind == "f" else arrow.int64() for dtype in dtypes]
@@ -735,7 +734,7 @@ def _by_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArr
     return [column.to_numpy() for column in table.columns]
 
 
-def _by_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
+def _parse_with_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
     table = np.loadtxt(
         io.TextIOWrapper(io.BytesIO(block), "ascii"),
         delimiter=delimiter,

@@ -12,9 +12,9 @@ from palpate.recordings.recording import (
     OTHER_UNITS,
     UNITS,
     UNSTATED,
+    find_unit,
     number_in_text,
     plain_unit,
-    stated_unit,
     unit_in_name,
 )
 from palpate.recordings.times import is_timelike
@@ -128,7 +128,7 @@ def is_other_table(lines: Sequence[str]) -> bool:
     return table.named and table.header > 0
 
 
-def layout_of(lines: Sequence[str], source: str, header_row: int | None = None) -> TextLayout:
+def detect_layout(lines: Sequence[str], source: str, header_row: int | None = None) -> TextLayout:
     """Return the layout of a table, from its first lines.
 
     Parameters
@@ -166,7 +166,9 @@ def layout_of(lines: Sequence[str], source: str, header_row: int | None = None) 
     first = 1
     counted = [str(place) for place in range(len(header))]  # as pandas numbers unnamed columns
     if not table.named and (report or header not in (counted, ["", *counted[:-1]])):
-        header = _commented_header(commented, header, "" if not body else delimiter, source, top)
+        header = _read_commented_header(
+            commented, header, "" if not body else delimiter, source, top
+        )
         first = 0
     if not header:
         raise RecordingError(f"{source}: the file has only notes; expected a header and samples")
@@ -176,7 +178,7 @@ def layout_of(lines: Sequence[str], source: str, header_row: int | None = None) 
         raise RecordingError(
             f"{source}: the header has {len(header)} columns; palpate reads at most {MOST_COLUMNS}"
         )
-    names = _told_apart(header)
+    names = _make_names_unique(header)
     rows = body[max(first, table.first - top) :]
     decimal = _decimal(rows[:TRIED], delimiter)
     if decimal == ",":
@@ -188,15 +190,15 @@ def layout_of(lines: Sequence[str], source: str, header_row: int | None = None) 
             break
         units |= {name: unit for name, unit in zip(names, stated or (), strict=False) if unit}
         first += 1
-    described = _described(report, delimiter, decimal)
+    described = _read_description(report, delimiter, decimal)
     notes = dict(described[:MOST_NOTES]) | notes
-    settings = dict(found for pair in described if (found := _setting_of(*pair)))
+    settings = dict(found for pair in described if (found := _read_setting(*pair)))
     if report:
         units = _units_above(report, names, delimiter) | units
         in_si = any(line.strip() == "endheader" for line in report)  # OpenSim writes SI units
         if in_si:  # names of translations end in _tx, _ty, _tz
             units |= {name: "m" for name in names if re.search(r"_t[xyz]$", name)}
-        elif not any(map(stated_unit, names)) and not units:
+        elif not any(map(find_unit, names)) and not units:
             units = {name: UNSTATED for name in names if not is_timelike(name)}
         units |= {name: "s" for name in names if name.startswith("X_Value")}  # LabVIEW's time
     listed = shown(", ".join(names), 80)
@@ -263,7 +265,7 @@ def _row_shape(line: str) -> tuple[str, int, str, int] | None:
     mark = next((mark for mark in ";\t|," if mark in bare), SPACES if " " in bare.strip() else ",")
     if mark in "\t," and " " in bare.strip() and _NUMBERS_IN_SPACES.fullmatch(line):
         mark = SPACES
-    cells = [cell.strip() for cell in cells_of(line, mark)]
+    cells = [cell.strip() for cell in split_cells(line, mark)]
     numeric = [bool(cell) and all(map(_NUMERIC.fullmatch, cell.split())) for cell in cells]
     numbers, words = sum(numeric), sum(map(bool, cells)) - sum(numeric)
     if numbers < words + (mark == SPACES and words > 0) or not numbers:
@@ -301,7 +303,7 @@ def _are_units(filled: Sequence[str], least: float = 1.0) -> bool:
     return units == len(filled) or units > least * len(filled)
 
 
-def _described(report: Iterable[str], delimiter: str, decimal: str) -> list[tuple[str, str]]:
+def _read_description(report: Iterable[str], delimiter: str, decimal: str) -> list[tuple[str, str]]:
     """Names and values in lines of text, the latter with decimal points."""
     pairs = []
     for line in report:
@@ -309,7 +311,7 @@ def _described(report: Iterable[str], delimiter: str, decimal: str) -> list[tupl
             (mark for mark in (delimiter, "\t", ";") if mark.strip(" ") and mark in line), ""
         )
         filled = [
-            cell.strip() for cell in (cells_of(line, mark) if mark else [line]) if cell.strip()
+            cell.strip() for cell in (split_cells(line, mark) if mark else [line]) if cell.strip()
         ]
         if len(filled) == 1:
             filled = re.split(r":\s+|\s*=\s*", filled[0], maxsplit=1)
@@ -343,12 +345,12 @@ _SETTINGS: dict[str, tuple[str, dict[str, float]]] = {
 _VALUE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d]\S*)?.*")
 
 
-def _setting_of(name: str, value: str) -> tuple[str, float] | None:
+def _read_setting(name: str, value: str) -> tuple[str, float] | None:
     """A setting that a report states, and its value in SI; None for other lines.
 
     The unit is in the name or behind the number; a rate and an interval need none.
     """
-    stated = stated_unit(name) or ""
+    stated = find_unit(name) or ""
     bare = name.replace(stated, "").strip(" ()[],:_") if stated else name
     setting, sizes = next(
         (what for words, what in _SETTINGS.items() if re.search(words, bare, re.I)), ("", {})
@@ -365,7 +367,7 @@ def _setting_of(name: str, value: str) -> tuple[str, float] | None:
 def _units_above(report: Iterable[str], names: Sequence[str], delimiter: str) -> dict[str, str]:
     """Units that a line above the header lists, such as LabVIEW's ``Y_Unit_Label``."""
     for line in report:
-        name, *cells = [cell.strip() for cell in cells_of(line.strip(), delimiter)]
+        name, *cells = [cell.strip() for cell in split_cells(line.strip(), delimiter)]
         found = [plain_unit(cell) for cell in cells if cell]
         if not found or not _NAMES_UNITS.search(name) or KNOWN.isdisjoint(found):
             continue
@@ -413,7 +415,7 @@ def _names(line: str, delimiter: str) -> list[str]:
     line = line.lstrip("# ") if line.startswith("#") else line
     if delimiter == SPACES:
         line = _BEFORE_BRACKET.sub("\0", line)
-    return [cell.replace("\0", " ").strip() for cell in cells_of(line, delimiter)]
+    return [cell.replace("\0", " ").strip() for cell in split_cells(line, delimiter)]
 
 
 def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
@@ -426,7 +428,7 @@ def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
     return cells
 
 
-def _commented_header(
+def _read_commented_header(
     commented: str | None, row: Sequence[str], delimiter: str, source: str, top: int
 ) -> list[str]:
     """The names in the last comment, as rostopic and NumPy write them; else numbered columns.
@@ -443,9 +445,9 @@ def _commented_header(
 
 def _units_below(line: str, delimiter: str, width: int, decimal: str) -> list[str] | None:
     """The units in a line below the header; None if it is not a row of units."""
-    cells = [cell.strip() for cell in cells_of(line, delimiter)]
+    cells = [cell.strip() for cell in split_cells(line, delimiter)]
     cells += [""] * (width - len(cells)) if len(cells) > 1 else []
-    numbers = any(parsed_number(cell, decimal) is not None for cell in cells if cell != "1")
+    numbers = any(parse_number(cell, decimal) is not None for cell in cells if cell != "1")
     if numbers or len(cells) != width:
         return None
     units = [plain_unit(cell) for cell in cells]
@@ -466,16 +468,16 @@ def _decimal(lines: Sequence[str], delimiter: str) -> str:
         if "," not in line or (delimiter == "," and '"' not in line):
             points += line.count(".")
             continue
-        for cell in map(str.strip, cells_of(line, delimiter)):
+        for cell in map(str.strip, split_cells(line, delimiter)):
             if WHOLE_THOUSANDS.fullmatch(cell):
                 either += 1
             else:
                 commas += bool(_DECIMAL_COMMA.fullmatch(cell))
-            points += "." in cell and parsed_number(cell, ".") is not None
+            points += "." in cell and parse_number(cell, ".") is not None
     return "," if commas > points or (either and not points) else "."
 
 
-def _told_apart(names: Sequence[str]) -> list[str]:
+def _make_names_unique(names: Sequence[str]) -> list[str]:
     """The names; repeated and empty ones get their column number."""
     times = Counter(names)
     apart: dict[str, None] = {}
@@ -488,7 +490,7 @@ def _told_apart(names: Sequence[str]) -> list[str]:
     return list(apart)
 
 
-def cells_of(line: str, delimiter: str) -> list[str]:
+def split_cells(line: str, delimiter: str) -> list[str]:
     """Return the cells of a line; the delimiter space means any run of spaces and tabs."""
     if '"' not in line:
         return line.split() if delimiter == " " else line.split(delimiter)
@@ -500,7 +502,7 @@ def cells_of(line: str, delimiter: str) -> list[str]:
         return line.split(delimiter)
 
 
-def parsed_number(cell: str, decimal: str) -> float | None:
+def parse_number(cell: str, decimal: str) -> float | None:
     """Return the number in a cell, with this decimal mark; None for any other text."""
     if decimal == ",":
         if _THOUSANDS.fullmatch(cell):
@@ -524,19 +526,19 @@ def vector_in(cell: str, decimal: str) -> list[float] | None:
         return None
     bare = _BRACKETS.sub(" ", cell)
     words = (bare if decimal == "," else bare.replace(",", " ")).replace(";", " ").split()
-    numbers = [parsed_number(word, decimal) for word in words]
+    numbers = [parse_number(word, decimal) for word in words]
     bracketed = bare != cell
     if not 1 + (not bracketed) <= len(numbers) <= MOST_ELEMENTS or None in numbers:
         return None
     return [number for number in numbers if number is not None]
 
 
-def unclosed(line: str) -> bool:
+def has_open_quote(line: str) -> bool:
     """Whether a quoted cell begins in a line and does not end there."""
     return line.count('"') % 2 == 1
 
 
-def padded(cells: Sequence[str], width: int) -> list[str] | None:
+def pad_cells(cells: Sequence[str], width: int) -> list[str] | None:
     """Return the cells, padded to the width of the header; None if there are more."""
     extra = cells[width:]
     if any(map(str.strip, extra)):

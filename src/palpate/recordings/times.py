@@ -111,7 +111,7 @@ def epoch_unit(value: float) -> str | None:
     return next(fitting, None)
 
 
-def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
+def detect_epoch(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
     """Return the unit of times since 1970, and the times, as integers if all are whole.
 
     None if they are not such times.
@@ -126,7 +126,7 @@ def epoch_of(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
     return unit, values.astype(np.int64) if whole else values
 
 
-def joined_stamps(channels: Mapping[str, NDArray[Any]]) -> dict[str, Whole]:
+def join_stamps(channels: Mapping[str, NDArray[Any]]) -> dict[str, Whole]:
     """Join pairs of columns with seconds and nanoseconds, as ROS names them.
 
     ``header.stamp.secs`` and ``header.stamp.nsecs`` give ``header.stamp``, in integer nanoseconds.
@@ -188,7 +188,7 @@ def clock_unit(name: str) -> str | None:
     return _SHORT.get(found["unit"].lower()) if found and found["unit"] else None
 
 
-def epoch_unit_of(values: NDArray[Any]) -> str | None:
+def detect_epoch_unit(values: NDArray[Any]) -> str | None:
     """Return the unit of times since 1970 from the first one; None for seconds and other times."""
     known = values[np.isfinite(values)]
     unit = epoch_unit(float(known[0])) if known.size else None

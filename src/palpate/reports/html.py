@@ -120,7 +120,7 @@ def cells(contents: Iterable[str]) -> str:
     return "".join(f"<td>{cell}</td>" for cell in contents)
 
 
-def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
+def render_sections(sections: "Iterable[ViewSection]") -> Iterator[str]:
     """Yield each section's table, then its lines; named lines become a second table."""
     for each in sections:
         headings, rows = each.table()
@@ -131,7 +131,7 @@ def composed(sections: "Iterable[ViewSection]") -> Iterator[str]:
             yield from table(each.title, names, (map(_cell, row, folds) for row in rows))
         for named, lines in groupby(each.lines, lambda line: bool(line.name and not line.mark)):
             if named:
-                yield from table(each.title, ("", ""), map(_named, lines))
+                yield from table(each.title, ("", ""), map(_definition, lines))
             else:
                 yield from map(_line, lines)
 
@@ -144,7 +144,7 @@ def _cell(cell: "Cell", folds: bool) -> str:
     return f"<p>{words}</p>" if folds else words
 
 
-def _named(line: "Line") -> tuple[str, str]:
+def _definition(line: "Line") -> tuple[str, str]:
     remarks = [*line.remarks, *([f"→ {line.remedy}"] if line.remedy else [])]
     words = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
     return escape(line.name), f"<p>{escape(line.text)}</p>{words}"
@@ -208,7 +208,9 @@ def inline(svg: str, name: str, caption: str) -> str:
     head, rest = svg.split(">", 1)
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     svg = f'{head} id="{name}" role="img" aria-label="{escape(caption)}">{rest}'
-    svg = re.sub(r"<style[^>]*>(.*?)</style>", lambda s: _scoped(s, name), svg, flags=re.DOTALL)
+    svg = re.sub(
+        r"<style[^>]*>(.*?)</style>", lambda s: _limit_to_figure(s, name), svg, flags=re.DOTALL
+    )
     svg = re.sub(r'\bid="(?!' + re.escape(name) + r'")', f'id="{name}-', svg)
     svg = svg.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")
     for variable, colour in LIGHT.variables().items():
@@ -216,7 +218,7 @@ def inline(svg: str, name: str, caption: str) -> str:
     return svg
 
 
-def _scoped(style: re.Match[str], name: str) -> str:
+def _limit_to_figure(style: re.Match[str], name: str) -> str:
     rules = re.findall(r"([^{}]+)\{([^{}]*)\}", style[1])
     return (
         "<style>"

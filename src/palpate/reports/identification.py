@@ -15,7 +15,7 @@ from typing import Any
 from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.identification.identified import Identified
-from palpate.quantities.derived import band_of
+from palpate.quantities.derived import motion_band
 from palpate.recordings.table_files import has_parquet, write_columns
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
@@ -30,7 +30,7 @@ from palpate.results.saved import (
     trace_columns,
     trace_digest,
 )
-from palpate.stages import timed
+from palpate.stages import log_stage
 from palpate.writing import check_own, check_writable, make_folder, write_text
 
 # Colours that are readable in light and in dark notebooks.
@@ -42,7 +42,7 @@ def card(result: Identified) -> str:
     sections = view.verdict_section(result), view.depth_table(result), view.law_section(result)
     colour = _COLOURS[result.diagnosis.verdict.overall]
     name = escape(Path(result.contact.source).name or "contact")
-    inside = "".join(html.composed(sections))
+    inside = "".join(html.render_sections(sections))
     return f'<div style="border-left:5px solid {colour};padding-left:0.8em">{name}{inside}</div>'
 
 
@@ -114,14 +114,14 @@ def page(
         "</header>",
         *html.section("figure", "Measurement and model", _figures(result, travels)),
         "</div>",
-        *html.section("numbers", "Identified values", html.composed(values)),
+        *html.section("numbers", "Identified values", html.render_sections(values)),
         *html.section("law", "Model selection", _which_law(result, others)),
-        *html.section("following", "Derived quantities", html.composed([follows])),
+        *html.section("following", "Derived quantities", html.render_sections([follows])),
         *html.section("residuals", "Residuals", _residuals(result)),
-        *html.section("findings", "Findings", html.composed([findings])),
-        *html.section("parts", beside_title, html.composed(beside)),
-        *html.section("comparison", "Other models and methods", html.composed(methods)),
-        *html.section("contact", "Data preparation", html.composed(prepared)),
+        *html.section("findings", "Findings", html.render_sections([findings])),
+        *html.section("parts", beside_title, html.render_sections(beside)),
+        *html.section("comparison", "Other models and methods", html.render_sections(methods)),
+        *html.section("contact", "Data preparation", html.render_sections(prepared)),
         *html.section("again", "How to reproduce this result", _again(circumstances)),
         "</main>",
     ]
@@ -166,7 +166,7 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
     if not words or not any(each.law.remembers for each in shown):
         return  # K′ and B′ do not depend on the frequency
     try:
-        low, high = (f"{each / (2.0 * math.pi):.3g}" for each in band_of(result))
+        low, high = (f"{each / (2.0 * math.pi):.3g}" for each in motion_band(result))
         result.dynamic_stiffness()
     except InvalidParameterError:  # the probe did not move
         return
@@ -259,7 +259,7 @@ class Destination:
         """File names in the order of writing; the result itself is the last."""
         return (REPORT, self.trace, OPTIONS, RESULT)
 
-    @timed("report")
+    @log_stage("report")
     def save(
         self,
         result: Identified,

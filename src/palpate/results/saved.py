@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from palpate._core import Status, __version__
 from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
-from palpate.errors import InvalidParameterError, RecordingError, needed
+from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding
@@ -27,7 +27,7 @@ from palpate.identification.ranking import rank
 from palpate.preparation.touches import find_touches
 from palpate.recordings import open_recording
 from palpate.recordings.recording import Recording
-from palpate.validation import Floats, defined, or_nan, plain
+from palpate.validation import Floats, finite_or_none, or_nan, plain
 
 if TYPE_CHECKING:
     import pandas
@@ -234,19 +234,19 @@ def result_dict(result: "Identified") -> dict[str, Any]:
             estimated |= {name: value, f"{name}_standard_error": error}
     return {
         "method": result.method,
-        "frequency": defined(result.frequency),
+        "frequency": finite_or_none(result.frequency),
         "relaxed_stiffness": plain(result.relaxed_stiffness()) if law.remembers else None,
         **result.diagnosis.as_dict(),
         "episodes": _episodes(result),
         "law": law.description(),
         "standard_errors": dict(zip(law.as_dict(), result.standard_errors.tolist(), strict=True)),
         **({"fixed": list(result.fixed)} if result.fixed else {}),
-        "correlations": [[*map(defined, row)] for row in result.correlations.tolist()],
+        "correlations": [[*map(finite_or_none, row)] for row in result.correlations.tolist()],
         **estimated,
         **derived_dict(result),
-        "prediction_rmse_percent": defined(result.prediction_rmse_percent),
-        "fit_rmse_percent": defined(result.fit_rmse_percent),
-        "violated_fraction": defined(result.violated_fraction),
+        "prediction_rmse_percent": finite_or_none(result.prediction_rmse_percent),
+        "fit_rmse_percent": finite_or_none(result.fit_rmse_percent),
+        "violated_fraction": finite_or_none(result.violated_fraction),
         "changes": result.changes.tolist(),
         "contact_samples": int(np.count_nonzero(trace.taken)),
         "rejected_samples": int(np.count_nonzero(trace.rejected)),
@@ -477,7 +477,7 @@ def _quantity(words: Mapping[str, Any]) -> Quantity:
 
 def to_pandas(result: "Identified") -> "pandas.DataFrame":
     """Return the columns of :func:`trace_columns`, indexed by time; units in ``attrs``."""
-    pandas = needed("pandas", "to_pandas", "notebook")
+    pandas = import_extra("pandas", "to_pandas", "notebook")
     columns, units = trace_columns(result)
     frame = pandas.DataFrame(columns).set_index("time")
     frame.attrs["units"] = units
@@ -488,7 +488,7 @@ def to_pandas(result: "Identified") -> "pandas.DataFrame":
 
 def to_xarray(result: "Identified") -> "xarray.Dataset":
     """Return samples along ``time`` and parameters along ``parameter``; units as attributes."""
-    module = needed("xarray", "to_xarray", "notebook")
+    module = import_extra("xarray", "to_xarray", "notebook")
     law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
     own = {name for each in law.names() for name in (each, f"{each}_standard_error")}
     variables: dict[str, Any] = {

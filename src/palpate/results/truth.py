@@ -8,7 +8,7 @@ import numpy as np
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.recordings.recording import truth_of
+from palpate.recordings.recording import read_truth
 from palpate.results.parameters import format_signed, parameter_rows
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ def stated_truth(result: "Identified", depth: float) -> dict[str, float]:
 
     If one of the two laws relaxes: K′ and B′ at the motion's frequency, and no force.
     """
-    truth = truth_of(result.contact.provenance)
+    truth = read_truth(result.contact.provenance)
     if truth is None or not math.isfinite(depth):
         return {}
     if not (result.law.remembers or truth.remembers):
@@ -77,7 +77,7 @@ def against_truth(value: float, truth: float, error: float, unit: str = "") -> s
 
 def truths(result: "Identified") -> list[str]:
     """Return the truth of each parameter, or empty texts if it is a law of another kind."""
-    law, truth, rows = result.law, truth_of(result.contact.provenance), parameter_rows(result)
+    law, truth, rows = result.law, read_truth(result.contact.provenance), parameter_rows(result)
     if truth is not None:
         alike = law.simplest()
         law = alike if alike.kind == truth.kind else law

@@ -23,8 +23,8 @@ from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
 from palpate.identification.ranking import rank
 from palpate.preparation.touches import find_touches
-from palpate.quantities.derived import band_of, in_hertz
-from palpate.recordings.recording import truth_of
+from palpate.quantities.derived import format_hertz, motion_band
+from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
@@ -211,7 +211,7 @@ def number_lines(result: "Identified") -> list[NumberLine]:
             continue
         at = f"at {format_quantity(at_depth.depth, 'm')}"
         if math.isfinite(frequency) and (k or result.law.remembers):
-            at += f", {in_hertz(frequency)}"
+            at += f", {format_hertz(frequency)}"
         skew = _describe_skew(at_depth) if k else ""
         same = bool(k and reason and reason == reasons[0])
         words = "for the same reason" if same else reason
@@ -530,7 +530,7 @@ def model_table(ordered: "Sequence[Identified]") -> ViewSection:
         rows.append(
             (each.method, parameter_terms(each), *errors, format_share(each.violated_fraction))
         )
-    if truth := truth_of(ordered[0].contact.provenance):
+    if truth := read_truth(ordered[0].contact.provenance):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         terms = (f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named)
         rows.append(("truth", "\n".join(terms), "", "", ""))
@@ -621,7 +621,7 @@ def _millimetres(part: "Identified") -> str:
 
 
 def _hertz(part: "Identified") -> str:
-    return in_hertz(part.frequency).removesuffix(" Hz")
+    return format_hertz(part.frequency).removesuffix(" Hz")
 
 
 def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
@@ -711,13 +711,13 @@ def _describe_oscillation(result: "Identified", *, whole: bool) -> list[Line]:
         response = result.dynamic_stiffness(result.query.frequency)
         parts = response.stiffness, response.damping, response.loss_tangent
         k, b, tangent = (each if whole else each.combined for each in parts)
-        frequency, depth = in_hertz(response.frequency), format_quantity(response.depth, "m")
+        frequency, depth = format_hertz(response.frequency), format_quantity(response.depth, "m")
         words = (
             f"at {frequency} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
             f"tan δ = {tangent.format()}"
         )
-        low, high = band_of(result)
-        band = f"the motion covers {in_hertz(low)} to {in_hertz(high)}"
+        low, high = motion_band(result)
+        band = f"the motion covers {format_hertz(low)} to {format_hertz(high)}"
         without = () if result.law.remembers else ("without relaxation: the same at any frequency",)
         return [Line(words, "oscillation", remarks=(*without, band))]
     return []

@@ -1,1 +1,1 @@
-"""Drake: a law as one point contact, as several, or as a hydroelastic slab."""
+"""Drake: a law as one point contact or as several."""

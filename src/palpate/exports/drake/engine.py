@@ -1,6 +1,6 @@
 """Drake: a surface and a tip on a slide in SDFormat and URDF, and the choice of contact for a law.
 
-Forms are one point contact, nested spheres, a hydroelastic slab, and SAP. The text comes first, the
+Forms are one point contact, nested spheres, and SAP. The text comes first, the
 engine with its forms at the end.
 """
 
@@ -16,21 +16,13 @@ from palpate.exports.drake.running import (
     Setting,
     forces,
     restitution_by_steps,
-    simulated_restitution,
+    simulate_restitution,
     steps_down,
 )
-from palpate.exports.drake.shapes import (
-    FINEST,
-    ROUNDING,
-    Slab,
-    Spheres,
-    nested_spheres,
-    one_sphere,
-    slab,
-)
-from palpate.exports.engine import Engine, Fragment, Replayed, warned
+from palpate.exports.drake.shapes import ROUNDING, Spheres, fit_spheres, one_sphere
+from palpate.exports.engine import Engine, Fragment, Replayed, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
-from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, with_one_exponent
+from palpate.exports.nearest_law import fit_with_one_exponent, is_kelvin_voigt, kelvin_voigt
 from palpate.exports.replay_errors import Drop, force_error
 from palpate.exports.texts import digits, hash_comment, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -144,7 +136,7 @@ class DrakeContact(Fragment):
     ----------
     parts : Parts
         Values of the text.
-    contact : Spheres, Slab or Sap
+    contact : Spheres or Sap
         The predicted force by formula.
     setting : Setting
         Required settings of the plant.
@@ -155,7 +147,7 @@ class DrakeContact(Fragment):
     # Most steps on the way down; the way up may take 20 times as many, some seconds.
     most_steps: ClassVar[int] = 5000
     parts: Parts = field(repr=False)
-    contact: Spheres | Slab | Sap = field(repr=False)
+    contact: Spheres | Sap = field(repr=False)
     setting: Setting
     heed: tuple[str, ...]
 
@@ -166,7 +158,7 @@ class DrakeContact(Fragment):
             *notes,
             "Set up Drake's plant with:",
             f"MultibodyPlantConfig(time_step={digits(setting.time_step)}, "
-            f'contact_model="{setting.contact_model}", '
+            'contact_model="point", '
             f'discrete_contact_approximation="{setting.approximation}")',
             *self.heed,
         ]
@@ -175,11 +167,11 @@ class DrakeContact(Fragment):
         texts = {file: bodies(self.parts, file, xml_comment(remarks)) for file in DIALECTS}
         return {**texts, "scene.py": scene}
 
-    def predicted(self, motion: ProbeMotion) -> Floats:
+    def predict_force(self, motion: ProbeMotion) -> Floats:
         """Return the predicted force by formula, N."""
         return self.contact.force(motion.penetration, motion.velocity, self.setting.time_step)
 
-    def predicted_restitution(self, drop: Drop) -> float:
+    def predict_restitution(self, drop: Drop) -> float:
         """Return the restitution by the formula and the plant's time steps."""
         step = self.setting.time_step
 
@@ -192,7 +184,7 @@ class DrakeContact(Fragment):
         """Return Drake's force at every state of a motion."""
         step = self.setting.time_step
         plant = f"{1e3 * step:.3g} ms, {self.setting.approximation}" if step else "continuous time"
-        force = forces(self._plant(self.setting), motion)
+        force = forces(self._plant(), motion)
         return Replayed(force, f"state by state in a plant of {plant}")
 
     def drop_restitution(self, drop: Drop) -> float | None:
@@ -200,23 +192,10 @@ class DrakeContact(Fragment):
         step = self.setting.time_step
         if step > 0.0 and steps_down(drop, step) > self.most_steps:
             return None
-        return simulated_restitution(self._plant(self.setting), drop)
+        return simulate_restitution(self._plant(), drop)
 
-    def _plant(self, setting: Setting) -> Plant:
-        return Plant(self.files(())["contact.sdf"], setting)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SlabContact(DrakeContact):
-    """A rigid sphere on a hydroelastic slab; Drake takes 3 to 5 ms per state."""
-
-    most_samples: ClassVar[int] = 500
-    most_steps: ClassVar[int] = 200
-
-    def replay(self, motion: ProbeMotion) -> Replayed:
-        """Return Drake's force at every state of a motion, in a continuous plant."""
-        continuous = replace(self.setting, time_step=0.0)
-        return Replayed(forces(self._plant(continuous), motion), "state by state")
+    def _plant(self) -> Plant:
+        return Plant(self.files(())["contact.sdf"], self.setting)
 
 
 # The choice of the contact for a law.
@@ -224,8 +203,6 @@ class SlabContact(DrakeContact):
 #: The approximation with the Hunt–Crossley law; "similar" and "tamsi" gave the same digits.
 LAGGED = "lagged"
 SAP = "sap"
-# The closed form is validated only up to this penetration, as a fraction of the radius.
-_DEEPEST = 0.9
 #: Ratio of the other body's stiffness to the contact's; being in series, it changes the eleventh
 #: digit.
 RIGID = 1e10
@@ -251,7 +228,6 @@ class Drake(Engine):
     forms: ClassVar[Mapping[str, str]] = {
         "point": "F = k x (1 + d v), one sphere",
         "nested-spheres": "the same with several nested spheres, for n above 1",
-        "hydroelastic": "a rigid sphere of the tip's radius on a slab: F nearly ∝ x²",
         "sap": "F = k (x + τ v), Kelvin–Voigt",
     }
     distribution: ClassVar[str | None] = "drake"
@@ -265,13 +241,10 @@ class Drake(Engine):
         Raises
         ------
         InvalidParameterError
-            The stiffness is not positive; or the slab was requested without the tip's radius, or
-            for a tip that was pressed too deep.
+            The stiffness is not positive, or SAP was requested without a time step.
         """
         if request.form == "auto":
             return _nearest(request)
-        if request.form == "hydroelastic":
-            return _hydroelastic(request)
         if request.form == "sap":
             return _sap(request)
         spheres = _nearest_point(request) if request.form == "point" else _spheres(request)
@@ -295,7 +268,7 @@ def _nearest(request: ExportRequest) -> DrakeContact:
 def _error(contact: DrakeContact) -> float:
     motion = contact.request.motion
     law = motion.force_by(contact.request.law)
-    return force_error(contact.predicted(motion), law, motion.judged)
+    return force_error(contact.predict_force(motion), law, motion.judged)
 
 
 def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
@@ -334,25 +307,23 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
         request=request,
         numbers=numbers,
         exact=exact and law.damping >= 0.0,
-        findings=warned(*warnings),
+        findings=make_warnings(*warnings),
         parts=parts,
         contact=spheres,
-        setting=Setting("point", LAGGED, request.time_step),
+        setting=Setting(LAGGED, request.time_step),
         heed=(*_TWO_BODIES, *_NOT_SAP),
     )
 
 
 def _nearest_point(request: ExportRequest) -> Spheres:
     """Return one sphere; for p = n it keeps the law's dissipation, and so the restitution."""
-    return one_sphere(_pushing(with_one_exponent(request.law, request.motion, 1.0)))
+    return one_sphere(_pushing(fit_with_one_exponent(request.law, request.motion, 1.0)))
 
 
 def _spheres(request: ExportRequest) -> Spheres:
     motion = request.motion
     firm = motion.judged
-    return nested_spheres(
-        _dissipating(request.law), motion.penetration[firm], motion.velocity[firm]
-    )
+    return fit_spheres(_dissipating(request.law), motion.penetration[firm], motion.velocity[firm])
 
 
 def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
@@ -377,66 +348,6 @@ def _negative(law: GeneralisedHuntCrossley) -> tuple[str, ...]:
     return ("the law's damping is negative, which Drake does not allow; it is exported as 0",)
 
 
-def _slab(request: ExportRequest) -> Slab:
-    """Return the slab nearest to the law, if the tip's radius is suitable."""
-    if request.tip_radius is None:
-        raise InvalidParameterError(
-            "Drake's hydroelastic contact needs the tip's radius: add --tip-radius, such as "
-            "--tip-radius 5mm, or choose another --form"
-        )
-    deepest = request.motion.deepest
-    if deepest > _DEEPEST * request.tip_radius:
-        raise InvalidParameterError(
-            f"tip_radius of {1e3 * request.tip_radius:.3g} mm is too small for Drake's "
-            f"hydroelastic contact: the tip was pressed {1e3 * deepest:.3g} mm deep; choose "
-            "another --form"
-        )
-    found = slab(_dissipating(request.law), request.motion, request.tip_radius)
-    if found.halvings > FINEST:
-        raise InvalidParameterError(
-            f"tip_radius of {1e3 * request.tip_radius:.3g} mm is too large for Drake's "
-            f"hydroelastic contact: at a depth of {1e3 * deepest:.3g} mm it would need a mesh "
-            "finer than can be simulated; choose another --form"
-        )
-    return found
-
-
-def _hydroelastic(request: ExportRequest) -> DrakeContact:
-    """Return a rigid sphere on a compliant box whose medial plane is the slab's bottom.
-
-    Friction is set to 0: with Drake's default coefficient of 1, friction on the flanks of the
-    advancing sphere increased the force by nearly half at 50 mm/s.
-    """
-    found = _slab(request)
-    law = {
-        "hydroelastic_modulus": found.modulus,
-        "hunt_crossley_dissipation": found.dissipation,
-    }
-    mesh = {"mesh_resolution_hint": found.resolution_hint}
-    smooth = {"mu_dynamic": 0.0, "mu_static": 0.0}
-    surface = {"compliant_hydroelastic": None, **law, **smooth}
-    tip = {"rigid_hydroelastic": None, **mesh, "hunt_crossley_dissipation": 0.0, **smooth}
-    # The medial plane ends at a distance H from the rim.
-    width, height = 2.0 * (found.radius + 2.0 * found.thickness), 2.0 * found.thickness
-    return SlabContact(
-        form="hydroelastic",
-        request=request,
-        numbers={**law, "box_height": height, **mesh},
-        findings=warned(
-            *_negative(request.law),
-            "exported without friction, which would act on the flanks of the advancing tip: with a "
-            "coefficient of 1 the force was nearly 50 % higher at 50 mm/s",
-            "the modulus is for this radius and this box: the pressure is proportional to modulus "
-            "over half of the height",
-            *_step(request),
-        ),
-        parts=replace(_parts(request, surface, tip), width=width, height=height),
-        contact=found,
-        setting=Setting("hydroelastic", LAGGED, request.time_step),
-        heed=_NOT_SAP,
-    )
-
-
 def _sap(request: ExportRequest) -> DrakeContact:
     """Return a compliant surface below a rigid tip with relaxation time 0, for SAP."""
     if request.time_step == 0.0:
@@ -455,10 +366,10 @@ def _sap(request: ExportRequest) -> DrakeContact:
         numbers=surface,
         engine_law=law,
         exact=is_kelvin_voigt(request.law) and request.law.damping >= 0.0,
-        findings=warned(*_negative(request.law), *_step(request)),
+        findings=make_warnings(*_negative(request.law), *_step(request)),
         parts=_parts(request, surface, tip),
         contact=Sap(law),
-        setting=Setting("point", SAP, request.time_step),
+        setting=Setting(SAP, request.time_step),
         heed=_SAP,
     )
 

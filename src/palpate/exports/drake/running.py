@@ -108,15 +108,12 @@ class Setting:
 
     Attributes
     ----------
-    contact_model : str
-        "point" or "hydroelastic".
     approximation : str
         Of the contact in a discrete plant: "lagged", the Hunt–Crossley law; or "sap".
     time_step : float
         Time step, s; 0 for a continuous plant.
     """
 
-    contact_model: str
     approximation: str
     time_step: float
 
@@ -130,7 +127,7 @@ class Plant:
         builder = drake.DiagramBuilder()
         configuration = drake.MultibodyPlantConfig(
             time_step=setting.time_step,
-            contact_model=setting.contact_model,
+            contact_model="point",
             discrete_contact_approximation=setting.approximation,
             # True would return the results of the previous step instead of the present state.
             use_sampled_output_ports=False,
@@ -156,15 +153,10 @@ class Plant:
     def force(self) -> float:
         """Return the force of all contacts on the tip, N, at the end of the next step."""
         results = self.plant.get_contact_results_output_port().Eval(self.context)
-        points = [
-            results.point_pair_contact_info(k).contact_force()[2]
+        return sum(
+            abs(float(results.point_pair_contact_info(k).contact_force()[2]))
             for k in range(results.num_point_pair_contacts())
-        ]
-        patches = [
-            results.hydroelastic_contact_info(k).F_Ac_W().translational()[2]
-            for k in range(results.num_hydroelastic_contacts())
-        ]
-        return float(sum(abs(each) for each in (*points, *patches)))
+        )
 
 
 def forces(plant: Plant, motion: ProbeMotion) -> Floats:
@@ -178,7 +170,7 @@ def forces(plant: Plant, motion: ProbeMotion) -> Floats:
     return state_by_state(motion, force)
 
 
-def simulated_restitution(plant: Plant, drop: Drop) -> float:
+def simulate_restitution(plant: Plant, drop: Drop) -> float:
     """Return the restitution of the drop's body in Drake; 0 if it does not rebound."""
     plant.weigh(drop.mass)
     plant.put(0.0, drop.speed)

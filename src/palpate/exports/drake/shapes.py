@@ -1,25 +1,14 @@
-"""Shapes whose force with Drake's linear contacts approximates a power of depth, in closed form.
+"""Nested spheres, whose force with Drake's linear contacts approximates a power of depth.
 
-Nested spheres touch the surface one after the other. Each is a point contact of Drake,
+They touch the surface one after the other. Each is a point contact of Drake,
 kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊, and together they are piecewise linear. Gaps δᵢ and stiffnesses kᵢ ≥ 0
 are fitted by least squares.
-
-The second shape is a rigid sphere on Drake's hydroelastic slab. In a box whose medial plane is H
-below its top, the pressure is E/H times the depth and acts normal to the sphere's surface,
-p (1 + d v cos θ)₊ n̂. So the force is
-
-    F = (E/H) [V(x) + d v W(x)],  V = π x² (3R − x)/3,  W = ∫ depth cos θ dA,
-
-V the volume of the cap below the surface. Drake's mesh is inscribed in the sphere, so its volume is
-smaller. After Elandt et al., IROS 2019.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.exports.motion import ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -69,7 +58,7 @@ def one_sphere(law: GeneralisedHuntCrossley) -> Spheres:
     return Spheres(np.zeros(1), np.array([law.stiffness]), np.array([law.damping / law.stiffness]))
 
 
-def nested_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Floats) -> Spheres:
+def fit_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Floats) -> Spheres:
     """Return the fewest spheres that fit a law well at these samples in contact.
 
     For p = n all have the dissipation B/K, which keeps the restitution. Else each has its own, ≥ 0,
@@ -96,7 +85,7 @@ def nested_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: 
     if alike:
         return Spheres(gaps, stiffness, np.full(gaps.size, b))
     damper = law.damping * x**law.damping_exponent * v
-    damping = not_negative(np.maximum(x[:, None] - gaps, 0.0) * v[:, None], damper)
+    damping = _not_negative(np.maximum(x[:, None] - gaps, 0.0) * v[:, None], damper)
     return Spheres(gaps, stiffness, damping / stiffness)
 
 
@@ -113,7 +102,7 @@ def _samples(penetration: Floats, velocity: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([x, depths]), np.concatenate([v, np.zeros(count)])
 
 
-def not_negative(columns: Floats, wanted: Floats) -> Floats:
+def _not_negative(columns: Floats, wanted: Floats) -> Floats:
     """Solve least squares with coefficients ≥ 0, repeatedly removing the most negative one.
 
     Not the exact optimum in general, but close to it where, as here, few would be negative.
@@ -158,7 +147,7 @@ def _springs(
     stiffness, left = _stiffnesses(x, weight, target, gaps)
     damping, cost = 1e-3, float(left @ left)
     for _ in range(_MOST_STEPS if gaps.size > 1 else 0):
-        new = _moved(x, weight, gaps, stiffness, left, damping)
+        new = _step_gaps(x, weight, gaps, stiffness, left, damping)
         new_stiffness, new_left = _stiffnesses(x, weight, target, new)
         new_cost = float(new_left @ new_left)
         if new_cost >= cost:
@@ -177,11 +166,11 @@ def _springs(
 def _stiffnesses(x: Floats, weight: Floats, target: Floats, gaps: Floats) -> tuple[Floats, Floats]:
     """Return the best stiffnesses for these gaps, and the residuals."""
     ramps = np.maximum(x[:, None] - gaps, 0.0) * weight[:, None]
-    stiffness = not_negative(ramps, target)
+    stiffness = _not_negative(ramps, target)
     return stiffness, target - ramps @ stiffness
 
 
-def _moved(
+def _step_gaps(
     x: Floats, weight: Floats, gaps: Floats, stiffness: Floats, left: Floats, damping: float
 ) -> Floats:
     """Return the gaps after a step; the first stays 0."""
@@ -197,77 +186,3 @@ def _moved(
     deepest = float(x.max())
     new = np.sort(np.clip(gaps[1:] + step, 0.0, 0.999 * deepest))
     return np.concatenate([[0.0], new])
-
-
-# The slab.
-
-#: Largest relative force loss by the mesh at a mean depth. The formula for it is accurate to 1/7,
-#: which leaves 0.07 %, below the 0.1 percentage points allowed for a predicted error.
-MESH_LOSS = 0.005
-# Drake halves the edges of an octahedron, R √2, until they are shorter than the hint.
-_COARSEST = 3
-#: 131 000 triangles.
-FINEST = 7
-
-
-@dataclass(frozen=True, slots=True)
-class Slab:
-    """A hydroelastic slab and the sphere on it.
-
-    Attributes
-    ----------
-    modulus, dissipation : float
-        E, Pa, and d, s/m.
-    thickness, radius : float
-        H, m: half the height of the box; and R, m.
-    halvings : int
-        Number of halvings of the mesh's edges.
-    """
-
-    modulus: float
-    dissipation: float
-    thickness: float
-    radius: float
-    halvings: int
-
-    @property
-    def resolution_hint(self) -> float:
-        """Length of edges, m, that gives this number of halvings; Drake's are a little shorter."""
-        return 1.6 * self.radius / 2.0**self.halvings
-
-    def force(self, penetration: Floats, velocity: Floats, _step: float = 0.0) -> Floats:
-        """Return the force, N, at least 0; the step has no effect."""
-        elastic, damper = shapes(penetration, self.radius, self.halvings)
-        per_volume = self.modulus / self.thickness
-        return np.maximum(per_volume * (elastic + self.dissipation * velocity * damper), 0.0)
-
-
-def slab(law: GeneralisedHuntCrossley, motion: ProbeMotion, radius: float) -> Slab:
-    """Return the slab nearest to a law, by least squares over the judged samples."""
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    # The mesh loses MESH_LOSS at a mean depth: loss/V as in `shapes`, with V = π x² R.
-    depth = float(np.sqrt(np.mean(x**2)))
-    finer = math.log(math.pi * radius / (2.0 * math.sqrt(3.0) * depth * MESH_LOSS), 4.0)
-    halvings = max(math.ceil(finer), _COARSEST)
-    # The pressure increases only down to the medial plane.
-    thickness = max(0.02, 2.0 * motion.deepest)
-    elastic, damper = shapes(x, radius, halvings)
-    wanted = motion.force_by(law)[motion.judged]
-    per_volume, damping = not_negative(np.column_stack([elastic, damper * v]), wanted).tolist()
-    dissipation = damping / per_volume if per_volume > 0.0 else 0.0
-    return Slab(per_volume * thickness, dissipation, thickness, radius, halvings)
-
-
-def shapes(penetration: Floats, radius: float, halvings: int) -> tuple[Floats, Floats]:
-    """Return V and W of the mesh, m³; 0 out of contact.
-
-    A flat triangle of side a is on average a²/8R below the sphere through its corners; 8·4ᴸ of them
-    cover 4πR², so that a² = 2π R²/(√3 4ᴸ), and the cap, 2πR x of it, loses π² R² x/(2√3 4ᴸ).
-    """
-    x = np.clip(penetration, 0.0, radius)
-    volume = math.pi * x**2 * (3.0 * radius - x) / 3.0
-    edge = 1.0 - x / radius
-    shifted = (x - radius) * (1.0 - edge**3) / 3.0 + radius * (1.0 - edge**4) / 4.0
-    loss = math.pi**2 * radius**2 * x / (2.0 * math.sqrt(3.0) * 4.0**halvings)
-    left = 1.0 - np.minimum(loss / np.maximum(volume, 1e-300), 1.0)
-    return volume * left, 2.0 * math.pi * radius**2 * shifted * left

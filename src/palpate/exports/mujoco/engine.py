@@ -16,7 +16,7 @@ import numpy as np
 
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.exports.engine import Engine, Fragment, Replayed, refused, warned
+from palpate.exports.engine import Engine, Fragment, Replayed, make_refusals, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
 from palpate.exports.mujoco import callback
 from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, drop_restitution, misfit_to
@@ -32,9 +32,14 @@ from palpate.exports.mujoco.robot import (
     read,
     sections,
 )
-from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, stable_step, with_exponents
+from palpate.exports.nearest_law import (
+    fit_with_exponents,
+    is_kelvin_voigt,
+    kelvin_voigt,
+    stable_step,
+)
 from palpate.exports.replay_errors import Drop, drop_to, force_error
-from palpate.exports.texts import length, numbers_of, percent, template, xml_comment
+from palpate.exports.texts import law_numbers, length, percent, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats, above_zero
 
@@ -145,11 +150,11 @@ class InRows(InMuJoCo):
         """Return the XML of surfaces and pairs, and scenes that contain it."""
         return self._files({"contact.xml": self.fragment(notes)}, notes)
 
-    def predicted(self, motion: ProbeMotion) -> Floats:
+    def predict_force(self, motion: ProbeMotion) -> Floats:
         """Return the force of the rows, N: the fitted law plus Σ m_a ẍ."""
         return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
 
-    def predicted_restitution(self, drop: Drop) -> float:
+    def predict_restitution(self, drop: Drop) -> float:
         """Return the restitution of the rows at the time step."""
         return drop_restitution(self.rows, drop, self.request.time_step)
 
@@ -169,7 +174,7 @@ class AsCallback(InMuJoCo):
         return self._files(files, notes)
 
     def _numbers(self, tip: str) -> dict[str, Any]:
-        return {**numbers_of(self.request.law), "tip": tip, "pad": PADS[0]}
+        return {**law_numbers(self.request.law), "tip": tip, "pad": PADS[0]}
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Return a context with the callback installed, which adds a passive force."""
@@ -222,8 +227,8 @@ class MuJoCo(Engine):
             Both the mass and the model with its geom are missing; the model cannot be used; or the
             form cannot represent the law.
         """
-        request, robot, mobility = _felt(request)
-        request, lifted = _lifted(request)
+        request, robot, mobility = _effective_mass(request)
+        request, lifted = _raise_exponent(request)
         form, rows = self._chosen(request, mobility, 1 if robot is None else robot.contacts)
         law, deepest = request.law, request.motion.deepest
         engine_law = kelvin_voigt(law, request.motion) if form == "kelvin-voigt" else law
@@ -236,7 +241,7 @@ class MuJoCo(Engine):
             if not robot.passive and (pulls or form == "callback"):
                 refusals.append(NOTHING_PASSIVE)
         if form == "callback":
-            numbers, warnings = dict(zip("KnBp", numbers_of(law).values(), strict=True)), []
+            numbers, warnings = dict(zip("KnBp", law_numbers(law).values(), strict=True)), []
             if request.form == "auto":
                 warnings.append(f"{_not_in_rows(law).partition(':')[0]}; exported as a callback")
             warnings.append(_ONE_FOR_ALL)
@@ -258,7 +263,7 @@ class MuJoCo(Engine):
             engine_law=engine_law,
             exact=form == "callback",
             largest_step=stable_step(engine_law, request.mass_or_one, deepest),
-            findings=(*own, *warned(*warnings), *refused(*refusals)),
+            findings=(*own, *make_warnings(*warnings), *make_refusals(*refusals)),
             rows=rows,
             robot=robot,
             runs=runs,
@@ -301,7 +306,7 @@ class MuJoCo(Engine):
         return tuple(numbers) >= PULLS
 
 
-def _felt(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
+def _effective_mass(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
     """Return the request with effective mass and time step; the user's model; and Â [1/kg]."""
     if request.model is not None:
         robot = read(request.model, request.geom, request.motion.deepest)
@@ -315,7 +320,7 @@ def _felt(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
     return replace(request, mass=1.0 / mobility), None, mobility
 
 
-def _lifted(request: ExportRequest) -> tuple[ExportRequest, tuple[str, ...]]:
+def _raise_exponent(request: ExportRequest) -> tuple[ExportRequest, tuple[str, ...]]:
     """Return the request with n = 1 if n is just below 1, and a warning.
 
     Rows have n ≥ 1; without this a small statistical error of n would turn contacts into callbacks.
@@ -324,7 +329,7 @@ def _lifted(request: ExportRequest) -> tuple[ExportRequest, tuple[str, ...]]:
     if law.exponent >= 1.0 or request.form in ("callback", "kelvin-voigt"):
         return request, ()
     p = 1.0 if law.damping_exponent == law.exponent else law.damping_exponent
-    near = with_exponents(law, motion, 1.0, p)
+    near = fit_with_exponents(law, motion, 1.0, p)
     off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
     if off > _NEARLY_ONE:
         return request, ()

@@ -180,7 +180,7 @@ def power_of_depth(
         misfit = scale[:, None] * shape - even
         return np.einsum("ij,ij->i", misfit, misfit), scale
 
-    best = _evolved(judge, _LOWEST_PROFILE, highest)
+    best = _search_globally(judge, _LOWEST_PROFILE, highest)
     ratio, midpoint, power, width, inset = best.tolist()
     solimp = (max(ratio * high, LEAST), high, width * deepest, midpoint, power)
     return solimp, inset * deepest, float(judge(best[None])[1][0])
@@ -190,7 +190,7 @@ def power_of_depth(
 _POPULATION, _GENERATIONS, _SEED = 64, 80, 20121
 
 
-def _evolved(
+def _search_globally(
     judge: Callable[[Floats], tuple[Floats, Floats]], lowest: Floats, highest: Floats
 ) -> Floats:
     """Return the candidate of least misfit, by differential evolution around the best."""
@@ -236,8 +236,8 @@ def two_contacts(
     law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
 ) -> PairRows:
     """Return two rows that never pull, nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
-    search = _search_of(law, motion, 1.0 / mobility)
-    best, deepest = _evolved(search.judge, _LOWEST_PAIR, _HIGHEST_PAIR), search.deepest
+    search = _prepare_search(law, motion, 1.0 / mobility)
+    best, deepest = _search_globally(search.judge, _LOWEST_PAIR, _HIGHEST_PAIR), search.deepest
     strengths = search.judge(best[None])[1][0]
     share = mobility / contacts
     made = []
@@ -265,7 +265,7 @@ class _Search:
         columns = columns / sizes[:, :, None]
         pushes = np.ones((len(tried), 2, self.x.size), dtype=np.bool_)
         for _ in range(_PASSES):
-            strengths = self._solved(columns * np.repeat(pushes, 2, axis=1))
+            strengths = self._solve_nonnegative(columns * np.repeat(pushes, 2, axis=1))
             each = (columns * strengths[:, :, None]).reshape(len(tried), 2, 2, -1).sum(axis=2)
             pushes = each > 0.0
         off = (np.maximum(each, 0.0).sum(axis=1) - self.force) * self.weight
@@ -282,7 +282,7 @@ class _Search:
             made += [mass * d * self.x, mass * self.v]
         return np.stack(made, axis=1)
 
-    def _solved(self, columns: Floats) -> Floats:
+    def _solve_nonnegative(self, columns: Floats) -> Floats:
         """Solve least squares with coefficients ≥ 0, by trying all sets of nonzero ones."""
         weighted = columns * self.weight
         target = self.force * self.weight
@@ -301,7 +301,7 @@ class _Search:
         return best
 
 
-def _search_of(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -> _Search:
+def _prepare_search(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float) -> _Search:
     """Return states of the motion, and of impacts to its depth and to a fraction of it."""
     firm = np.flatnonzero(motion.judged)
     firm = firm[np.argsort(motion.penetration[firm], kind="stable")]

@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.exports.engine import refused, warned
+from palpate.exports.engine import make_refusals, make_warnings
 from palpate.exports.exporting import STATEMENT, InAnEngine
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.fitting import PairRow
@@ -311,8 +311,8 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     own = float(model.opt.timestep), (spec.meshdir, spec.texturedir), passive
     felt = mobility, mass, contacts, first.place
     findings = (
-        *refused(*_refusals(mujoco, model, kind, geom, counts)),
-        *warned(*_warnings(kind, geom, counts, mass, mobility)),
+        *make_refusals(*_refusals(mujoco, model, kind, geom, counts)),
+        *make_warnings(*_warnings(kind, geom, counts, mass, mobility)),
     )
     return Robot(path, geom, *felt, *own, findings)
 

@@ -27,10 +27,10 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import estimator_named
-from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, offered
+from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import DRAWINGS, STYLE
-from palpate.validation import defined, number_in, shown
+from palpate.validation import finite_or_none, number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
 _MOST_PIECES = 16  # fragments of one message; a request has hundreds of bytes
@@ -170,7 +170,7 @@ class Gate:
         # The page may listen on another loopback address, such as 127.0.0.2.
         hosts = (*_LOOPBACK, scope["server"][0]) if self.token is None else ("*",)
         guarded = TrustedHostMiddleware(self._checked, hosts, www_redirect=False)
-        await guarded(scope, receive, _with_headers(send))
+        await guarded(scope, receive, _add_headers(send))
 
     async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
         asked = HTTPConnection(scope)
@@ -192,7 +192,7 @@ class Gate:
         await answer(scope, receive, send)
 
 
-def _with_headers(send: Send) -> Send:
+def _add_headers(send: Send) -> Send:
     async def sending(message: Message) -> None:
         if message["type"] == "http.response.start":
             MutableHeaders(scope=message).update(HEADERS)
@@ -223,7 +223,7 @@ _OPTIONS = {"hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record
 _SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor", "method"})
 
 
-def request_of(text: str | bytes) -> tuple[str, dict[str, Any]]:
+def parse_request(text: str | bytes) -> tuple[str, dict[str, Any]]:
     """Return the name and the options of a request.
 
     Raises
@@ -246,13 +246,13 @@ def _refuse(name: str) -> None:
     raise ValueError(name)
 
 
-def command_of(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> LiveCommand:
+def build_command(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -> LiveCommand:
     """Return the command to the loop.
 
     Parameters
     ----------
     name, options : str, dict
-        From :func:`request_of`.
+        From :func:`parse_request`.
     loop : mapping
         The loop's status, with the options of its source.
 
@@ -363,7 +363,7 @@ class Server:
         self._text, self._version, self._over = "{}", 0, False
         self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
-        known = {"channels": CHANNELS, "methods": offered(), "choices": CHOICES}
+        known = {"channels": CHANNELS, "methods": default_settings(), "choices": CHOICES}
         self._hello = json.dumps({"kind": "hello", **known})
         self._tick = asyncio.Event()
 
@@ -443,7 +443,7 @@ class Server:
                 await client.socket.send_text(self._hello)
                 while True:
                     tick = self._tick
-                    while (message := self._next_of(client)) is not None:
+                    while (message := self._next_message(client)) is not None:
                         patience.reschedule(clock() + STALLED)
                         if isinstance(message, bytes):
                             await client.socket.send_bytes(message)
@@ -456,7 +456,7 @@ class Server:
         except (WebSocketDisconnect, RuntimeError):
             return
 
-    def _next_of(self, client: Client) -> bytes | str | None:
+    def _next_message(self, client: Client) -> bytes | str | None:
         """Return the next message for a client, or None if there is nothing new."""
         if client.answers:
             return client.answers.pop(0)
@@ -507,7 +507,7 @@ class Server:
     def _answer(self, client: Client, text: str | bytes) -> None:
         """Execute a request, or count it and answer why not."""
         try:
-            name, options = request_of(text)
+            name, options = parse_request(text)
         except InvalidParameterError as error:
             self.served.malformed += 1
             self._tell(client, str(error))
@@ -516,7 +516,7 @@ class Server:
             if name in VIEWS:
                 self._view(client, name, options)
             else:
-                command = command_of(name, options, self.watch.loop)
+                command = build_command(name, options, self.watch.loop)
                 self._allowance.spend()
                 self._send(command)
         except (InvalidParameterError, TypeError) as error:
@@ -536,7 +536,7 @@ class Server:
                 depth = number_in("value", value, 0.0, 10.0, open_low=True)
             self._allowance.spend()  # recomputes the whole history
             self.watch.chosen_depth = depth
-            self._send(LiveCommand("depth", {"value": defined(depth)}))  # for the diagnosis
+            self._send(LiveCommand("depth", {"value": finite_or_none(depth)}))  # for the diagnosis
             return
         if value not in THINNINGS or isinstance(value, bool):
             raise InvalidParameterError(f"value must be one of {THINNINGS}")

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.live.choices import LiveCommand
-from palpate.live.sinks import Session, printed
+from palpate.live.sinks import Session, print_line
 from palpate.validation import shown, whole_in
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ class Page:
             timeout_graceful_shutdown=1,
         )
         serving = asyncio.create_task(_quietly(config, self._socket))
-        printed(f"The page is at {self.url}")
+        print_line(f"The page is at {self.url}")
         if self._open_browser:
             asyncio.get_running_loop().run_in_executor(None, webbrowser.open, self.url)
         try:

@@ -14,8 +14,8 @@ from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching, parameters_of, undiagnosed
-from palpate.live.view import certainty, describe_change, facts_of, numbers_of, view_of
+from palpate.live.sinks import PLACE, Session, Watching, unpack_parameters, why_undiagnosed
+from palpate.live.view import certainty, describe_change, fact_texts, law_numbers, view_texts
 from palpate.validation import Floats, plain
 
 #: Channels of a frame, after the time, in this order.
@@ -40,7 +40,9 @@ def column(rows: Floats, name: str) -> Floats:
     return rows[:, PLACE[name]]
 
 
-def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float) -> Floats:
+def stiffness_and_damping(
+    law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float
+) -> Floats:
     """Return stiffness and damping of many estimates at a depth, with their standard errors.
 
     The errors are from the delta method, √(gᵀ C g), as in :meth:`palpate.Estimate.stiffness_at`;
@@ -71,7 +73,7 @@ def at_depth(law: type[ForceLaw], parameters: Floats, covariance: Floats, depth:
     return found
 
 
-def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArray[np.float32]:
+def compute_channels(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArray[np.float32]:
     """Return rows of the ring as :data:`CHANNELS`, shape (channels, k).
 
     Parameters
@@ -85,7 +87,7 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
     found[0:4] = rows[:, _AS_THEY_ARE].T
-    parameters, errors, _ = parameters_of(rows, MOST_PARAMETERS)
+    parameters, errors, _ = unpack_parameters(rows, MOST_PARAMETERS)
     found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
     if law is GeneralisedHuntCrossley:  # parameters that its law lacks are not drawn
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
@@ -95,8 +97,10 @@ def channels_of(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArr
     elif law is not None and math.isfinite(depth):
         number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
         first[1:] = number[1:] != number[:-1]  # compute each estimate's values once
-        parameters, _, covariance = parameters_of(rows[first], len(law.symbols))
-        found[4:8] = at_depth(law, parameters, covariance, depth)[:, np.cumsum(first) - 1]
+        parameters, _, covariance = unpack_parameters(rows[first], len(law.symbols))
+        found[4:8] = stiffness_and_damping(law, parameters, covariance, depth)[
+            :, np.cumsum(first) - 1
+        ]
     found[-3:] = rows[:, _LAST].T
     found[~(np.abs(found) < _LARGEST)] = np.nan
     return found.astype("<f4")
@@ -216,7 +220,7 @@ class History:
         offset = self._end - self.total
         first = first + (-first) % every
         rows = self._rows[offset + first : offset + until : every]
-        found, wrote = channels_of(rows, self._law, self._depth), column(rows, "method")
+        found, wrote = compute_channels(rows, self._law, self._depth), column(rows, "method")
         # Rows of an estimator of another law show only the channels that need no law.
         void_rows = ~np.isin(wrote, self._generations)
         void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line between two estimators
@@ -301,7 +305,7 @@ class Watch:
         # The status reports a change of material only a little later.
         late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
         if self._verdict and len(row) and self._knows(column(row, "method")[0]) and not late:
-            found = numbers_of(self._verdict)
+            found = law_numbers(self._verdict)
         both = [found.get(name, (math.nan, math.nan)) for name in ("stiffness", "damping")]
         self.history.response = np.ravel(both)
 
@@ -323,28 +327,30 @@ class Watch:
             kept = kept[column(kept, "method") == self._changed_in]  # of the same estimator
             # The samples between a change and its detection have biased the estimate already.
             settled = kept[column(kept, "time") <= moment - _NOTICED][-1:]
-            before = self._of(settled if len(settled) else kept[:1], self._changed_law)
+            before = self._row_numbers(settled if len(settled) else kept[:1], self._changed_law)
             self.history.response = np.full(4, np.nan)
             self.changes.append(
                 {"time": moment, "law": dict(self.loop.get("law") or {}), "before": before}
             )
         same = rows[column(rows, "method") == self._changed_in]
         if self.changes and len(same):
-            self.changes[-1]["after"] = self._of(same[-1:], self._changed_law)
+            self.changes[-1]["after"] = self._row_numbers(same[-1:], self._changed_law)
 
     def _knows(self, generation: float) -> bool:
         """Whether the status already describes this estimator."""
         return generation == self.loop.get("generation")
 
-    def _of(self, row: Floats, law: type[ForceLaw] | None) -> dict[str, Any]:
+    def _row_numbers(self, row: Floats, law: type[ForceLaw] | None) -> dict[str, Any]:
         """Return a row's parameters, stiffness and damping at depth, with standard errors."""
         if law is None or not len(row):
             return {}
-        parameters, errors, covariance = parameters_of(row, len(law.symbols))
+        parameters, errors, covariance = unpack_parameters(row, len(law.symbols))
         if law.relaxes:  # a row of the ring is the present one
             stiffness = [*row[0, _RESPONSE].tolist(), *self.history.response.tolist()][:4]
         else:
-            stiffness = at_depth(law, parameters, covariance, self.depth)[:, 0].tolist()
+            stiffness = stiffness_and_damping(law, parameters, covariance, self.depth)[
+                :, 0
+            ].tolist()
         # Parameters that the preferred law lacks.
         void = (errors == 0.0) & (law is GeneralisedHuntCrossley)
         return {
@@ -359,11 +365,11 @@ class Watch:
         depth, law = diagnosis["working_depths"][0]["depth"], self._law
         if self._verdict:
             frequency = diagnosis["frequency"]
-            return numbers_of({**self._verdict, "depth": depth, "frequency": frequency})
+            return law_numbers({**self._verdict, "depth": depth, "frequency": frequency})
         if law is None or law.relaxes:
             return {}
-        parameters, _, covariance = parameters_of(row, len(law.symbols))
-        values = at_depth(law, parameters, covariance, depth)[:, 0].tolist()
+        parameters, _, covariance = unpack_parameters(row, len(law.symbols))
+        values = stiffness_and_damping(law, parameters, covariance, depth)[:, 0].tolist()
         return {"stiffness": values[:2], "damping": values[2:]}
 
     def _curve(self, row: Floats) -> dict[str, Any]:
@@ -372,7 +378,7 @@ class Watch:
         deepest = float(np.nanmax(reached, initial=0.0))
         if self._law is None or not deepest > 0.0:
             return {}
-        parameters, _, _ = parameters_of(row, len(self._law.symbols))
+        parameters, _, _ = unpack_parameters(row, len(self._law.symbols))
         if not np.isfinite(parameters).all():
             return {}
         depth = np.linspace(0.0, deepest, _CURVE)
@@ -390,10 +396,10 @@ class Watch:
         if len(row):
             force = float(column(row, "force")[0])
             if self._knows(float(column(row, "method")[0])):
-                now = {**self._of(row, self._law), "curve": self._curve(row)}
+                now = {**self._row_numbers(row, self._law), "curve": self._curve(row)}
         verdict, kept, others = self._verdict, self.history.rows(), self.run.others()
         diagnosis = others.get("diagnosis") or {}
-        if now and diagnosis.get("numbers") and not undiagnosed(diagnosis, self.loop):
+        if now and diagnosis.get("numbers") and not why_undiagnosed(diagnosis, self.loop):
             now |= self._where_diagnosed(row, diagnosis)
         # The motion's frequency, from the loop's law or the last diagnosis.
         frequency = (verdict or diagnosis).get("frequency")
@@ -420,7 +426,7 @@ class Watch:
         # A loop on hold does not judge contact: there the penetration decides.
         deep = state == "held" and bool((column(row, "penetration") > 0.0).any())
         touching = deep or state in ("contact", "changed")
-        facts = facts_of(page, state, force if touching and math.isfinite(force) else None)
-        page |= {"view": view_of(page, verdict, last), "facts": facts}
+        facts = fact_texts(page, state, force if touching and math.isfinite(force) else None)
+        page |= {"view": view_texts(page, verdict, last), "facts": facts}
         said: dict[str, Any] = plain({**page, "loop": {**self.loop, "verdict": sure}})
         return said

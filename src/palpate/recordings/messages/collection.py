@@ -13,7 +13,7 @@ from palpate.recordings.messages.layout import (
     walk_ros1,
 )
 from palpate.recordings.messages.protobuf import JsonTopic
-from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topic, stamp_of
+from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topic, find_stamp
 from palpate.recordings.opening import Draft, Request, within
 from palpate.recordings.recording import Recording
 
@@ -69,7 +69,7 @@ class Collection(Draft):
         topic, reason = Topic(self.request), NOT_ASKED
         if self.request.wants(name):
             try:
-                topic, reason = _topic_of(encoding, form, type_name, definition, self.request), ""
+                topic, reason = _make_topic(encoding, form, type_name, definition, self.request), ""
             except UndecodableError as error:
                 reason = str(error)
         topic.name, topic.type_name, topic.omitted = name, type_name, reason
@@ -132,7 +132,7 @@ class Collection(Draft):
             self.channels[names[path]], faults = found.finish(path)
             if faults is not None:
                 self.faults[names[path]] = faults
-        stamp = stamp_of(found.times & names.keys())
+        stamp = find_stamp(found.times & names.keys())
         known = stamp is not None and self.channels[names[stamp]].any()
         clock = names[stamp] if stamp is not None and known else names[LOG_TIME]
         self.clocks |= dict.fromkeys(names.values(), clock)
@@ -140,7 +140,7 @@ class Collection(Draft):
         self._describe(above, names, found)
 
     def _describe(self, above: str, names: dict[str, str], found: Found) -> None:
-        units = {path: _unit_of(*where) for path, where in found.types.items()}
+        units = {path: _find_unit(*where) for path, where in found.types.items()}
         frame = next((found.frames[path] for path in _FRAMES if path in found.frames), [])
         if len(frame) > 1:
             self.omit(above, f"its frame changes ({frame[0]!r}, {frame[1]!r}, …) and is ignored")
@@ -184,7 +184,7 @@ def _few(names: set[str] | list[str]) -> str:
     return ", ".join(shown[:10]) + more
 
 
-def _unit_of(type_name: str, field: str) -> str | None:
+def _find_unit(type_name: str, field: str) -> str | None:
     """The unit of a field of a message type; None if the type does not define it."""
     package, _, rest = type_name.replace(".", "/").partition("/")
     if package not in _PACKAGES:
@@ -192,7 +192,7 @@ def _unit_of(type_name: str, field: str) -> str | None:
     return _UNITS.get((rest.rpartition("/")[2], field))
 
 
-def _topic_of(
+def _make_topic(
     message_encoding: str, schema_encoding: str, type_name: str, schema: bytes, request: Request
 ) -> Topic:
     """Return a topic that reads messages with these encodings.

@@ -126,7 +126,7 @@ def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None
 
 def _read_file(path: Path, collection: Collection, part: tuple[float, float]) -> None:
     regular_size(path)
-    with _unpacked(path, collection) as plain:
+    with _unpack_file(path, collection) as plain:
         with plain.open("rb") as file:
             begin = file.read(16)
         reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
@@ -139,7 +139,7 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
 
 
 @contextmanager
-def _unpacked(path: Path, collection: Collection) -> Iterator[Path]:
+def _unpack_file(path: Path, collection: Collection) -> Iterator[Path]:
     """The file, or an uncompressed copy of a compressed one."""
     if not path.name.endswith(".zstd"):
         yield path
@@ -167,15 +167,15 @@ def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
             f"the bag was not closed by its recorder or is damaged ({first_line(error)}); close it "
             f"with: rosbag reindex {printable(path)}"
         ) from None
-    unpack = partial(_unpacked_bag_chunk, request=collection.request)
+    unpack = partial(_unpack_bag_chunk, request=collection.request)
     bag.chunks = {at: each._replace(decompressor=unpack) for at, each in bag.chunks.items()}
     with closing(bag):
         counts = [0, *(sum(info.connection_counts.values()) for info in bag.chunk_infos)]
         kinds = dict.fromkeys((each.id for each in bag.connections), ("ros1", "ros1msg"))
-        yield from _from_rosbags(bag.connections, kinds, bag.messages(), sum(counts), collection)
+        yield from _read_rosbags(bag.connections, kinds, bag.messages(), sum(counts), collection)
 
 
-def _unpacked_bag_chunk(data: bytes, request: Request) -> bytes:
+def _unpack_bag_chunk(data: bytes, request: Request) -> bytes:
     """Decompress a chunk of a ROS 1 bag, up to the cap; its first bytes show the method."""
     if data.startswith(_LZ4):
         unpacker: Any = lz4.frame.LZ4FrameDecompressor()
@@ -191,7 +191,7 @@ def _unpacked_bag_chunk(data: bytes, request: Request) -> bytes:
 
 
 @contextmanager
-def _recovered(path: Path, collection: Collection) -> Iterator[Path]:
+def _recover_bag(path: Path, collection: Collection) -> Iterator[Path]:
     """The bag; if its recorder did not close it, a copy to which SQLite applied the journal."""
     there = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
     logs = [log for log in there if log.is_file() and log.stat().st_size]
@@ -217,7 +217,7 @@ def _recovered(path: Path, collection: Collection) -> Iterator[Path]:
 
 
 def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
-    with _recovered(path, collection) as whole:
+    with _recover_bag(path, collection) as whole:
         yield from _read_closed_sqlite(whole, collection)
 
 
@@ -247,10 +247,10 @@ def _read_closed_sqlite(path: Path, collection: Collection) -> Iterator[float]:
         }
         found = bag.messages(bag.connections)
         total = bag.metadata.message_count
-        yield from _from_rosbags(bag.connections, kinds, found, total, collection)
+        yield from _read_rosbags(bag.connections, kinds, found, total, collection)
 
 
-def _from_rosbags(
+def _read_rosbags(
     connections: Iterable[Any],
     kinds: dict[int, tuple[str, str]],
     messages: Iterator[tuple[Any, int, bytes]],
@@ -428,7 +428,7 @@ class _Mcap:
             self.collection.request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
             self.unpacked += chunk.uncompressed_size
             self._check_unpacked()
-            data = _unpacked_chunk(chunk)
+            data = _unpack_mcap_chunk(chunk)
             starts, end = _whole_records(data)
             if end != chunk.uncompressed_size:
                 raise ValueError("it is shorter than stated")
@@ -465,7 +465,7 @@ class _Mcap:
         self.collection.lost(f"{printable(self.path.name)}: {sentence}")
 
 
-def _unpacked_chunk(chunk: mcap.Chunk) -> bytes:
+def _unpack_mcap_chunk(chunk: mcap.Chunk) -> bytes:
     """Decompress a chunk, up to the size that it states; raise ValueError if its CRC differs."""
     size = chunk.uncompressed_size
     if chunk.compression == "zstd":

@@ -145,7 +145,7 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
     known = dict(_standard(ros1))
     try:
         if text.strip():
-            known |= _parsed(name, encoding, text)
+            known |= _parse_definition(name, encoding, text)
         elif name not in known:
             raise UndecodableError("the file lacks the definition of its type")
         return _Builder(known, ros1).group(name)
@@ -154,7 +154,7 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
         raise UndecodableError(f"its definition is invalid: {words}") from None
 
 
-def _parsed(name: str, encoding: str, text: str) -> Definitions:
+def _parse_definition(name: str, encoding: str, text: str) -> Definitions:
     if encoding != "ros2idl":
         return get_types_from_msg(text, name)
     # In a text with several definitions a line with its name precedes each.
@@ -456,7 +456,7 @@ class _Walk:
         if isinstance(element, Number) and (count > LONGEST_LIST or self.quiet):
             if count:
                 self._take(element.size, count)
-            self._skipped(path, begin)
+            self._skip_field(path, begin)
             return
         transforms = isinstance(element, Group) and element.name == TRANSFORM
         long = count > (MOST_TRANSFORMS if transforms else LONGEST_LIST)
@@ -469,9 +469,9 @@ class _Walk:
             self._field(element, f"{path}[{index}]", [])
         self.quiet -= long
         if long:
-            self._skipped(path, begin)
+            self._skip_field(path, begin)
 
-    def _skipped(self, path: str, begin: int) -> None:
+    def _skip_field(self, path: str, begin: int) -> None:
         if not self.quiet:
             self.layout.skipped[path] = self.position - begin
 

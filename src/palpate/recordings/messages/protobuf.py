@@ -33,7 +33,7 @@ class JsonTopic(ObjectTopic):
         super().__init__(request)
         self._wanted: dict[str, bool] = {}
 
-    def decoded(self, message: bytes) -> Any:
+    def decode_message(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError if it is invalid."""
         try:
             found = json.loads(message, parse_int=_whole)
@@ -154,7 +154,7 @@ class ProtobufTopic(ObjectTopic):
             words = " ".join(str(error).split())[:80]
             raise UndecodableError(f"its schema is invalid: {words}") from None
 
-    def decoded(self, message: bytes) -> Any:
+    def decode_message(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError if it is invalid."""
         try:
             return self._class.FromString(message)

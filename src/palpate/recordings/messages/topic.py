@@ -39,7 +39,7 @@ Walk: TypeAlias = Callable[[bytes], Layout]
 _Rows: TypeAlias = slice | NDArray[np.int64]
 
 
-def stamp_of(paths: Iterable[str]) -> str | None:
+def find_stamp(paths: Iterable[str]) -> str | None:
     """Return the path of the time of measurement, or None without such a path."""
     there = set(paths)
     return next((path for path in STAMPS if path in there), None)
@@ -146,7 +146,7 @@ class Topic:
     def keep(self, name: str, found: Found, columns: Sequence[PathColumn], times: Starts) -> None:
         """Add columns of some messages, unless they hold nothing but the time stamp."""
         paths = {path for path, _, _ in columns}
-        if paths <= {stamp_of(paths)}:
+        if paths <= {find_stamp(paths)}:
             return
         self.request.reserve(sum(values.nbytes for _, _, values in columns) + times.nbytes)
         self.found[name] = found
@@ -159,7 +159,7 @@ class Topic:
 class ObjectTopic(Topic):
     """A topic whose messages a package decodes to Python objects, one by one."""
 
-    def decoded(self, message: bytes) -> Any:
+    def decode_message(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError if it is invalid."""
         raise NotImplementedError
 
@@ -173,7 +173,7 @@ class ObjectTopic(Topic):
             messages, times = [], []
             for k in range(first, min(first + _BATCH, len(block.starts))):
                 try:
-                    messages.append(self.decoded(block.message(k)))
+                    messages.append(self.decode_message(block.message(k)))
                 except UndecodableError as error:
                     self.fail(str(error))
                     continue
@@ -205,13 +205,13 @@ class BinaryTopic(Topic):
     def take(self, block: Block) -> None:
         """Read messages."""
         if self._cdr and block.message(0).startswith(_ZSTD):  # ROS 2 can compress each message
-            block = self._unpacked(block)
+            block = self._unpack_block(block)
         if len(block.starts):
             parts = self._parts(block)
             if not self.omitted:
                 self._extend(parts, block.times)
 
-    def _unpacked(self, block: Block) -> Block:
+    def _unpack_block(self, block: Block) -> Block:
         messages, times = [], []
         for k, time in enumerate(block.times.tolist()):
             try:
@@ -286,7 +286,7 @@ class BinaryTopic(Topic):
             return
         self.skipped |= layout.skipped.keys()
         for entity in layout.entities:
-            stamp = stamp_of(entity.leaves)
+            stamp = find_stamp(entity.leaves)
             for path in list(entity.leaves):
                 if not self.wants(entity.name, path):
                     del entity.leaves[path]

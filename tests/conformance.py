@@ -1,11 +1,7 @@
 """The conformance tests that every estimator must pass.
 
-    from palpate.estimators.conformance import check
-
-    check(MyEstimator)
-
-palpate's tests run them on every registered estimator. Each is a function of an estimator's class
-and settings, and raises an AssertionError on failure.
+``test_conformance.py`` runs them on every registered estimator; ``check(MyEstimator)`` on another.
+Each is a function of an estimator's class and settings, and raises an AssertionError on failure.
 """
 
 import copy
@@ -64,7 +60,7 @@ _NONSENSE: tuple[Any, ...] = (
 )  # fmt: skip
 
 
-def settings_of(kind: Kind) -> list[str]:
+def setting_names(kind: Kind) -> list[str]:
     """Return the names of an estimator's settings."""
     return list(inspect.signature(kind.__init__).parameters)[1:]
 
@@ -234,7 +230,7 @@ def out_of_contact_it_is_held(kind: Kind, settings: dict[str, Any]) -> None:
 
 def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
     """A force and settings in other units give the same law in those units."""
-    if "scale" not in settings_of(kind):
+    if "scale" not in setting_names(kind):
         return
     unit = 1024.0
     x, v, force = _tapping()
@@ -264,7 +260,7 @@ def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
 def settings_are_kept_and_documented(kind: Kind, settings: dict[str, Any]) -> None:
     """Settings are the constructor's arguments, documented, and reproduce the estimator."""
     estimator = kind(**settings)
-    names = settings_of(kind)
+    names = setting_names(kind)
     _hold(list(estimator.settings) == names, f"settings are {list(estimator.settings)}")
     words = " ".join(inspect.getdoc(each) or "" for each in kind.__mro__)
     missing = [name for name in names if name not in words]
@@ -279,7 +275,7 @@ def settings_are_kept_and_documented(kind: Kind, settings: dict[str, Any]) -> No
 
 def nonsense_in_settings_is_refused_by_name(kind: Kind, settings: dict[str, Any]) -> None:
     """A setting accepts a value, or raises an InvalidParameterError of one line."""
-    for name in settings_of(kind):
+    for name in setting_names(kind):
         for value in _NONSENSE:
             try:
                 kind(**{**settings, name: value})
@@ -339,7 +335,7 @@ CHECKS: dict[str, Callable[[Kind, dict[str, Any]], None]] = {
 
 def variants(kind: Kind) -> dict[str, dict[str, Any]]:
     """Return settings for the tests: the defaults, each other value alone, and all together."""
-    others = {name: value for name, value in _OTHER.items() if name in settings_of(kind)}
+    others = {name: value for name, value in _OTHER.items() if name in setting_names(kind)}
     each = {f"another {name}": {name: value} for name, value in others.items()}
     return {"as it comes": {}, **each, "everything": others}
 
