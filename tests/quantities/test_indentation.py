@@ -144,6 +144,9 @@ def test_identify_fleet_and_map_give_the_same_modulus(map_file, run, tmp_path):
     code, out, _ = run("fleet", map_file, "-o", folder, "--tip", TIP, "--workers", "1")
     assert code == 0
     assert "Young's modulus" in out
+    assert "pass --tip" not in out
+    out = run("fleet", map_file, "-o", tmp_path / "without", "--workers", "1")[1]
+    assert "for Young's modulus of force curves pass --tip" in out
     table = read_results(folder)
     rows = table.to_pylist()
     for number, row in enumerate(rows):

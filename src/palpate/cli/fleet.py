@@ -190,8 +190,10 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
+    from palpate.recordings.opening import MAPS
 
     table = read_results(found.folder)
+    shown = maps.list_quantities(table)
     verdicts = maps.verdicts_of(table)
     names = maps.names_of(table)
     common = len(os.path.commonprefix(names).rpartition("/")[0])  # noqa: RUF071 - cut at a slash
@@ -200,7 +202,6 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
         marks = [Text(verdict, _STYLES.get(verdict, "")) for verdict, _ in verdicts]
         turns = maps.numbers(table, "frequency") / math.tau
         at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
-        shown = maps.list_quantities(table)
         columns = names, marks, *(maps.format_values(table, name) for name in shown), at
         header = ["contact", "verdict", *(maps.quantity_name(name) for name in shown), "frequency"]
         print_table(console, header, [*zip(*columns, strict=True)])
@@ -213,6 +214,9 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     reasons = maps.reasons_of_verdicts(names, verdicts)
     for verdict, line in reasons[:_MOST_REASONS]:
         say(console, line, _STYLES[verdict])
+    sources = {source or "" for source in table.column("source").to_pylist()}
+    if "modulus" not in shown and any(each.lower().endswith(MAPS) for each in sources):
+        say(console, "for Young's modulus of force curves pass --tip, such as sphere:radius=5um")
     if found.identified and not any(table.column("verdict").to_pylist()):
         say(console, maps.NO_VERDICT.get(table.column("checked")[0].as_py(), ""), "dim")
     return few and len(reasons) <= _MOST_REASONS
