@@ -11,7 +11,7 @@ from benchmarks.accuracy.probing import BALL, NOISE, PVC, SYMBOLS, Floats, sines
 from benchmarks.accuracy.table import Group, Limit, Line
 from palpate import Contact, ContactGate, HuntCrossley, VariableProjection, identify
 from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit, standard_errors
+from palpate.diagnosis.fit import Fit, FitInput, standard_errors
 
 MATERIALS = {
     "ball": BALL,
@@ -123,7 +123,7 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
     estimate = estimator.estimate()
     contact = Contact(np.arange(len(x)) / RATE, penetration=x, velocity=v, force=f)
     result = identify(contact, estimator.replace())
-    fit = Fit(result.data or Data(contact), result.trace, result.estimate)
+    fit = Fit(FitInput(result.data or Data(contact), result.trace, result.estimate))
     numbers = [*estimate.parameters, *_felt(result.law, fit.depth), estimate.offset]
     bars = [*estimate.standard_errors, *standard_errors(fit)[1:], estimate.offset_standard_error]
     inside = x > depth

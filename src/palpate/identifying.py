@@ -27,6 +27,9 @@ if TYPE_CHECKING:
 class Identification(Identified):
     """The identification of a whole contact: law, trace and diagnosis.
 
+    The base class computes the numbers in a package below tables, figures, reports and files, where
+    they are needed too. This class adds only the methods that call these packages.
+
     Attributes
     ----------
     contact : Contact

@@ -11,7 +11,7 @@ import palpate
 from palpate import lab
 from palpate.diagnosis import Data
 from palpate.diagnosis.delay import _earlier_samples, find_delay
-from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.fit import Fit, FitInput
 from palpate.diagnosis.material import relaxation_state
 from palpate.diagnosis.recording import CHECKS, SOME
 from palpate.estimators.least_squares import mean_error, robust_covariance
@@ -514,7 +514,8 @@ def test_a_method_that_is_off_its_own_least_squares_is_said_to_fail():
     estimate = palpate.Estimate.from_law(
         worse, result.estimate.covariance, status=result.estimate.status, samples=1000
     )
-    found = palpate.diagnosis.diagnose_parts(result.data, result.trace, estimate)
+    given = FitInput(result.data, result.trace, estimate)
+    found = palpate.diagnosis.diagnose_parts(given)
     assert found.verdict.stiffness == "do-not-trust"
     assert "method" in [finding.check for finding in found.findings]
 
@@ -570,7 +571,7 @@ def test_a_delay_is_sought_within_each_segment():
     kept = np.concatenate([np.arange(1500 + 1000 * k, 1900 + 1000 * k) for k in order])
     moved = {"penetration": x[kept], "velocity": v[kept], "force": force[kept]}
     result = palpate.identify(palpate.Contact(time[kept], **moved, segment=np.repeat(order, 400)))
-    fit = Fit(result.data, result.trace, result.estimate)
+    fit = Fit(FitInput(result.data, result.trace, result.estimate))
     here, *others = (
         fit.data.segment[_earlier_samples(fit, fit.windows, shift)] for shift in (0, 20, -20)
     )

@@ -9,7 +9,7 @@ from scipy import stats
 import palpate
 from palpate import ConstantForgetting, Contact, HuntCrossley, Scale, identify
 from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit, standard_errors
+from palpate.diagnosis.fit import Fit, FitInput, standard_errors
 from palpate.estimators.least_squares import robust_covariance
 
 RUNS, SAMPLES = 1000, 100
@@ -103,7 +103,7 @@ def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
         force = clean + deviation * np.random.default_rng(seed).standard_normal(t.size)
         contact = Contact(t, penetration=x, velocity=v, force=force)
         result = identify(contact, trace=False)
-        fit = Fit(Data(contact), result.trace, result.estimate)
+        fit = Fit(FitInput(Data(contact), result.trace, result.estimate))
         # Of a fit in windows, by what each sample's own noise adds.
         influences = fit.gradients @ fit.solution.inverse[:3]
         weights = np.zeros((3, t.size))

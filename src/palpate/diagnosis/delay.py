@@ -1,13 +1,14 @@
 """A constant delay of the force against the penetration, or one that starts midway."""
 
 import math
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis.causes import MisfitHypothesis, OtherLaw, cause_from_column
-from palpate.diagnosis.fit import AugmentedFit, Fit, MovedSamples, Solution, fit_with_column
+from palpate.diagnosis.fit import Fit, MovedSamples, Solution, fit_with_column
 from palpate.diagnosis.windows import WindowedSamples
 from palpate.digits import rounded, with_error
 from palpate.findings import Check, Finding
@@ -32,21 +33,20 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     if fine is None:
         return []
     moved, shift = _best_shift(fit, reach)
-    before, late, result = fit.solution, fine.amount, fine
+    if abs(shift) >= reach:
+        return []
+    before, result = fit.solution, fine
     if shift:  # the change is the refit minus the fit without a shift
-        remainder = moved.without(_force_by_delay(fit, shift))
+        remainder = moved.orthogonal_part(_force_by_delay(fit, shift))
         rest = float(remainder @ moved.residual / max(float(remainder @ remainder), 1e-300))
         late = shift * step + min(max(rest, -step), step)
         change = np.zeros_like(fine.change)
         change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
-        result = AugmentedFit(
-            change, late, fine.z, max(fit.explained_fraction(moved.energy), fine.explained_fraction)
-        )
-    if abs(shift) >= reach:
-        return []
+        explained = max(fit.explained_fraction(moved.energy), fine.explained_fraction)
+        result = replace(fine, change=change, amount=late, explained_fraction=explained)
     error = abs(fine.amount) / max(fine.z, 1e-300)
     applied = fit.data.contact.delay
-    total = late + (0.0 if applied is None else applied.seconds)
+    total = result.amount + (0.0 if applied is None else applied.seconds)
     sentence = (
         f"the force is {with_error(abs(total) * 1e3, error * 1e3, unit='ms')} "
         f"{'late, or the position is commanded' if total > 0.0 else 'early'}"
@@ -80,7 +80,7 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         solution.law,
         solution.offset,
         np.column_stack([solution.jacobian, slope]),
-        solution.residual - whole.amount * solution.without(slope),
+        solution.residual - whole.amount * solution.orthogonal_part(slope),
     )
     rows, between = len(fit.windows), (0, len(fit.windows))
     pressing = np.cumsum(fit.windows.mean(fit.v) > 0.0)
@@ -102,9 +102,8 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         step = -(-(between[1] - between[0]) // (BORDERS + 1))
         between = place - step, place + step
     result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), with_delay)
-    if result is None or result.z < JUMP_Z:
-        return []
-    if abs(result.amount) < LEAST_JUMP * fit.data.sample_time:
+    least = LEAST_JUMP * fit.data.sample_time
+    if result is None or result.z < JUMP_Z or abs(result.amount) < least:
         return []
     time = float(fit.time[place])
     error = abs(result.amount) / result.z
@@ -115,7 +114,7 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
     )
     remedy = f"identify the two parts separately: --stop {time:.4g}, then --start {time:.4g}"
     change = whole.change + result.change[: len(whole.change)]
-    moved = AugmentedFit(change, result.amount, result.z, result.explained_fraction)
+    moved = replace(result, change=change)
     return [cause_from_column(fit, Check.SKEW_JUMP, moved, sentence, remedy)]
 
 
@@ -136,13 +135,6 @@ def check_skew(fit: Fit) -> Finding:
     if fit.laws is not None and fit.laws.verdict.candidate.damping == "half-space":
         words += "; no check can distinguish half-space damping from a force that is early"
     return Check.SKEW.finding(words)
-
-
-def delay_systematic(fit: Fit) -> float:
-    """Return the relative error of the damping for an applied delay's standard error: S SE(τ)."""
-    applied = fit.data.contact.delay
-    error = 0.0 if applied is None else applied.standard_error
-    return abs(fit.stiffness(fit.solution.law)) * error / fit.reference_scales[1]
 
 
 def _force_by_delay(fit: Fit, shift: int) -> Floats:
@@ -173,14 +165,13 @@ def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     """Return the best shift of whole samples, by a coarse and then a fine scan."""
     every = max(-(-len(fit.windows) // MOST_ROWS), 1)
-    windows, force = fit.windows.thinned(every) if every > 1 else fit.windows, fit.force[::every]
+    windows, force = fit.windows.thin(every), fit.force[::every]
     law, offset = fit.solution.law, fit.solution.offset
 
     @cache
     def energy(shift: int) -> float:
-        return fit.solve(
-            law, offset, _shift_motion(fit, shift, windows, force), enough=ROUGHLY
-        ).energy
+        motion = _shift_motion(fit, shift, windows, force)
+        return fit.solve(law, offset, motion, enough=ROUGHLY).energy
 
     coarse = max(reach // 6, 1)
     best = min({0, -reach, reach, *range(-reach, reach + 1, coarse)}, key=energy)

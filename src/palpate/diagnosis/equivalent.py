@@ -4,6 +4,7 @@ from copy import copy
 
 import numpy as np
 
+from palpate.contact import Contact
 from palpate.diagnosis.recording import Data
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.oscillation import dynamic_response
@@ -45,12 +46,22 @@ class EquivalentEstimate(Estimate):
         return self._equivalent
 
 
-def force_along(data: Data, estimate: Estimate) -> Floats:
-    """Return the force of a generalised law at every sample, with its unknown initial state, N."""
-    x = data.penetration - estimate.surface
-    steps = steps_over_breaks(data.time, x, data.sample_time)
-    force: Floats = estimate.law.force_along(x, data.velocity, steps)
-    if isinstance(estimate, RelaxingEstimate):
+def force_along(path: Data | Contact, estimate: Estimate, *, begins: bool = True) -> Floats:
+    """Return the force of an estimate's law at every sample, N, without its offset.
+
+    Parameters
+    ----------
+    path : Data or Contact
+        The motion, assumed straight over gaps.
+    estimate : Estimate
+        An estimate of any law.
+    begins : bool
+        Whether the path begins with the samples of the estimate, in an unknown state.
+    """
+    x = path.penetration - estimate.surface
+    steps = steps_over_breaks(path.time, x, path.sample_time)
+    force: Floats = estimate.law.force_along(x, path.velocity, steps)
+    if begins and isinstance(estimate, RelaxingEstimate):
         force += np.where(x > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
     return force
 

@@ -15,14 +15,12 @@ from palpate.diagnosis.windows import (
     FEWEST_FREE,
     FEWEST_ROWS,
     LOWEST_FREE,
+    WINDOWS_A_PERIOD,
     FreeAir,
     WindowedSamples,
     free_air_statistics,
-    windows_in_contact,
     windows_over,
 )
-from palpate.estimators import ESTIMATORS
-from palpate.estimators.by_law import linear_in
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.least_squares import least_squares, robust_covariance
 from palpate.estimators.oscillation import Oscillation
@@ -51,13 +49,13 @@ class Units:
     depth: float
     speed: float
 
-    def local(self, law: ForceLaw) -> ForceLaw:
+    def to_local(self, law: ForceLaw) -> ForceLaw:
         """Return the law in these units: for Hunt–Crossley k = K x_rⁿ, c = B x_rⁿ V."""
         return law.scaled(self.depth, self.speed)
 
-    def restored(self, law: ForceLaw) -> ForceLaw:
+    def to_si(self, law: ForceLaw) -> ForceLaw:
         """Return the law in SI, for a law in these units."""
-        return Units(1.0 / self.depth, 1.0 / self.speed).local(law)
+        return Units(1.0 / self.depth, 1.0 / self.speed).to_local(law)
 
 
 @dataclass(frozen=True, eq=False)  # no slots: the instance caches the inverse
@@ -94,10 +92,41 @@ class Solution:
         inverse: Floats = np.linalg.pinv(self.jacobian / size) / size[:, None]
         return inverse
 
-    def without(self, column: Floats) -> Floats:
+    def orthogonal_part(self, column: Floats) -> Floats:
         """Return the component of a column orthogonal to the Jacobian's columns."""
         remainder: Floats = column - self.jacobian @ (self.inverse @ column)
         return remainder
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FitInput:
+    """The identification whose law is fitted again.
+
+    Attributes
+    ----------
+    data : Data
+        The recording; its own checks run once for all methods.
+    trace : Trace
+        The replay, which marks the samples that the estimator took.
+    estimate : Estimate
+        The last estimate, the starting point of the least squares.
+    laws : ModelSelection, optional
+        The model selection, if the law was selected.
+    method : str
+        Name of the method, for remedies.
+    response : Oscillation, optional
+        Small oscillations of the selected law, which give K′ and B′.
+    frequency : float
+        ω of the motion, rad/s; NaN for a probe held still.
+    """
+
+    data: Data
+    trace: Trace
+    estimate: Estimate
+    laws: ModelSelection | None = None
+    method: str = "variable-projection"
+    response: Oscillation | None = None
+    frequency: float = math.nan
 
 
 def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
@@ -110,51 +139,30 @@ class Fit:
 
     Parameters
     ----------
-    data : Data
-        The recording.
-    trace : Trace
-        Marks the samples that the estimator took.
-    estimate : Estimate
-        Starting point of the least squares.
+    given : FitInput
+        The identification.
     depth : float, optional
         The working depth, m. Default: the median penetration in contact.
-    laws : ModelSelection, optional
-        The model selection, if the law was selected.
-    method : str
-        Name of the method that made the estimate, for remedies.
-    response : Oscillation, optional
-        Small oscillations of the selected law, which give K′ and B′.
-    frequency : float, optional
-        ω of the motion, rad/s. Default: computed from the samples in contact.
     force : numpy.ndarray, optional
         Force of a relaxing law from :func:`force_along`, to avoid computing it again.
     """
 
     def __init__(
-        self,
-        data: Data,
-        trace: Trace,
-        estimate: Estimate,
-        *,
-        depth: float | None = None,
-        laws: ModelSelection | None = None,
-        method: str = "variable-projection",
-        response: Oscillation | None = None,
-        frequency: float = math.nan,
-        force: Floats | None = None,
+        self, given: FitInput, depth: float | None = None, force: Floats | None = None
     ) -> None:
-        self._given, self.laws, self.method = (data, trace, estimate), laws, method
-        self.response = response if frequency > 0.0 else None
-        self.frequency = frequency
+        data, trace, estimate = given.data, given.trace, given.estimate
+        self.given, self.laws, self.method = given, given.laws, given.method
+        self.frequency, moves = given.frequency, given.frequency > 0.0
+        self.response = given.response if moves else None
         #: The equivalent Hunt–Crossley law; None unless the law relaxes.
         self.equivalent: EquivalentEstimate | None = None
+        self._force = force
         if estimate.law.relaxes:
             known = data.penetration[trace.taken[data.known]] - estimate.surface
             middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
-            # A probe held still has no frequency.
-            turn = frequency if frequency > 0.0 else 1.0
             self._force = force_along(data, estimate) if force is None else force
-            by = depth or middle, turn, self._force
+            # A probe held still has no frequency.
+            by = depth or middle, self.frequency if moves else 1.0, self._force
             data, self.equivalent = equivalent_hunt_crossley(data, estimate, *by)
         self.data, self.estimate = data, self.equivalent or estimate
         estimate = self.estimate
@@ -171,10 +179,11 @@ class Fit:
         # above a surface that is 0.7 mm off.
         self.has_free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
         x, v = self.penetration[self.inside], data.velocity[self.inside]
-        self.reference = float(np.median(x)) if x.size else math.nan
+        ranks = (0.0, 50.0, DEEP, 100.0)
+        depths: list[float] = np.percentile(x, ranks).tolist() if x.size else [math.nan] * 4
+        self.range = (depths[0], depths[3])
+        self.reference, self.deep = depths[1:3]
         self.depth = self.reference if depth is None else depth
-        self.range = (float(x.min()), float(x.max())) if x.size else (math.nan, math.nan)
-        self.deep_depths = (float(np.percentile(x, DEEP)),) if x.size else (math.nan,)
         self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
         scaled = self.reference, self.speed
@@ -184,92 +193,55 @@ class Fit:
         self.v = data.velocity[self.windows.samples] / self.units.speed
         # Cached for each depth, the only difference between the copies that ``at_depth`` makes.
         self._gradients: dict[float, Floats] = {}
-        self._scales: dict[float, tuple[float, float]] = {}
+        self._scales: dict[float, Floats] = {}
         self.time = self.windows.mean(data.time[self.windows.samples])
         self.force = self.windows.mean(data.force[self.windows.samples])
 
     def _windows_in_contact(self) -> WindowedSamples:
         """Return windows over the samples in contact; an excluded outlier does not end a window."""
         kept = np.flatnonzero(~self.rejected)
-        segment, sample_time = self.data.segment[kept], self.data.sample_time
-        band = windows_in_contact(self.inside[kept], segment, self.period, sample_time)
-        return replace(band, samples=kept[band.samples])
+        most = max(int(np.count_nonzero(self.inside)) // 40, 1)
+        width = np.clip(self.period / WINDOWS_A_PERIOD / self.data.sample_time, 1, most)
+        windows = windows_over(self.inside[kept], self.data.segment[kept], int(width))
+        return replace(windows, samples=kept[windows.samples])
 
     def at_depth(self, depth: float) -> "Fit":
         """Return the same fit with another working depth, m.
 
         Only a relaxing law is fitted again: its equivalent law holds at one depth.
         """
-        if self._given[2].law.relaxes:
-            return Fit(
-                *self._given,
-                depth=depth,
-                laws=self.laws,
-                method=self.method,
-                response=self.response,
-                frequency=self.frequency,
-                force=self._force,
-            )
+        if self.given.estimate.law.relaxes:
+            return Fit(self.given, depth, self._force)
         other = copy(self)
         other.depth = depth
         return other
 
-    def by_equivalent_law(self) -> "Fit":
+    def equivalent_law_fit(self) -> "Fit":
         """Return the fit of the equivalent Hunt–Crossley law to the force as recorded."""
-        data, trace, _ = self._given
-        return Fit(data, trace, self.estimate, depth=self.depth)
-
-    @property
-    def identified_law(self) -> ForceLaw:
-        """The identified law; for a relaxing law :attr:`law` is only its equivalent."""
-        law: ForceLaw = self._given[2].law
-        return law
-
-    @property
-    def finds_surface(self) -> bool:
-        """Whether the method can estimate the position of the surface."""
-        kind = ESTIMATORS.get(self.method)
-        return kind is not None and "surface" in kind().settings
-
-    @cached_property
-    def finite(self) -> bool:
-        """Whether the least squares is finite, the depth varies, and the law resists the probe."""
-        solution, sizes = self.solution, np.array(self.reference_scales)
-        numbers = [solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), sizes]
-        finite = bool(np.isfinite(np.concatenate(numbers)).all())
-        return finite and bool(np.ptp(self.x) > 0.0 and (sizes > 0.0).all())
+        return Fit(FitInput(self.given.data, self.given.trace, self.estimate), self.depth)
 
     @property
     def checkable(self) -> bool:
-        """Whether there are enough windows, and a least squares of finite numbers."""
-        return len(self.windows) >= FEWEST_ROWS // 2 and self.finite
+        """Whether windows are enough, the depth varies, and a finite law resists the probe."""
+        if len(self.windows) < FEWEST_ROWS // 2 or not np.ptp(self.x) > 0.0:
+            return False
+        solution, scales = self.solution, self.reference_scales
+        numbers = solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), scales
+        return bool(np.isfinite(np.concatenate(numbers)).all() and (scales > 0.0).all())
 
     @cached_property
     def solution(self) -> Solution:
         """The least-squares solution over the windows."""
-        return self.solve(self.units.local(self.estimate.law), self.estimate.offset)
+        return self.solve(self.units.to_local(self.estimate.law), self.estimate.offset)
 
     @cached_property
     def law(self) -> ForceLaw:
         """The law of :attr:`solution`, SI."""
-        return self.units.restored(self.solution.law)
+        return self.units.to_si(self.solution.law)
 
     def explained_fraction(self, energy: float) -> float:
         """Return 1 − energy/(energy of the solution): the fraction that a better fit removes."""
         return 1.0 - energy / max(self.solution.energy, np.finfo(float).tiny)
-
-    @cached_property
-    def linear(self) -> list[int]:
-        """Indices of the parameters in which the force is linear."""
-        return list(range(self.law.linear) or linear_in(type(self.law)))
-
-    @cached_property
-    def by_linear(self) -> Floats:
-        """Force minus the part of the law that does not depend on the linear parameters, N."""
-        if self.law.linear:
-            return self.force
-        linear, best = self.linear, self.solution
-        return best.residual + best.offset + best.jacobian[:, linear] @ best.law.parameters[linear]
 
     @cached_property
     def covariance(self) -> Floats:
@@ -330,54 +302,33 @@ class Fit:
         """Derivatives of force, stiffness, damping at the working depth in each parameter."""
         if self.depth in self._gradients:
             return self._gradients[self.depth]
-        law = self.solution.law
+        law, values = self.solution.law, self.solution.law.parameters
+        steps = 1e-5 * np.maximum(np.abs(values), 1e-3 * np.abs(values).max())
         columns = []
-        for k, value in enumerate(law.parameters):
-            step = 1e-5 * max(abs(value), 1e-3 * float(np.abs(law.parameters).max()))
-            up, down = law.parameters, law.parameters
-            up[k], down[k] = value + step, value - step
-            high, low = law.from_parameters(up), law.from_parameters(down)
-            columns.append(
-                (self.force_stiffness_damping(high) - self.force_stiffness_damping(low))
-                / (2.0 * step)
-            )
+        for size, step in zip(steps, np.diag(steps), strict=True):
+            ends = (law.from_parameters(values + change) for change in (step, -step))
+            high, low = map(self.force_stiffness_damping, ends)
+            columns.append((high - low) / (2.0 * size))
         gradients: Floats = np.array(columns).T
         self._gradients[self.depth] = gradients
         return gradients
 
     @property
-    def reference_scales(self) -> tuple[float, float]:
-        """Scales of relative changes, max(|S|, 0.1 F/x) and max(|C|, 0.1 F/V).
+    def reference_scales(self) -> Floats:
+        """Scales of relative changes, max(|S|, 0.1 F/x) and max(|C|, 0.1 F/V), shape (2,).
 
         The second term keeps the scale above zero where the quantity is near zero.
         """
         if self.depth not in self._scales:
-            law = self.solution.law
-            force = self.force_at_depth(law)
-            self._scales[self.depth] = (
-                float(reference_scale(self.stiffness(law), force, self.depth)),
-                float(reference_scale(self.damping(law), force, self.speed)),
-            )
+            force, *numbers = self.force_stiffness_damping(self.solution.law)
+            by = np.array([self.depth, self.speed])
+            self._scales[self.depth] = reference_scale(np.array(numbers), force, by)
         return self._scales[self.depth]
 
-    def relative_difference(
-        self, numbers: tuple[float, float], law: ForceLaw
-    ) -> tuple[float, float]:
-        """Return stiffness and damping minus a law's, each over its scale."""
-        return (
-            (numbers[0] - self.stiffness(law)) / self.reference_scales[0],
-            (numbers[1] - self.damping(law)) / self.reference_scales[1],
-        )
-
-    def relative_change(self, change: Floats) -> tuple[float, float]:
-        """Return relative changes of stiffness and damping for a linear change of the parameters.
-
-        They are linear, n Δk + k Δn: the product of large changes would give 34 % instead of 2 %.
-        """
-        moved = self.gradients[1:] @ change[: len(self.solution.law.symbols)]
-        return float(moved[0] / self.reference_scales[0]), float(
-            moved[1] / self.reference_scales[1]
-        )
+    def relative_changes(self, changes: Floats) -> tuple[float, float]:
+        """Return changes of stiffness and damping at the working depth over their scales."""
+        stiffness, damping = (changes / self.reference_scales).tolist()
+        return stiffness, damping
 
     @cached_property
     def noise_floor(self) -> float:
@@ -394,12 +345,8 @@ class Fit:
         force = max(self.data.force_noise, self._noise_in_contact)
         white = math.sqrt(force**2 + by_x + by_v) / math.sqrt(self.windows.width)
         above = self._above_band
-        slow = (
-            min(self.free_air.noise, MOST_SLOW * max(white, above))
-            if self.free_air.noise
-            else above
-        )
-        return max(white, slow)
+        # Without free air its noise is 0.
+        return max(white, min(self.free_air.noise, MOST_SLOW * max(white, above)) or above)
 
     @property
     def _noise_in_contact(self) -> float:
@@ -410,15 +357,14 @@ class Fit:
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
 
     @cached_property
-    def correlated_rows(self) -> float:
-        """Number of windows over which noise is correlated, estimated from free air.
+    def correlated_windows(self) -> float:
+        """Number of windows, at least 1, over which noise is correlated, estimated from free air.
 
         For AR(1) noise the ratio of its variance to the variance of its fourth differences is 0.9
         correlation times.
         """
-        above = self._above_band
-        slow = (self.noise_floor / above) ** 2 if self.free_air.noise and above > 0.0 else 1.0
-        return (1.0 + len(self.windows.shared)) * max(slow, 1.0)
+        known = self.free_air.noise and self._above_band > 0.0
+        return max((self.noise_floor / self._above_band) ** 2, 1.0) if known else 1.0
 
     @property
     def residual_to_noise(self) -> float:
@@ -429,14 +375,14 @@ class Fit:
     @cached_property
     def acceleration(self) -> Floats:
         """Acceleration at the samples of the windows, m/s²."""
-        return self._rate_of(self.data.velocity)[self.windows.samples]
+        return self._rate(self.data.velocity)[self.windows.samples]
 
     @cached_property
     def jerk(self) -> Floats:
         """Rate of the acceleration at the samples of the windows, m/s³."""
-        return self._rate_of(self._rate_of(self.data.velocity))[self.windows.samples]
+        return self._rate(self._rate(self.data.velocity))[self.windows.samples]
 
-    def _rate_of(self, values: Floats) -> Floats:
+    def _rate(self, values: Floats) -> Floats:
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
         rate: Floats = np.gradient(values, time)
         return rate
@@ -444,7 +390,7 @@ class Fit:
     @property
     def at_noise_floor(self) -> bool:
         """Whether the residual is so small that a cause with a small effect is only a note."""
-        slow = self.correlated_rows > SLOW * (1.0 + len(self.windows.shared))
+        slow = self.correlated_windows > SLOW
         return self.residual_to_noise < (MISFIT if slow else NOISE_LIKE)
 
     @property
@@ -452,11 +398,8 @@ class Fit:
         """Whether the residual is more than noise."""
         # The noise is known from one period of free air, and proportionally more if it is
         # correlated over longer than a window.
-        noise_known = (
-            self.free_air.windows * (1.0 + len(self.windows.shared))
-            >= FEWEST_AIR * self.correlated_rows
-        )
-        return self.residual_to_noise > (MISFIT if noise_known else MISFIT_UNKNOWN)
+        known = self.free_air.windows >= FEWEST_AIR * self.correlated_windows
+        return self.residual_to_noise > (MISFIT if known else MISFIT_UNKNOWN)
 
     @cached_property
     def free_air(self) -> "FreeAir":
@@ -466,9 +409,7 @@ class Fit:
             return FreeAir()
         # Exclude the uppermost: they are in contact if the surface is higher than assumed.
         above = self.penetration <= np.percentile(self.penetration[free], LOWEST_FREE)
-        windows = windows_over(
-            self.free & above, self.data.segment, self.period, self.windows.width
-        )
+        windows = windows_over(self.free & above, self.data.segment, self.windows.width)
         return free_air_statistics(self.data, windows)
 
     @property
@@ -499,7 +440,8 @@ class MovedSamples:
 
 # A column is collinear with the fit's columns if less than this fraction of it is orthogonal.
 COLLINEAR = 1e-5
-# On 196 clean recordings of probe and robot, a cause that changes a result has z ≤ 3.7.
+# On 196 clean recordings of probe and robot (``benchmarks.diagnosis``), a cause that changes a
+# result has z ≤ 3.7.
 SIGNIFICANT = 4.5
 
 
@@ -534,7 +476,7 @@ def fit_with_column(
     """
     solution = solution or fit.solution
     jacobian, residual = solution.jacobian, solution.residual
-    shares, rest = solution.inverse @ column, solution.without(column)
+    shares, rest = solution.inverse @ column, solution.orthogonal_part(column)
     if not np.isfinite(rest).all() or float(rest @ rest) <= COLLINEAR**2 * float(column @ column):
         return None
     amount = float(rest @ residual / (rest @ rest))
@@ -545,10 +487,8 @@ def fit_with_column(
     z, gain = abs(amount) / max(error, 1e-300), fit.explained_fraction(float(after @ after))
     if z > SIGNIFICANT and fit.noise_floor > 0.0:
         # A short residual does not show the correlation length of slow noise; free air does.
-        largest_z = (
-            math.sqrt(max(gain, 0.0) * fit.solution.energy / fit.correlated_rows) / fit.noise_floor
-        )
-        z = min(z, largest_z)
+        rows = (1.0 + len(fit.windows.shared)) * fit.correlated_windows
+        z = min(z, math.sqrt(max(gain, 0.0) * fit.solution.energy / rows) / fit.noise_floor)
     return AugmentedFit(-amount * shares, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 
@@ -582,5 +522,5 @@ def distance_to_least_squares(fit: Fit) -> Floats:
     The standard errors of the least squares do not cover this difference. A method has it if it
     forgets, or if it weighs shallow contact as much as deep contact.
     """
-    identified, best = fit.units.local(fit.estimate.law), fit.solution.law
+    identified, best = fit.units.to_local(fit.estimate.law), fit.solution.law
     return fit.force_stiffness_damping(identified) - fit.force_stiffness_damping(best)

@@ -1,16 +1,16 @@
 """The surface position, and errors of direction and mount that no recording shows."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.diagnosis.causes import CARE, MisfitHypothesis
+from palpate.diagnosis.causes import CARE, MisfitHypothesis, OtherLaw
 from palpate.diagnosis.fit import NOISE_LIKE, Fit, MovedSamples
 from palpate.digits import format_quantity
+from palpate.estimators import ESTIMATORS
 from palpate.estimators.least_squares import robust_covariance
 from palpate.findings import Check, Finding
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import HuntCrossley
 from palpate.preparation.resolution import find_dead_band
 from palpate.preparation.surfaces import fit_surface_position, report_assumed_surface
 from palpate.validation import Floats
@@ -24,73 +24,42 @@ RESOLVED = 5.0
 
 def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     """Fit (k, c, n, F₀, d) with the free approach by Levenberg–Marquardt; Hunt–Crossley only."""
-    law = fit.solution.law
-    if not law.power_law or not fit.with_offset:
-        return []
-    if not fit.has_free_air or fit.estimate.surface_standard_error:
+    law, known = fit.solution.law, fit.estimate.surface_standard_error > 0.0
+    if known or not (law.power_law and fit.with_offset and fit.has_free_air):
         return []
     given = (*law.parameters, fit.solution.offset)
     starts = np.array([(*given, start) for start in STARTS])
     after = fit_surface_position(_thin_samples(fit), starts, exponent_fixed=bool(fit.fixed))
-    depth = after.parameters[4]
+    k, c, n, zero, depth = after.parameters.tolist()
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
     error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
     # Energy over the windows, refitted with this surface.
     motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.windows, fit.force)
-    law, zero = HuntCrossley(*after.parameters[:3]), float(after.parameters[3])
-    energy = fit.solve(law, zero, motion).energy
-    fits = math.sqrt(energy / len(fit.windows)) < NOISE_LIKE * fit.noise_floor
-    explained = max(fit.explained_fraction(energy), 0.0)
-    return [_surface_cause(fit, after.parameters, error, explained, fits_to_noise=fits)]
-
-
-@dataclass(frozen=True, slots=True)
-class MovedSurface:
-    """Replacement of the law by another below a surface that is deeper by ``depth`` references."""
-
-    law: HuntCrossley
-    before: ForceLaw
-    depth: float
-
-    def relative(self, fit: Fit) -> tuple[float, float]:
-        """Return the change of stiffness and damping at the fit's depth over their scales."""
-        depth = max(fit.depth / fit.reference - self.depth, 0.05)
-        stiffness = float(self.law.stiffness_at(depth)) / fit.reference
-        damping = float(self.law.damping_at(depth)) / fit.speed
-        return fit.relative_difference((stiffness, damping), self.before)
-
-
-def _surface_cause(
-    fit: Fit, parameters: Floats, error: float, explained: float, *, fits_to_noise: bool
-) -> MisfitHypothesis:
-    k, c, n, _, depth = parameters.tolist()
-    reference, change = fit.reference, MovedSurface(HuntCrossley(k, c, n), fit.solution.law, depth)
-    after = fit.units.restored(change.law).parameters / fit.law.parameters - 1.0
-    way = "deeper than zero penetration" if depth > 0.0 else "above zero penetration"
-    sentence = (
-        f"the surface is {format_quantity(abs(depth) * reference, 'm')} ± "
-        f"{format_quantity(error * reference, 'm')} {way}: with it K changes by {after[0]:+.0%} "
-        f"and B by {after[1]:+.0%}"
-    )
-    numbers = change.relative(fit)
-    if not fits_to_noise:
+    change = OtherLaw(HuntCrossley(k, c, n), law, depth)
+    energy, changes = fit.solve(change.law, zero, motion).energy, change.relative(fit)
+    sentence = _describe_surface(fit, change, error)
+    if not math.sqrt(energy / len(fit.windows)) < NOISE_LIKE * fit.noise_floor:
         sentence += ", but the force is still not explained to the noise"
-    elif max(map(abs, numbers)) < CARE:
+    elif max(map(abs, changes)) < CARE:
         sentence += ", stiffness and damping at working depth hardly at all"
-    exponent = fit.solution.law.parameters[2]
-    parameter = abs((n - exponent) * math.log(reference)) + n * abs(depth)
-    method = "" if fit.finds_surface else "--method variable-projection "
-    return MisfitHypothesis(
-        Check.SURFACE,
-        abs(depth) / max(error, 1e-300),
-        explained,
-        parameter,
-        sentence,
-        f"run again with {method}--surface estimate",
-        change,
-        *numbers,
-        fits_to_noise,
+    explained = max(fit.explained_fraction(energy), 0.0)
+    parameter = abs((n - law.parameters[2]) * math.log(fit.reference)) + n * abs(depth)
+    kind = ESTIMATORS.get(fit.method)
+    estimates = kind is not None and "surface" in kind().settings
+    method = "" if estimates else "--method variable-projection "
+    remedy = f"run again with {method}--surface estimate"
+    numbers = abs(depth) / max(error, 1e-300), explained, parameter
+    return [MisfitHypothesis(Check.SURFACE, *numbers, sentence, remedy, change, *changes)]
+
+
+def _describe_surface(fit: Fit, change: OtherLaw, error: float) -> str:
+    k, b, *_ = fit.units.to_si(change.law).parameters / fit.law.parameters - 1.0
+    way = "deeper than zero penetration" if change.deeper > 0.0 else "above zero penetration"
+    return (
+        f"the surface is {format_quantity(abs(change.deeper) * fit.reference, 'm')} ± "
+        f"{format_quantity(error * fit.reference, 'm')} {way}: with it K changes by {k:+.0%} "
+        f"and B by {b:+.0%}"
     )
 
 

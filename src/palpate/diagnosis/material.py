@@ -1,15 +1,16 @@
 """Effects of the material beyond the law: friction, other damping, relaxation, adhesion."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.diagnosis.causes import (
     SURE,
     MisfitHypothesis,
+    ParameterChange,
     cause_from_column,
     causes_from_columns,
+    clearly_better,
     relative_time,
 )
 from palpate.diagnosis.change import find_changes
@@ -19,7 +20,6 @@ from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding
-from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
 
 
@@ -101,70 +101,35 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
     at_depth = fit.force_at_depth(law) or 1.0
     spring = law.force(x, np.zeros_like(x)) / at_depth
-    best, time = None, shortest
-    for tau in np.geomspace(shortest, 0.7 * duration, TIMES):
-        state = relaxation_state(spring, steps, float(tau), data.sample_time)
-        result = fit_with_column(fit, fit.windows.mean(state[fit.windows.samples]))
-        if result is not None and (
-            best is None or result.explained_fraction > best.explained_fraction
-        ):
-            best, time = result, float(tau)
-    if best is None:
+    times = np.geomspace(shortest, 0.7 * duration, TIMES).tolist()
+    states = (relaxation_state(spring, steps, tau, data.sample_time) for tau in times)
+    fits = [fit_with_column(fit, fit.windows.mean(h[fit.windows.samples])) for h in states]
+    known = [(each, time) for each, time in zip(fits, times, strict=True) if each]
+    if not known:
         return []
+    best, time = max(known, key=lambda each: each[0].explained_fraction)
     turn = 2.0 * math.pi * time / fit.period
     branch = best.amount / (1.0 + turn**2) / at_depth
-    change = BranchChange(law, best.change, turn**2 * branch, time * branch)
+    change = ParameterChange(law, best.change, (turn**2 * branch, time * branch))
     words = _describe_relaxation(fit, time)
     numbers = best.z, best.explained_fraction, 0.0
     return [MisfitHypothesis(Check.MEMORY, *numbers, *words, change, *change.relative(fit))]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BranchChange:
-    """A change of the parameters, and an added relaxation branch.
-
-    The branch's stiffness and damping [s] are multiples of the law's stiffness.
-    """
-
-    law: ForceLaw
-    parameters: Floats
-    stiffness: float
-    damping: float
-
-    def relative(self, fit: Fit) -> tuple[float, float]:
-        """Return the change of stiffness and damping at the fit's depth over their scales."""
-        stiffness, damping = fit.relative_change(self.parameters)
-        slope = fit.stiffness(self.law)
-        by_stiffness = self.stiffness * slope / fit.reference_scales[0]
-        by_damping = self.damping * slope / fit.reference_scales[1]
-        return stiffness + by_stiffness, damping + by_damping
-
-
 def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
     """Return the sentence and the next step for relaxation in the residual."""
     over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
-    if fit.equivalent is None:
-        return (
-            f"stress relaxation over {over}: the stiffness holds at "
-            f"{rounded(1.0 / fit.period, 2)} Hz",
-            relaxation_remedy(fit.laws, time),
-        )
-    if fit.equivalent.longest == 0.0:
-        return (
-            f"the force relaxes over {over}, which no compared law describes better: sensor drift, "
-            "or a material that changes",
-            tare,
-        )
-    if time > fit.equivalent.longest:
-        return (
-            f"the force relaxes over {over}, longer than the law does: sensor drift, or a material "
-            "that softens",
-            tare,
-        )
-    return (
-        f"the force relaxes over {over} differently than the law",
-        relaxation_remedy(fit.laws, time),
-    )
+    remedy, relaxing = relaxation_remedy(fit.laws, time), fit.equivalent
+    if relaxing is None:
+        frequency = f"{rounded(1.0 / fit.period, 2)} Hz"
+        return f"stress relaxation over {over}: the stiffness holds at {frequency}", remedy
+    if relaxing.longest == 0.0:
+        other = ", which no compared law describes better: sensor drift, or a material that changes"
+    elif time > relaxing.longest:
+        other = ", longer than the law does: sensor drift, or a material that softens"
+    else:
+        return f"the force relaxes over {over} differently than the law", remedy
+    return f"the force relaxes over {over}{other}", tare
 
 
 def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
@@ -220,7 +185,7 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     if not pulls:
         return causes
     best = max(pulls, key=lambda each: each.explained_fraction)
-    if causes and 1.0 - causes[0].explained_fraction < SURE * (1.0 - best.explained_fraction):
+    if causes and clearly_better(causes[0], best):
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
@@ -254,10 +219,8 @@ def largest_pull(fit: Fit) -> float:
         if np.count_nonzero(in_piece) < FEWEST_PULLED:
             continue
         below = zero.mean() + slope * (x[in_piece] - float(np.mean(x[away[0]]))) - force[in_piece]
-        pull = float(below.mean())
-        if pull > max(least, largest) and pull > PULL_Z * math.hypot(
-            mean_error(below), mean_error(zero)
-        ):
+        pull, error = float(below.mean()), math.hypot(mean_error(below), mean_error(zero))
+        if pull > max(least, largest, PULL_Z * error):
             largest = pull
     return largest
 
@@ -292,13 +255,11 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
     small as the residual of the selected law, with a change of the material far smaller.
     """
-    plain, energy = fit.by_equivalent_law(), fit.solution.energy
+    plain, energy = fit.equivalent_law_fit(), fit.solution.energy
     causes = []
     if largest_pull(plain) > 0.0:
-        pulls = (
-            each for each in find_adhesion_or_relaxation(plain) if each.check is Check.ADHESION
-        )
-        causes += [(each, energy / SURE) for each in pulls if each.z > SIGNIFICANT]
+        pulls = (each for each in find_adhesion_or_relaxation(plain) if each.z > SIGNIFICANT)
+        causes += [(each, energy / SURE) for each in pulls if each.check is Check.ADHESION]
     if not fit.at_noise_floor and (changed := find_changes(plain)) is not None:
         causes.append((changed.cause, energy * SURE))
     return [

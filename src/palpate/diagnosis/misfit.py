@@ -16,6 +16,7 @@ from palpate.digits import rounded
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
 
+# Chosen by hand.
 UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # fractions of the force
 METHOD_Z = 5.0  # standard errors; a larger distance is at least a note
 

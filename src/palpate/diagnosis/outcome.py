@@ -1,8 +1,8 @@
 """A diagnosis: findings, marks, and numbers with error bars at the working depth."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,10 @@ class Quantity(Plain):
         return with_error(self.value, self.standard_error, self.systematic, unit=unit)
 
 
+#: A number that is not given.
+UNKNOWN = Quantity(math.nan, math.nan, math.nan)
+
+
 @dataclass(frozen=True, slots=True)
 class WorkingDepth(Plain):
     """Force, stiffness and damping of the law at one depth and at rest, SI.
@@ -97,21 +101,10 @@ class WorkingDepth(Plain):
 
 def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
     """Combine the numbers at several depths into arrays of a shape; floats for ()."""
-
-    def column(values: Iterable[float]) -> Any:
-        found = np.array(list(values)).reshape(shape)
-        return found if shape else float(found)
-
-    quantities = [
-        Quantity(
-            *(
-                column(getattr(getattr(depth, name), part) for depth in depths)
-                for part in ("value", "standard_error", "systematic")
-            )
-        )
-        for name in ("force", "stiffness", "damping")
-    ]
-    return WorkingDepth(column(depth.depth for depth in depths), *quantities)
+    rows = [(at.depth, *np.ravel(astuple(at)[1:])) for at in depths]
+    table = np.array(rows).T.reshape(10, *shape)
+    depth, *numbers = table if shape else table.tolist()
+    return WorkingDepth(depth, *(Quantity(*numbers[k : k + 3]) for k in (0, 3, 6)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,10 +169,8 @@ class Diagnosis(Plain):
 
     def __repr__(self) -> str:
         at, marks = self.working_depth, self.verdict
-        stiffness, damping = (
-            with_error(each.value, each.whole_error, unit=unit)
-            for each, unit in ((at.stiffness, "N/m"), (at.damping, "N·s/m"))
-        )
+        stiffness = at.stiffness.combined.format("N/m")
+        damping = at.damping.combined.format("N·s/m")
         return (
             f"<Diagnosis at {format_quantity(at.depth, 'm')}: stiffness {stiffness} "
             f"({marks.stiffness}), damping {damping} ({marks.damping}); {self.reason}\n"

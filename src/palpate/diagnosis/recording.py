@@ -5,16 +5,16 @@ Each check looks at the data once, independent of the fitted law. To add one: a 
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, run_slices
+from palpate.contact import Contact
 from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, rounded
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length, report_held_channel
 from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.resolution import find_dead_band, noise_of
@@ -63,10 +63,6 @@ class Data:
     def _without_load_transfer(self) -> "Data":
         contact = exclude_load_transfer(self.contact)
         return self if contact is self.contact else Data(contact)
-
-    def segments(self) -> Iterator[slice]:
-        """Slices of the separate contacts, in order."""
-        return run_slices(self.segment)
 
     @cached_property
     def force_step(self) -> float:
@@ -131,35 +127,28 @@ REPEATED = 0.85
 
 def check_steps(data: Data) -> Finding | None:
     """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
-    if _has_coarse_steps(data.force, data.force_step, FORCE_STEP * data.peak_force):
-        part = data.force_step / data.peak_force
-        return Check.COARSE_STEPS.finding(
-            f"the force is quantised in steps of {format_quantity(data.force_step, 'N')}, "
-            f"{part:.1%} of its largest value",
-            "set the force sensor to a finer range",
-            mark="with-care",
-        )
-    step = step_of(data.penetration)
-    if _has_coarse_steps(data.penetration, step, PENETRATION_STEP * data.peak_penetration):
-        return Check.COARSE_STEPS.finding(
-            f"the penetration is quantised in steps of {format_quantity(step, 'm')}, "
-            f"{step / data.peak_penetration:.1%} of its largest value: the velocity is coarse and "
-            "the damping too small",
-            data.wider_window if data.velocity_filter else VELOCITY_NONE,
-            mark="with-care",
-        )
+    effect = ": the velocity is coarse and the damping too small"
+    finer = "set the force sensor to a finer range"
+    smoother = data.wider_window if data.velocity_filter else VELOCITY_NONE
+    force = data.force, "force", "N", data.peak_force, FORCE_STEP
+    penetration = data.penetration, "penetration", "m", data.peak_penetration, PENETRATION_STEP
+    for channel, more, remedy in ((force, "", finer), (penetration, effect, smoother)):
+        values, name, unit, peak, most = channel
+        step = step_of(values)
+        if 0.0 < most * peak < step and np.mean(np.diff(values) == 0.0) > REPEATED:
+            return Check.COARSE_STEPS.finding(
+                f"the {name} is quantised in steps of {format_quantity(step, unit)}, "
+                f"{step / peak:.1%} of its largest value{more}",
+                remedy,
+                mark="with-care",
+            )
     return None
-
-
-def _has_coarse_steps(values: Floats, step: float, largest: float) -> bool:
-    return 0.0 < largest < step and float(np.mean(np.diff(values) == 0.0)) > REPEATED
 
 
 def check_held_channel(data: Data) -> Finding | None:
     """Changes every k ≤ 60 samples: a delay of (k − 1)/2 samples, or of k/2 with two clocks."""
     for name, values in (("force", data.force), ("penetration", data.penetration)):
-        beat = hold_length(values)
-        if beat:
+        if beat := hold_length(values):
             samples = 0.5 * (beat - (beat == round(beat)))
             return report_held_channel(name, beat, samples * data.sample_time)
     return None
@@ -198,10 +187,8 @@ def check_signs(data: Data) -> Finding | None:
     return Check.SIGNS.finding(words, remedy, mark="do-not-trust")
 
 
-def _ranks(values: Floats) -> Floats:
-    ranks = np.empty(len(values))
-    ranks[np.argsort(values, kind="stable")] = np.arange(len(values))
-    return ranks
+def _ranks(values: Floats) -> NDArray[np.intp]:
+    return np.argsort(np.argsort(values, kind="stable"))
 
 
 SOME, MANY = 1e-3, 2e-2  # fractions of the samples
@@ -216,19 +203,13 @@ FEWEST_SPIKES = 3.0
 FEWEST_FAST = 0.2  # fraction of the samples; with fewer all samples are counted
 
 
-def _distance_to_neighbours(data: Data, at: NDArray[np.intp]) -> Floats:
-    """Distance of force samples from the mean of their two neighbours, N."""
-    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
-    leaps: Floats = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
-    return leaps
-
-
 def check_spikes(data: Data) -> Finding | None:
     """More than 0.1 % of the samples are spikes; force spikes count only while the probe moves."""
     force, penetration = find_spikes(data.force), find_spikes(data.penetration)
-    force[force] = _distance_to_neighbours(data, np.flatnonzero(force)) > max(
-        LARGE * data.peak_force, FAR * data.force_noise
-    )
+    at = np.flatnonzero(force)
+    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
+    leaps = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
+    force[at] = leaps > max(LARGE * data.peak_force, FAR * data.force_noise)
     speed = np.abs(data.velocity)
     fast = speed > SLOW * np.sqrt(np.mean(speed**2))
     if np.mean(fast) < FEWEST_FAST:
@@ -379,11 +360,12 @@ def check_time_unit(data: Data) -> Finding | None:
     contact = data.contact
     if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
-    words = f"there is a sample every {rounded(data.sample_time, 3)} s: the times may be in "
-    explanation = f"{words}milliseconds", _unit_remedy("time", "ms", "s")
-    if check_penetration_unit(data) is None and check_force_unit(data) is None:
-        return Check.TIME_UNIT.finding(*explanation, damping="do-not-trust")
-    return Check.TIME_UNIT.finding(*explanation, mark="do-not-trust")
+    step = rounded(data.sample_time, 3)
+    words = f"there is a sample every {step} s: the times may be in milliseconds"
+    others = check_penetration_unit(data) or check_force_unit(data)
+    mark: Mark = "trust" if others is None else "do-not-trust"
+    remedy = _unit_remedy("time", "ms", "s")
+    return Check.TIME_UNIT.finding(words, remedy, stiffness=mark, damping="do-not-trust")
 
 
 def _unit_remedy(channel: str, guess: str, si: str) -> str:

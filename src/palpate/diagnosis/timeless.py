@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from palpate.diagnosis.misfit import misfit_without_time
-from palpate.diagnosis.outcome import Diagnosis, Quantity
-from palpate.diagnosis.verdict import decide_marks
+from palpate.diagnosis.outcome import UNKNOWN, Diagnosis
+from palpate.diagnosis.verdict import assemble_diagnosis
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.findings import HOLD_WITHOUT_TIME, SEVERITIES, Check, Finding, worst
+from palpate.findings import HOLD_WITHOUT_TIME, Check, Finding, worst
 from palpate.force_laws.laws import Spring
 from palpate.validation import Floats
 
@@ -96,9 +96,5 @@ def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
     """Return the diagnosis of the stiffness alone."""
-    findings = (*findings_without_time(found.findings), NO_TIME)
-    in_order = sorted(findings, key=lambda each: -SEVERITIES.index(each.severity))
-    unknown = Quantity(math.nan, math.nan, math.nan)
-    depths = tuple(replace(depth, damping=unknown) for depth in found.working_depths)
-    verdict, limits = decide_marks(in_order, depths[0])
-    return Diagnosis(verdict, tuple(in_order), depths, limits=limits)
+    depths = [replace(depth, damping=UNKNOWN) for depth in found.working_depths]
+    return assemble_diagnosis((*findings_without_time(found.findings), NO_TIME), depths)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from palpate.diagnosis.excitation import (
     check_peaks,
     explain_no_check,
 )
-from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.fit import Fit, FitInput
 from palpate.diagnosis.forecast import check_forecast
 from palpate.diagnosis.geometry import check_known_surface, check_unobservable, find_surface
 from palpate.diagnosis.material import (
@@ -37,6 +38,7 @@ from palpate.diagnosis.material import (
 )
 from palpate.diagnosis.misfit import check_method, check_misfit, fraction_unexplained
 from palpate.diagnosis.outcome import (
+    UNKNOWN,
     Diagnosis,
     Episode,
     ModelSelection,
@@ -44,7 +46,6 @@ from palpate.diagnosis.outcome import (
     Verdict,
     WorkingDepth,
 )
-from palpate.diagnosis.recording import Data
 from palpate.diagnosis.sensor import (
     check_dead_band,
     check_free_air,
@@ -53,8 +54,6 @@ from palpate.diagnosis.sensor import (
     check_velocity_noise,
     find_sensor_causes,
 )
-from palpate.estimators.estimate import Estimate, Trace
-from palpate.estimators.oscillation import Oscillation
 from palpate.findings import MAY_CAP, SEVERITIES, Check, Finding, worst
 from palpate.stages import log_stage
 
@@ -91,90 +90,55 @@ SEARCHES: tuple[Search, ...] = (
 
 @log_stage("diagnosis")
 def diagnose_parts(
-    data: Data,
-    trace: Trace,
-    estimate: Estimate,
-    *,
-    depths: Sequence[float] = (),
-    laws: ModelSelection | None = None,
-    notes: Sequence[Finding] = (),
-    method: str = "variable-projection",
-    response: Oscillation | None = None,
-    frequency: float = math.nan,
+    given: FitInput, depths: Sequence[float] = (), notes: Sequence[Finding] = ()
 ) -> Diagnosis:
     """Diagnose the identification of a recording.
 
     Parameters
     ----------
-    data : Data
-        The recording; its own checks run once for all methods.
-    trace : Trace
-        The replay.
-    estimate : Estimate
-        The last estimate.
+    given : FitInput
+        The identification.
     depths : sequence of float
         The working depth, to which the verdict refers, and further depths, m, > 0. Default: the
         median and the 90th percentile of the penetration in contact.
-    laws : ModelSelection, optional
-        Model selection on the same samples.
     notes : sequence of Finding
         Flags of the estimate and its samples. If the material changes, only those that are more
         than notes are reported: no motion identifies one law for several materials.
-    method : str
-        Name of the method, for remedies.
-    response : Oscillation, optional
-        Small oscillations of the selected law, which give K′ and B′.
-    frequency : float, optional
-        ω of the motion, rad/s.
     """
     with np.errstate(all="ignore"):  # a column of an absurd fit may overflow and is then skipped
-        fit = Fit(
-            data,
-            trace,
-            estimate,
-            depth=depths[0] if depths else None,
-            laws=laws,
-            method=method,
-            response=response,
-            frequency=frequency,
-        )
-        others = depths[1:] if depths else fit.deep_depths
+        fit = Fit(given, depths[0] if depths else None)
+        fits = [fit.at_depth(depth) for depth in depths or (fit.depth, fit.deep)]
         try:
             if fit.checkable:
-                return _diagnose(fit, data.findings, others, notes)
+                return _diagnose(fit, fits, notes)
         except np.linalg.LinAlgError:  # a motion without information, such as a probe held still
             pass
-        found = [*data.findings, explain_no_check(fit), *notes]
-        unknown = tuple(unknown_working_depth(fit.at_depth(d)) for d in (fit.depth, *others))
-        return _assemble(found, unknown, (), fit.laws)
+        findings = [*given.data.findings, explain_no_check(fit), *notes]
+        return assemble_diagnosis(findings, [*map(unknown_working_depth, fits)], laws=fit.laws)
 
 
-def _diagnose(
-    fit: Fit, of_data: Sequence[Finding], others: Sequence[float], notes: Sequence[Finding]
-) -> Diagnosis:
-    """Find causes, compute error bars, collect findings and decide the marks."""
+def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagnosis:
+    """Find causes, compute error bars at all depths, collect findings and decide the marks."""
     causes, changed = _find_causes(fit)
-    findings = [*of_data, *causes.findings]
+    findings = [*fit.given.data.findings, *causes.findings]
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
         findings += check_behind_relaxation(fit)
     for check in CHECKS:
         finding = check(fit)
-        if finding is None:
-            continue
         # An error of the surface position makes the offset wrong too.
-        if not (finding.check == Check.OFFSET and causes.leading == Check.SURFACE):
+        explained = check is check_offset and has_reported(causes.findings[:1], Check.SURFACE)
+        if finding is not None and not explained:
             findings.append(finding)
     systematic = systematic_errors(fit, causes, findings)
-    depths = [numbers_at_depth(fit.at_depth(depth), systematic) for depth in (fit.depth, *others)]
+    depths = [numbers_at_depth(each, systematic) for each in fits]
     findings += check_precision(fit, depths[0], systematic)
     if has_reported(findings, Check.ONE_WAY):
-        unknown = Quantity(math.nan, math.nan, math.nan)
-        depths = [replace(depth, damping=unknown) for depth in depths]
+        depths = [replace(depth, damping=UNKNOWN) for depth in depths]
     episodes = () if changed is None else _episodes(fit, changed)
     known = {finding.check for finding in findings}
     more = (note for note in notes if note.check not in known)
     findings += (note for note in more if not (episodes and note.severity == "note"))
-    return _assemble(findings, tuple(depths), episodes, fit.laws)
+    return assemble_diagnosis(findings, depths, episodes, fit.laws)
 
 
 def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
@@ -185,10 +149,7 @@ def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
         begun = time.perf_counter()
         causes += search(fit)
         _LOGGER.debug("%s: %.4f s", search.__name__, time.perf_counter() - begun)
-    unexplained, selected = fraction_unexplained(fit), fit.response is not None
-    assessment = assess_causes(
-        causes, unexplained, at_noise_floor=fit.at_noise_floor, law_selected=selected
-    )
+    assessment = assess_causes(fit, causes, fraction_unexplained(fit))
     return assessment, changed if has_reported(assessment.findings, Check.CHANGE) else None
 
 
@@ -197,22 +158,19 @@ def has_reported(findings: Iterable[Finding], *checks: str) -> bool:
     return any(finding.check in checks for finding in findings)
 
 
-def _assemble(
-    findings: Sequence[Finding],
-    depths: tuple[WorkingDepth, ...],
-    episodes: tuple[Episode, ...],
-    laws: ModelSelection | None,
+def assemble_diagnosis(
+    findings: Iterable[Finding],
+    depths: Sequence[WorkingDepth],
+    episodes: tuple[Episode, ...] = (),
+    laws: ModelSelection | None = None,
 ) -> Diagnosis:
-    capped = [f if f.check in MAY_CAP else _drop_marks(f) for f in findings]
+    """Sort the findings by severity and decide the marks; some findings only widen error bars."""
+    no_marks: Any = {"severity": "note", "stiffness": "trust", "damping": "trust"}
+    capped = [f if f.check in MAY_CAP else replace(f, **no_marks) for f in findings]
     in_order = sorted(capped, key=lambda finding: -SEVERITIES.index(finding.severity))
     selection = laws.verdict if laws is not None else None
-    verdict, limits = decide_marks(in_order, depths[0])
-    return Diagnosis(verdict, tuple(in_order), depths, episodes, selection, limits)
-
-
-def _drop_marks(finding: Finding) -> Finding:
-    """Return a finding that widens error bars but lowers no mark."""
-    return replace(finding, severity="note", stiffness="trust", damping="trust")
+    verdict, limits = _decide_marks(in_order, depths[0])
+    return Diagnosis(verdict, tuple(in_order), tuple(depths), episodes, selection, limits)
 
 
 def _episodes(fit: Fit, changed: Changes) -> tuple[Episode, ...]:
@@ -224,7 +182,7 @@ def _episodes(fit: Fit, changed: Changes) -> tuple[Episode, ...]:
     return tuple(episodes)
 
 
-def decide_marks(
+def _decide_marks(
     findings: Sequence[Finding], at: WorkingDepth
 ) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
     """Return the verdict, and for stiffness and damping the finding that decides the mark."""

@@ -30,13 +30,16 @@ class WindowedSamples:
         The samples that belong to at least one window, in order.
     places : numpy.ndarray of int, shape (width, rows)
         Indices into ``samples``, one column for each window; such sums are six times faster.
-    period : float
-        2π sd(x)/rms(v), s.
     """
 
     samples: NDArray[np.intp]
     places: NDArray[np.intp]
-    period: float
+
+    @classmethod
+    def from_indices(cls, index: NDArray[np.intp]) -> "WindowedSamples":
+        """Return windows from the samples of each, shape (width, rows)."""
+        samples = np.unique(index)
+        return cls(samples, np.searchsorted(samples, index))
 
     @property
     def width(self) -> int:
@@ -64,40 +67,20 @@ class WindowedSamples:
             parts.append(part)
         return tuple(parts)
 
-    def thinned(self, every: int) -> "WindowedSamples":
+    def thin(self, every: int) -> "WindowedSamples":
         """Return every n-th window."""
-        index = self.samples[self.places[:, ::every]]
-        samples = np.unique(index)
-        return WindowedSamples(samples, np.searchsorted(samples, index), self.period)
-
-
-def windows_in_contact(
-    inside: NDArray[np.bool_], segment: NDArray[np.int64], period: float, sample_time: float
-) -> WindowedSamples:
-    """Return windows over the samples in contact, each within one segment.
-
-    Parameters
-    ----------
-    inside : numpy.ndarray of bool, shape (k,)
-        The samples in contact.
-    segment : numpy.ndarray of int, shape (k,)
-        Segment of each sample; no window spans two segments.
-    period : float
-        Period of the motion, s.
-    sample_time : float
-        s.
-    """
-    count = int(np.count_nonzero(inside))
-    width = int(np.clip(period / WINDOWS_A_PERIOD / sample_time, 1, max(count // 40, 1)))
-    return windows_over(inside, segment, period, width)
+        return WindowedSamples.from_indices(self.samples[self.places[:, ::every]])
 
 
 def windows_over(
-    inside: NDArray[np.bool_], segment: NDArray[np.int64], period: float, width: int
+    inside: NDArray[np.bool_], segment: NDArray[np.int64], width: int
 ) -> WindowedSamples:
-    """Return windows of ``width`` samples, all of them inside, a third of a window apart."""
+    """Return windows of ``width`` samples, all of them inside, a third of a window apart.
+
+    No window spans two segments.
+    """
     if len(inside) < width:
-        return WindowedSamples(np.empty(0, np.intp), np.empty((width, 0), np.intp), period)
+        return WindowedSamples.from_indices(np.empty((width, 0), np.intp))
     broken = np.concatenate([[0], np.cumsum((~inside[1:]) | (np.diff(segment) != 0))])
     starts = np.arange(len(inside) - width + 1)
     whole = inside[starts] & (broken[starts + width - 1] == broken[starts])
@@ -105,9 +88,7 @@ def windows_over(
     starts = starts[:: -(-starts.size // MOST_ROWS) or 1]
     # In a long window 64 samples resolve the motion; the noise is then averaged over those.
     within = np.unique(np.linspace(0, width - 1, min(width, 64)).round().astype(np.intp))
-    index = starts + within[:, None]
-    samples = np.unique(index)
-    return WindowedSamples(samples, np.searchsorted(samples, index), period)
+    return WindowedSamples.from_indices(starts + within[:, None])
 
 
 FEWEST_FREE = 50  # samples above the surface; with fewer an error of the surface does not show

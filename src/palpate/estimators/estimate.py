@@ -455,6 +455,13 @@ def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> 
     return rmse_percent(force[late], trace.predicted_force[late])
 
 
+def samples_in_estimate(trace: Trace) -> NDArray[np.bool_]:
+    """Return which samples the last estimate uses: those taken since the last restart."""
+    taken, restarts = trace.taken, np.flatnonzero(trace.status == Status.RESTARTED)
+    taken[: max(restarts, default=0)] = False
+    return taken
+
+
 def violated_fraction(trace: Trace) -> float:
     """Fraction of the samples taken that violate condition 10; NaN without samples."""
     margin = trace.validity_margin[trace.taken]

@@ -480,11 +480,10 @@ def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, st
             errors[k] = where + no_approach(above[k], samples, fits.surface[k])
     for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
         contact = _try_contact(curves, k, Settings())
-        errors[k] = (
-            contact
-            if isinstance(contact, str)
-            else no_contact_message(contact, choose_gate(contact))
-        )
+        if isinstance(contact, str):
+            errors[k] = contact
+        else:
+            errors[k] = where + no_contact_message(contact, choose_gate(contact))
     with np.errstate(invalid="ignore"):
         uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
     for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():

@@ -5,9 +5,9 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import cached_property, wraps
+from functools import cached_property
 from itertools import pairwise
-from typing import Any, Self, TypeAlias, TypeVar
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +24,8 @@ from palpate.diagnosis import (
     diagnose_parts,
     stack_depths,
 )
-from palpate.diagnosis.fit import DEEP
+from palpate.diagnosis.equivalent import force_along
+from palpate.diagnosis.fit import DEEP, FitInput
 from palpate.diagnosis.timeless import (
     SpringEstimate,
     diagnosis_without_time,
@@ -41,6 +42,7 @@ from palpate.estimators.estimate import (
     check_trace,
     prediction_rmse_percent,
     rmse_percent,
+    samples_in_estimate,
     violated_fraction,
 )
 from palpate.estimators.law_verdicts import Candidate
@@ -52,7 +54,6 @@ from palpate.identification.refusals import check_approach, why_nothing
 from palpate.identification.replaying import (
     defaults_from_data,
     joint_covariance,
-    predict_force,
     replay,
     resolve_estimator,
 )
@@ -60,7 +61,6 @@ from palpate.identification.weak_prior import weak_prior
 from palpate.preparation.along_penetration import divide_by_place
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.prepared import Place
-from palpate.preparation.velocity import window_samples
 from palpate.quantities.derived import (
     QueryOptions,
     compression_modulus_from,
@@ -79,33 +79,17 @@ from palpate.validation import Floats, number_in, positive
 # Fraction of the peak force: above this misfit of a relaxing law, its relaxation may have another
 # form.
 CLEAR_MISFIT = 0.01
-_Derived = TypeVar("_Derived", bound=Callable[..., Any])
-
-
-def _require_time(derived: _Derived) -> _Derived:
-    """Return the function of an identification, but refuse a recording without time."""
-
-    @wraps(derived)
-    def refusing(result: "Identified", *query: Any, **named: Any) -> Any:
-        if result.contact.timeless:
-            raise InvalidParameterError(
-                "the recording has no time, and without it there is no damping and nothing that "
-                "follows from it: record the time of each sample"
-            )
-        return derived(result, *query, **named)
-
-    return refusing  # type: ignore[return-value]  # it has the same arguments
-
-
 _LOGGER = logging.getLogger(__name__)
 _Placed: TypeAlias = tuple[Place, Contact]
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
 class Identified:
-    """Identification of a whole contact as numbers; :class:`palpate.Identification` formats them.
+    """Identification of a whole contact as numbers; :class:`palpate.Identification` shows them.
 
-    The fields are documented in that class.
+    There are two classes because tables, figures, reports and files are packages above this one,
+    which take these numbers, and no import runs upward. The public class is above them and adds
+    only the methods that call them; it documents the fields.
     """
 
     contact: Contact
@@ -162,10 +146,8 @@ class Identified:
             again = fresh.replace()
             if again._unround_as(fresh):
                 fresh, recorded = again, replay(contact, again, traced)
-        if _LOGGER.isEnabledFor(logging.INFO):
-            words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
-            known = ", ".join(words) or "nothing"
-            _LOGGER.info("%s: chosen from the data: %s", fresh.method, known)
+        words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
+        _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(words) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
             findings, recorded = findings_without_time(findings), trace_without_time(recorded)
@@ -173,7 +155,7 @@ class Identified:
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
         result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
         if not (recorded.taken & ~(contact.force <= 0.0)).any():
-            raise RecordingError(why_nothing(data, result.gate))
+            raise RecordingError.of(contact.source, why_nothing(data, result.gate))
         if fresh.settings.get("surface") == "estimate":
             check_approach(contact, recorded, result.estimate.surface)
         return result._apply_weak_prior() if fresh.settings.get("weak_prior") else result
@@ -202,13 +184,11 @@ class Identified:
 
     def _prefers_hunt_crossley(self) -> bool:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
-        if selected == own:
-            return True
-        if own not in self.estimator.offered:
-            return False
-        if selected is None:  # too few samples to compare laws: nothing is estimated
-            return True
-        return any(f.check in (Check.CHANGE, Check.ADHESION) for f in self.diagnosis.findings)
+        if selected == own or own not in self.estimator.offered:
+            return selected == own
+        absorbed = (Check.CHANGE, Check.ADHESION)
+        # With too few samples no law is selected, and nothing is estimated.
+        return selected is None or any(f.check in absorbed for f in self.diagnosis.findings)
 
     def _apply_weak_prior(self) -> Self:
         """Return it with an estimate under the weak prior, if its own violates the prior."""
@@ -222,7 +202,7 @@ class Identified:
     @cached_property
     def diagnosis(self) -> Diagnosis:
         """Findings, marks and error bars; computed when first needed."""
-        found = self._diagnose_at(self.depths)
+        found = self._diagnose_depths(self.depths)
         if not self.segments:
             return found
         parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
@@ -235,12 +215,10 @@ class Identified:
             return self.selected.oscillation
         if not isinstance(self.estimator, ViscoelasticContact):
             return None
-        contact, taken = self.contact, self.trace.taken.copy()
-        if (restarts := np.flatnonzero(self.trace.status == Status.RESTARTED)).size:
-            taken[: restarts[-1]] = False
+        contact = self.contact
         channels = contact.penetration, contact.velocity, contact.force
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
-        return Oscillation.of(self.estimator, *channels, steps, taken)
+        return Oscillation.of(self.estimator, *channels, steps, samples_in_estimate(self.trace))
 
     def _check_late_force(self) -> Iterator[Finding]:
         """Report a negative damper next to a relaxation spectrum, which may compensate it."""
@@ -256,23 +234,19 @@ class Identified:
             damping="with-care",
         )
 
-    def _diagnose_at(self, depths: Sequence[float]) -> Diagnosis:
-        data = self.data or Data(self.contact)
-        timeless = self.contact.timeless
+    def _diagnose_depths(self, depths: Sequence[float]) -> Diagnosis:
         by = self.selected or self
-        laws = ModelSelection.of(by.estimator) if by.estimator.chooses_law else None
-        found = diagnose_parts(
-            data,
+        given = FitInput(
+            self.data or Data(self.contact),
             self.trace,
             self._whole_estimate,
-            depths=depths,
-            laws=laws,
-            notes=(*self.findings, *self._check_late_force()),
-            method=self.method,
-            response=self.oscillation,
-            frequency=self.frequency,
+            ModelSelection.of(by.estimator) if by.estimator.chooses_law else None,
+            self.method,
+            self.oscillation,
+            self.frequency,
         )
-        return diagnosis_without_time(found) if timeless else found
+        found = diagnose_parts(given, depths, (*self.findings, *self._check_late_force()))
+        return diagnosis_without_time(found) if self.contact.timeless else found
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
@@ -328,7 +302,7 @@ class Identified:
     def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at other depths, each with both standard errors, SI.
 
-        The diagnosis is run again, so request many depths at once.
+        Each call runs the diagnosis again, so request many depths at once.
 
         Parameters
         ----------
@@ -349,7 +323,7 @@ class Identified:
         query = positive("depth", depth)
         first = self.diagnosis.working_depth.depth
         depths = (first, *query.reshape(-1).tolist())
-        found = self._diagnose_at(depths).working_depths[1:]
+        found = self._diagnose_depths(depths).working_depths[1:]
         return stack_depths(found, query.shape)
 
     def force_at(self, depth: "ArrayLike") -> Quantity:
@@ -365,13 +339,13 @@ class Identified:
         return self.at(depth).damping
 
     # Quantities derived from the law; each is documented where it is computed.
-    dynamic_stiffness = _require_time(compute_oscillation)
+    dynamic_stiffness = compute_oscillation
     relaxed_stiffness = compute_relaxed_stiffness
     instantaneous_stiffness = compute_instantaneous_stiffness
     relaxation_time = property(compute_relaxation_time)
-    restitution = _require_time(restitution_from)
-    energy = cached_property(_require_time(energy_from))
-    passivity = cached_property(_require_time(passivity_from))
+    restitution = restitution_from
+    energy = cached_property(energy_from)
+    passivity = cached_property(passivity_from)
     elastic_modulus = elastic_modulus_from
     compression_modulus = compression_modulus_from
 
@@ -412,9 +386,8 @@ class Identified:
         # Keep the settings, except those that were chosen from these data.
         selection = self.selected or self
         segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
-        for place, contact in watch(
-            list(divide_by_place(self.contact, rejecting=fresh.rejects_outliers))
-        ):
+        places = list(divide_by_place(self.contact, rejecting=fresh.rejects_outliers))
+        for place, contact in watch(places):
             with suppress(RecordingError):
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)
                 segments.append(replace(part, place=place, query=self.query))
@@ -430,8 +403,7 @@ class Identified:
 
     def segment_of(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis separately; None if that is not possible."""
-        step, used = self.contact.sample_time, self.contact.velocity_filter
-        smear = step * (window_samples(step) if used is None else used.samples)
+        smear = self.contact.sample_time * (self.data or Data(self.contact)).filter_samples
         with suppress(RecordingError):
             part = self.contact.window(episode.start + smear, episode.stop - smear)
             result = self.of(Data(part), self.estimator.replace(), trace=self.traced)
@@ -506,7 +478,7 @@ class Identified:
         For methods that assume a white residual (the paper's) it is the covariance of the estimate,
         widened for the correlation of the residual of the samples taken since the last restart. For
         others it is the covariance of the estimate. If the preparation found the surface, the
-        change of the parameters for a surface shifted by its standard deviation is added.
+        change of the parameters when the surface moves one standard deviation is added.
         """
         if self.bounded is not None:
             return self.estimate.covariance
@@ -568,7 +540,7 @@ class Identified:
         own = self.contact
         same = len(contact) and len(own) and contact.time[0] == own.time[0]
         begins = bool(same and contact.penetration[0] == own.penetration[0])
-        return predict_force(self.estimate, contact, begins=begins)
+        return force_along(contact, self.estimate, begins=begins) + self.estimate.offset
 
     @property
     def violated_fraction(self) -> float:

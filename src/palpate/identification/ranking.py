@@ -16,7 +16,7 @@ from palpate.estimators.estimate import rmse_percent
 from palpate.findings import MARKS, Check
 from palpate.identification.identified import Identified
 
-EXCLUDED = 3.0  # standard errors of the difference
+EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Ranking:
         The recommended method; None if no method can be trusted.
     order : tuple of str
         The methods, the best first: by overall mark; then the methods that fit clearly worse than a
-        selected relaxing law come last; then by both marks, and by the error of the fit.
+        selected relaxing law come last; then by both marks, and by the fit error.
     failing : tuple of str
         Methods whose estimate is not the least squares of their law, or that have no estimate.
     exclusions : tuple of str
@@ -48,7 +48,7 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
     Parameters
     ----------
     results : mapping
-        Identifications by the names of their methods.
+        Identifications by method name.
     """
     common = np.logical_and.reduce([result.trace.taken for result in results.values()])
     errors = {name: _common_rmse(result, common) for name, result in results.items()}
@@ -66,12 +66,9 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
 
 def method_fails(result: "Identified") -> bool:
     """Whether the method's estimate is not the least squares of its law on these samples."""
-    moves = (
-        max(abs(f.moves_stiffness_percent), abs(f.moves_damping_percent))
-        for f in result.diagnosis.findings
-        if f.check == Check.METHOD
-    )
-    return any(each > 100.0 * CARE for each in moves)
+    findings = (f for f in result.diagnosis.findings if f.check == Check.METHOD)
+    changes = ((f.moves_stiffness_percent, f.moves_damping_percent) for f in findings)
+    return any(max(map(abs, each)) > 100.0 * CARE for each in changes)
 
 
 def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
@@ -80,7 +77,7 @@ def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
     return fit if math.isfinite(fit) else math.inf
 
 
-# Ratio of errors below which a selected relaxing law is clearly better.
+# Ratio of errors below which a selected relaxing law is clearly better; chosen by hand.
 CLEARLY = 0.9
 
 
@@ -94,9 +91,8 @@ def _clearly_worse(results: "Mapping[str, Identified]", errors: Mapping[str, flo
 
 def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, ...]:
     verdict = result.diagnosis.verdict
-    overall, *others = (
-        MARKS.index(mark) for mark in (verdict.overall, verdict.stiffness, verdict.damping)
-    )
+    marks = verdict.overall, verdict.stiffness, verdict.damping
+    overall, *others = map(MARKS.index, marks)
     # Rounded to a tenth, so that methods with one law and equal fit keep the order of the registry.
     return overall, outdone, *others, round(error, 1)
 
@@ -106,10 +102,8 @@ def _exclusion(one: "Identified", other: "Identified") -> str | None:
         return None  # the stiffness of a relaxing law is not comparable to others
     first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
     words = []
-    for name, a, b in (
-        ("stiffness", first.stiffness, second.stiffness),
-        ("damping", first.damping, second.damping),
-    ):
+    for name in ("stiffness", "damping"):
+        a, b = getattr(first, name), getattr(second, name)
         apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
         if apart > EXCLUDED:
             both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"

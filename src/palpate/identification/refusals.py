@@ -15,24 +15,22 @@ def why_nothing(data: Data, gate: ContactGate) -> str:
     """Describe why no sample was taken: the most severe finding of the data, if any."""
     for finding in data.findings:
         if finding.severity == "do-not-trust":
-            where = f"{data.contact.source}: " if data.contact.source else ""
-            return f"{where}{finding}"
+            return str(finding)
     return no_contact_message(data.contact, gate)
 
 
 def no_contact_message(contact: Contact, gate: ContactGate) -> str:
     """Describe why no sample was taken."""
-    where = f"{contact.source}: " if contact.source else ""
     if not len(contact):
-        return f"{where}there are no samples"
+        return "there are no samples"
     inside = gate.makes(contact.penetration, contact.force)
     if inside.any() and not np.isfinite(contact.velocity[inside]).any():
         return (
-            f"{where}no sample in contact has a velocity: {not_finite(contact)}; pass "
+            f"no sample in contact has a velocity: {not_finite(contact)}; pass "
             "--velocity none to differentiate the penetration instead"
         )
     return (
-        f"{where}no contact found: no sample has penetration above "
+        f"no contact found: no sample has penetration above "
         f"{rounded(gate.minimum_penetration, 3)} m and force above {rounded(gate.make_force, 3)} N "
         f"(the largest are {_largest(contact.penetration)} m and {_largest(contact.force)} N); "
         "check units and signs, or pass a smaller --min-penetration or --min-force"

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from palpate._core import Status
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.estimators import (
@@ -19,10 +18,9 @@ from palpate.estimators import (
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Estimate, Trace, Traced, choose_trace_samples
+from palpate.estimators.estimate import Trace, Traced, choose_trace_samples, samples_in_estimate
 from palpate.estimators.least_squares import long_run_covariance
-from palpate.estimators.viscoelastic import RelaxingEstimate
-from palpate.force_laws import ForceLaw, steps_over_breaks
+from palpate.force_laws import steps_over_breaks
 from palpate.preparation.gates import choose_gate, suggest_scale
 from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
 from palpate.settings import ContactGate, OutlierRejection
@@ -152,58 +150,27 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
 
 
 def _widening_factors(contact: Contact, trace: Trace, estimator: ContactEstimator) -> Floats:
-    """Factors on the method's standard errors that account for a correlated residual."""
-    estimate = estimator.estimate()
-    law = estimate.law
-    if estimator.minimises is None:
-        return np.ones(len(law.parameters))
-    taken = np.flatnonzero(trace.taken)
-    restarts = np.flatnonzero(trace.status == Status.RESTARTED)
-    if restarts.size:
-        taken = taken[taken >= restarts[-1]]
-    return widening(
-        law,
-        contact.penetration[taken],
-        contact.velocity[taken],
-        contact.force[taken] - estimate.offset,
-        logarithmic=estimator.minimises == "logarithm",
-        fixed=estimate.fixed,
-    )
-
-
-def widening(
-    law: ForceLaw,
-    penetration: Floats,
-    velocity: Floats,
-    force: Floats,
-    *,
-    logarithmic: bool,
-    fixed: tuple[str, ...] = (),
-) -> Floats:
-    """Factors ≥ 1 on the standard errors of a law's parameters, shape (p,).
+    """Factors ≥ 1 on the method's standard errors, for a correlated residual, shape (p,).
 
     Their squares are the ratio of the variances in C = (Σ w JJᵀ)⁻¹ [Σ w² d D] (Σ w JJᵀ)⁻¹ to those
     of white noise, (Σ w JJᵀ)⁻¹ Σ w r²/(N − p). Here r is the residual of the force, J are its
     slopes, and w is 1, or 1/F̂² for a least squares of ln F. D and d are the information and the
-    noise by frequency (``docs/variable-projection.md``); C includes t₀.₉₇₅(ν)/1.96.
-
-    Parameters
-    ----------
-    law : force law
-        The final law of the method.
-    penetration, velocity, force : numpy.ndarray, shape (k,)
-        The samples that it took, SI.
-    logarithmic : bool
-        Whether it minimises the residual of ln F rather than of F.
-    fixed : tuple of str
-        The law's parameters that were not identified; their factors are 1.
+    noise by frequency (``docs/variable-projection.md``); C includes t₀.₉₇₅(ν)/1.96. The samples are
+    those taken since the last restart. A fixed parameter has the factor 1.
     """
-    free = np.array([name not in fixed for name in law.names()])
-    factors, model = np.ones(len(free)), law.force(penetration, velocity)
-    slopes = law.parameter_gradient(penetration, velocity)[:, free]
+    estimate = estimator.estimate()
+    law, logarithmic = estimate.law, estimator.minimises == "logarithm"
+    free = np.array([name not in estimate.fixed for name in law.names()])
+    factors = np.ones(len(free))
+    if estimator.minimises is None:
+        return factors
+    used = samples_in_estimate(trace)
+    motion, force = (contact.penetration[used], contact.velocity[used]), contact.force[used]
+    force = force - estimate.offset
+    model, slopes = law.force(*motion), law.parameter_gradient(*motion)[:, free]
     if logarithmic:
-        used = (model > 0.0) & (force > 0.0)
-        slopes, model, force = slopes[used], model[used], force[used]
+        inside = (model > 0.0) & (force > 0.0)
+        slopes, model, force = slopes[inside], model[inside], force[inside]
     freedom = len(force) - slopes.shape[1]
     if freedom < 1:
         return factors
@@ -224,23 +191,3 @@ def widening(
     if (white > 0.0).all():
         factors[free] = np.where(np.isfinite(ratios), ratios, 1.0)
     return factors
-
-
-def predict_force(estimate: Estimate, contact: Contact, *, begins: bool = False) -> Floats:
-    """Force of an estimate's law, with its offset, at every sample of a contact, N.
-
-    Parameters
-    ----------
-    estimate : Estimate
-        An estimate of any law.
-    contact : Contact
-        Its path is assumed straight over gaps.
-    begins : bool
-        Whether the contact begins with the samples of the estimate, in an unknown state.
-    """
-    depth = contact.penetration - estimate.surface
-    steps = steps_over_breaks(contact.time, depth, contact.sample_time)
-    force: Floats = estimate.law.force_along(depth, contact.velocity, steps) + estimate.offset
-    if begins and isinstance(estimate, RelaxingEstimate):
-        force += np.where(depth > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
-    return force

@@ -10,9 +10,9 @@ from palpate.estimators.variable_projection import EXPONENTS, solve_in_box
 from palpate.findings import Check, Finding, Mark
 from palpate.force_laws import HuntCrossley
 
-# Relative change of the stiffness above which the estimate is not trusted; chosen by judgement.
+# Relative change of the stiffness above which the estimate is not trusted; chosen by hand.
 STOP = 0.20
-#: Settings that determine what the prior would.
+#: Settings that determine the exponent or the damping, so that no prior is needed.
 EXCLUDING = ("exponent", "forgetting", "change_detector", "surface")
 
 

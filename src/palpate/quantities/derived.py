@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
-from palpate.diagnosis.outcome import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
@@ -183,6 +183,7 @@ def compute_oscillation(
         The frequency is outside half to twice the motion's mean frequency, or the depth is out of
         its range.
     """
+    _require_time(result)
     omega, there = _check_frequency(result, frequency), _evaluate_depth(result, depth)
     stiffness, damping = there.stiffness, there.damping
     if result.law.relaxes and omega != result.frequency:
@@ -235,6 +236,14 @@ def format_hertz(frequency: float) -> str:
     return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
+def _require_time(result: Derivable) -> None:
+    if result.contact.timeless:
+        raise InvalidParameterError(
+            "the recording has no time, and without it there is no damping and nothing that "
+            "follows from it: record the time of each sample"
+        )
+
+
 def _check_frequency(result: Derivable, frequency: float | None) -> float:
     low, high = motion_band(result)
     if not (low > 0.0 and math.isfinite(high)):
@@ -279,7 +288,7 @@ def _evaluate_depth(result: Derivable, depth: float | None) -> WorkingDepth:
 def _loss_tangent(omega: float, stiffness: Quantity, damping: Quantity) -> Quantity:
     """ωB′/K′, with the errors of both propagated as independent."""
     if not stiffness.value:
-        return Quantity(math.nan, math.nan, math.nan)
+        return UNKNOWN
     value = omega * damping.value / stiffness.value
 
     def error(of_stiffness: float, of_damping: float) -> float:
@@ -342,6 +351,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
     speed : float, optional
         m/s, > 0. Default: the speed in :attr:`query`, or the fastest approach in contact.
     """
+    _require_time(result)
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fast_approach_speed(result.contact.velocity[result.trace.taken])
@@ -356,6 +366,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
 @_absurd_numbers
 def energy_from(result: Derivable) -> EnergyLoss:
     """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
+    _require_time(result)
     data, path = result.data or Data(result.contact), build_path(result)
     going_on = replace(result.contact, segment=_segment_numbers(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
@@ -374,6 +385,7 @@ def energy_from(result: Derivable) -> EnergyLoss:
 @_absurd_numbers
 def passivity_from(result: Derivable) -> Passivity:
     """Whether the law's force, and the recorded force, become negative in the recorded motion."""
+    _require_time(result)
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     return check_passivity(build_path(result), result.law, there, data.force_noise)
 

@@ -11,11 +11,10 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 from palpate.diagnosis.bars import STOPPED, TRUSTED
-from palpate.diagnosis.outcome import Diagnosis, Quantity, WorkingDepth
+from palpate.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity, WorkingDepth
 from palpate.digits import format_quantity
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
-from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import check_field, finite_or_none
 
 # Depth over radius, and strain: beyond these the assumption of small strains may fail.

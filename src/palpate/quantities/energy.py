@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
-from palpate.diagnosis.outcome import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.touches import find_touches
-from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import Floats, Plain, finite_or_none
 
 # Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.

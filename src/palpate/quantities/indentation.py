@@ -24,7 +24,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from palpate.contact import Contact
-from palpate.diagnosis.outcome import Quantity
+from palpate.diagnosis.outcome import UNKNOWN, Quantity
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimators.batch_fit import fit_curves
@@ -38,7 +38,6 @@ from palpate.quantities.elastic_modulus import (
     Tip,
     error_mark,
 )
-from palpate.quantities.restitution import UNKNOWN
 from palpate.recordings import Recording
 from palpate.validation import Floats
 

@@ -26,7 +26,7 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.diagnosis.outcome import Quantity, WorkingDepth
+from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Plain, all_good, together
@@ -218,7 +218,6 @@ def compute_approximations(dissipation: float, speed: float) -> dict[str, float]
 
 # The restitution of an identified law, with its uncertainty.
 
-UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 UNTRUSTED = "the diagnosis does not trust the damping"
 EQUIVALENT = (
     "by the Hunt–Crossley law with the same K′ and B′ at working depth and the motion's frequency"

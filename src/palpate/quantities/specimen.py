@@ -8,10 +8,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from palpate.diagnosis.outcome import Diagnosis, Quantity
+from palpate.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity
 from palpate.digits import rounded
 from palpate.quantities.elastic_modulus import SMALL_STRAIN
-from palpate.quantities.restitution import UNKNOWN
 from palpate.validation import Plain, check_field, finite_or_none
 
 

@@ -1,6 +1,6 @@
 """Colours of figures and pages; without matplotlib, because the live page uses them too."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,10 +14,9 @@ class Theme:
     lines: tuple[str, ...]
 
     def variables(self) -> dict[str, str]:
-        """Return the colours, keyed by the names in a page's style sheet."""
-        named = {"background": self.background, "ink": self.ink, "grid": self.grid}
-        named |= {"measured": self.measured}
-        named |= {f"line-{k}": colour for k, colour in enumerate(self.lines)}
+        """Return the colours by their names in a page's style sheet."""
+        named = asdict(self)
+        named |= {f"line-{k}": colour for k, colour in enumerate(named.pop("lines"))}
         return {f"--drawing-{name}": colour for name, colour in named.items()}
 
 

@@ -58,7 +58,7 @@ def law_name(result: "Identified") -> str:
 def parameter_rows(result: "Identified") -> list[ParameterRow]:
     """Return the parameters of the law, in its order."""
     if result.law.relaxes:
-        return list(_generalised(result, result.law))
+        return list(_relaxing_rows(result, result.law))
     return [_number(result, k) for k in range(len(result.law.symbols))]
 
 
@@ -69,7 +69,7 @@ def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterR
     return ParameterRow(k, name, law.symbols[k], unit, words, not fixed)
 
 
-def _generalised(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
+def _relaxing_rows(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing = range(len(law.symbols))
     verdict, growth = result.estimator.verdict(), _growth(law)
     chosen = None if verdict is None else verdict.candidate

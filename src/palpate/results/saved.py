@@ -5,8 +5,7 @@
 
 import hashlib
 import json
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -35,37 +34,6 @@ if TYPE_CHECKING:
 
     from palpate.identification.identified import Identified
 
-# TOML forbids them, even in a comment, but a file name or a note may contain them.
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
-
-
-def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
-    """Return options as TOML, with comments below them.
-
-    Parameters
-    ----------
-    options : mapping
-        Values by option name, without leading dashes.
-    comments : iterable of str
-        One line each.
-    """
-    lines = [f"{name} = {_toml_value(value)}" for name, value in options.items()]
-    lines += [""] if lines else []
-    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
-    return "\n".join(lines) + "\n"
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_toml_value(each) for each in value)}]"
-    if isinstance(value, int | float):
-        return repr(value)
-    # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
-    # unescaped. JSON does not escape one control character, U+007F.
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
-
 
 def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
     """Return the files of a contact and its preparation as comment lines."""
@@ -81,12 +49,7 @@ def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
 
 _CONTACT = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
 #: Names in a file, which a reader recognises without options.
-FILE_NAMES = {
-    "time": "time_s",
-    "penetration": "penetration_m",
-    "velocity": "velocity_m_s",
-    "force": "force_N",
-}
+FILE_NAMES = {name: f"{name}_{unit.replace('/', '_')}" for name, unit in _CONTACT.items()}
 
 
 def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
@@ -108,12 +71,9 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
     }
     units = {**_CONTACT, "predicted_force": "N", "fitted_force": "N"}
     for k, (name, unit) in enumerate(zip(law.names(), law.units, strict=True)):
-        for column, values in (
-            (name, trace.parameters),
-            (f"{name}_standard_error", trace.standard_errors),
-        ):
-            columns[column] = trace.everywhere(values[:, k])
-            units |= {column: unit} if unit else {}
+        both = {name: trace.parameters, f"{name}_standard_error": trace.standard_errors}
+        columns |= {column: trace.everywhere(rows[:, k]) for column, rows in both.items()}
+        units |= dict.fromkeys(both, unit) if unit else {}
     return columns, units
 
 
@@ -163,16 +123,16 @@ def contact_and_trace(
         force=force,
         segment=recording.numbers("segment"),
         source=whole["file"],
-        provenance=whole["provenance"],
-        tare_deviation=whole["tare_deviation"],
-        surface_deviation=whole["surface_deviation"],
         delay=delay and Delay(**delay),
         findings=[*map(Finding.from_dict, whole["findings"])],
         velocity_filter=filtered and VelocityFilter(**filtered),
-        stated_units=whole["stated_units"],
-        timeless=whole["timeless"],
+        **{name: whole[name] for name in _STATED},
     )
     return contact, trace
+
+
+#: Fields of a contact that ``result.json`` contains unchanged.
+_STATED = ("provenance", "tare_deviation", "surface_deviation", "stated_units", "timeless")
 
 
 def _status_names() -> NDArray[np.str_]:
@@ -207,14 +167,11 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
         **({"files": [str(file) for file in files]} if len(files) > 1 else {}),
         "samples": len(contact),
         "touches": [touch.as_dict() for touch in find_touches(contact)],
-        "provenance": dict(contact.provenance),
-        "findings": [each.as_dict() for each in contact.findings],
-        "tare_deviation": contact.tare_deviation,
-        "surface_deviation": contact.surface_deviation,
-        "velocity_filter": plain(contact.velocity_filter),
+        **{name: plain(getattr(contact, name)) for name in _STATED},
         "stated_units": sorted(contact.stated_units),
-        "timeless": contact.timeless,
-        "delay": None if contact.delay is None else asdict(contact.delay),
+        "findings": plain(contact.findings),
+        "velocity_filter": plain(contact.velocity_filter),
+        "delay": contact.delay and asdict(contact.delay),
         "gate": asdict(gate),
         "scale": asdict(scale),
         "results": [result_dict(result) for result in results],
@@ -257,7 +214,7 @@ def result_dict(result: "Identified") -> dict[str, Any]:
 def _episodes(result: "Identified") -> list[dict[str, Any]]:
     """Return each segment with its own law and verdict, or as the search for changes found it."""
     if result.segments:
-        return [_episode(stretch) for stretch in result.segments]
+        return [_episode(segment) for segment in result.segments]
     return [
         {**episode.as_dict(), "verdict": part.diagnosis.verdict.as_dict() if part else None}
         for episode in result.diagnosis.episodes
@@ -268,16 +225,10 @@ def _episodes(result: "Identified") -> list[dict[str, Any]]:
 def _episode(part: "Identified") -> dict[str, Any]:
     """Return one segment or place of a longer contact."""
     found, time = part.diagnosis, part.contact.time
-    episode = Episode(float(time[0]), float(time[-1]), part.law, found.working_depth)
-    location: dict[str, Any] = {}
+    episode = Episode(float(time[0]), float(time[-1]), part.law, found.working_depth).as_dict()
     if part.place is not None:
-        location = {"kind": "place", "place": part.place.as_dict()}
-    return {
-        **episode.as_dict(),
-        "verdict": found.verdict.as_dict(),
-        **location,
-        **derived_dict(part),
-    }
+        episode |= {"kind": "place", "place": part.place.as_dict()}
+    return {**episode, "verdict": found.verdict.as_dict(), **derived_dict(part)}
 
 
 def derived_dict(result: "Identified") -> dict[str, Any]:
@@ -287,19 +238,15 @@ def derived_dict(result: "Identified") -> dict[str, Any]:
         modulus = {"elastic_modulus": result.elastic_modulus().as_dict()}
     elif result.query.specimen is not None:
         modulus = {"compression_modulus": result.compression_modulus().as_dict()}
-    names = ("restitution", "energy", "passivity", "small_oscillation")
-    if result.contact.timeless:
-        return {**dict.fromkeys(names), **modulus}
-    oscillation: dict[str, Any] | None = None
-    with suppress(InvalidParameterError):  # a probe held still, or out of a segment's band
-        oscillation = result.dynamic_stiffness(result.query.frequency).as_dict()
-    return {
-        "restitution": result.restitution().as_dict(),
-        "energy": result.energy.as_dict(),
-        "passivity": result.passivity.as_dict(),
-        "small_oscillation": oscillation,
-        **modulus,
-    }
+    derived: dict[str, Any] = dict.fromkeys(("restitution", "energy", "passivity"))
+    derived["small_oscillation"] = None
+    if not result.contact.timeless:
+        derived["restitution"] = result.restitution().as_dict()
+        derived |= {"energy": result.energy.as_dict(), "passivity": result.passivity.as_dict()}
+        with suppress(InvalidParameterError):  # a probe held still, or out of a segment's band
+            oscillation = result.dynamic_stiffness(result.query.frequency)
+            derived["small_oscillation"] = oscillation.as_dict()
+    return {**derived, **modulus}
 
 
 # Loading a saved result.
@@ -490,21 +437,20 @@ def to_xarray(result: "Identified") -> "xarray.Dataset":
     """Return samples along ``time`` and parameters along ``parameter``; units as attributes."""
     module = import_extra("xarray", "to_xarray", "notebook")
     law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
-    own = {name for each in law.names() for name in (each, f"{each}_standard_error")}
+    for each in law.names():
+        del columns[each], columns[f"{each}_standard_error"]
+    time, names = columns.pop("time"), np.array(law.names())
     variables: dict[str, Any] = {
         name: ("time", values, {"units": units[name]} if name in units else {})
         for name, values in columns.items()
-        if name not in own and name != "time"
     }
-    variables["parameters"] = (("time", "parameter"), trace.everywhere(trace.parameters))
-    errors = trace.everywhere(trace.standard_errors)
-    variables["standard_errors"] = (("time", "parameter"), errors)
+    for name in ("parameters", "standard_errors"):
+        variables[name] = (("time", "parameter"), trace.everywhere(getattr(trace, name)))
     variables["covariance"] = (("parameter", "other_parameter"), result.covariance)
-    names = np.array(law.names())
     found: xarray.Dataset = module.Dataset(
         variables,
         coords={
-            "time": ("time", columns["time"], {"units": "s"}),
+            "time": ("time", time, {"units": "s"}),
             "parameter": names,
             "other_parameter": names,
             "unit": ("parameter", list(law.units)),

@@ -39,7 +39,9 @@ from palpate.results.truth import against_truth, stated_truth, truths
 if TYPE_CHECKING:
     from palpate.estimators.estimate import Estimate
     from palpate.identification.identified import Identified
+    from palpate.quantities.elastic_modulus import ElasticModulus, Tip
     from palpate.quantities.restitution import Restitution
+    from palpate.quantities.specimen import CompressionModulus
 
 
 class Styled(NamedTuple):
@@ -205,19 +207,16 @@ def number_lines(result: "Identified") -> list[NumberLine]:
     reasons = ["" if each is None else each.brief or each.message for each in diagnosis.limits]
     for k, (name, unit) in enumerate(_ROWS[:2]):
         quantity: Quantity = getattr(at_depth, name)
-        reason = reasons[k]
         if k and math.isnan(quantity.value):
-            lines.append(NumberLine(name, f"not given: {reason}", "", None))
+            lines.append(NumberLine(name, f"not given: {reasons[k]}", "", None))
             continue
         at = f"at {format_quantity(at_depth.depth, 'm')}"
         if math.isfinite(frequency) and (k or result.law.remembers):
             at += f", {format_hertz(frequency)}"
-        skew = _describe_skew(at_depth) if k else ""
-        same = bool(k and reason and reason == reasons[0])
-        words = "for the same reason" if same else reason
-        lines.append(
-            NumberLine(name, f"{format_number(quantity)} {unit}", at, marks[k], words, skew)
-        )
+        value, skew = f"{format_number(quantity)} {unit}", _describe_skew(at_depth) if k else ""
+        same = k and reasons[k] and reasons[k] == reasons[0]
+        reason = "for the same reason" if same else reasons[k]
+        lines.append(NumberLine(name, value, at, marks[k], reason, skew))
     return lines
 
 
@@ -266,7 +265,7 @@ def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
 
 
 def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
-    """Return places, the worst first: by verdict, then by the relative error of the stiffness."""
+    """Return places, the worst first: by verdict, then by relative error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
         found = part.diagnosis
@@ -284,22 +283,18 @@ def _sentence(words: str) -> str:
 
 def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, the stated truth, and further commands."""
-    rows = list[tuple[str, str]]()
+    rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
         shown = (row for row in parameter_rows(result) if row.name != "relaxation_stiffness")
         terms = (_parameter(result, row) for row in shown)
         # A wrong surface changes K, B and n by far more than stiffness and damping.
-        checks = (
-            f.check == Check.SURFACE and math.isfinite(f.z) for f in result.diagnosis.findings
-        )
-        doubt = "(surface in doubt: -v)" if any(checks) else ""
+        surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
+        doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
         parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
-    rows += [
-        (each.name, "\n".join((each.text, *each.remarks))) for each in derived_section(result).lines
-    ]
+    rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in derived]
     rows = [(name, words) for name, words in rows if words]
     return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
 
@@ -383,9 +378,8 @@ def depth_table(result: "Identified") -> ViewSection:
             cells.append(words)
         columns.append(cells)
     lines = [Line("; ".join(known), tone="soft"), Line(TRUST, tone="soft")]
-    return ViewSection(
-        "At working depth", lines, headings, [*zip(dict(_ROWS), *columns, strict=True)]
-    )
+    rows = [*zip(dict(_ROWS), *columns, strict=True)]
+    return ViewSection("At working depth", lines, headings, rows)
 
 
 def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[ViewSection]:
@@ -425,13 +419,9 @@ def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
             rows[-1].append(row.name.replace("_", " "))
-    lines = [
-        describe_relaxed_stiffness(result),
-        _describe_correlation(result),
-        *_describe_settings(result.estimate),
-    ]
-    lines += [describe_model_selection(result), _describe_fit_errors(result)]
-    shown = [Line(each) for each in lines if each]
+    lines = [describe_relaxed_stiffness(result), _describe_correlation(result)]
+    lines += [*_describe_settings(result.estimate), describe_model_selection(result)]
+    shown = [Line(each) for each in (*lines, _describe_fit_errors(result)) if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
 
@@ -446,7 +436,9 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
     trusted = result.diagnosis.verdict.overall != "do-not-trust"
     if (whole and timed) or query.impact_speed is not None:
         restitution = result.restitution()
-        if query.impact_speed is not None or (trusted and _impact(restitution)):
+        # Informative neither for a quasi-static press nor for an unknown law.
+        informative = 1.0 - restitution.coefficient.value > _QUASI_STATIC
+        if query.impact_speed is not None or (trusted and informative):
             lines.append(_describe_restitution(restitution, whole=whole))
     if query.frequency is not None:
         lines += _describe_oscillation(result, whole=whole)
@@ -455,23 +447,17 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
     if whole and timed and trusted:
         lines.append(_describe_passivity(result))
     if query.tip is not None or query.specimen is not None:
-        parts = [("", result), *((_span(part), part) for part in segments_between_changes(result))]
-        lines += [_describe_modulus(part, when, whole=whole) for when, part in parts]
+        parts = [part for part in result.segments if part.place is None]
+        lines.append(_describe_modulus(result, whole=whole))
+        lines += (_describe_modulus(part, f"{_span(part)}: ", whole=whole) for part in parts)
     if result.noticed is not None:  # when a control loop would have noticed
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
         alarms = f"an alarm at {times}" if times else "no alarm"
-        words = f"the online change detector raises {alarms}"
-        lines.append(Line(words, "online"))
-    if whole:
-        for finding in result.diagnosis.findings:  # an assumption, not a fault of the stiffness
-            if finding.check == Check.SURFACE and finding.severity == "note":
-                lines.insert(0, Line(finding.message, "note"))
-    return ViewSection("Derived quantities", lines)
-
-
-def _impact(found: "Restitution") -> bool:
-    """Whether a restitution is informative: not for a quasi-static press or an unknown law."""
-    return math.isfinite(found.coefficient.value) and 1.0 - found.coefficient.value > _QUASI_STATIC
+        lines.append(Line(f"the online change detector raises {alarms}", "online"))
+    # An assumption on the surface is not a fault of the stiffness.
+    surface = [f for f in result.diagnosis.findings if f.check == Check.SURFACE]
+    notes = [Line(f.message, "note") for f in surface if f.severity == "note"]
+    return ViewSection("Derived quantities", notes + lines if whole else lines)
 
 
 def findings_section(result: "Identified") -> ViewSection:
@@ -505,31 +491,25 @@ def number_table(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> 
         rows.append((result.method, *_both_marks(result), *where, *values))
         if found.deciding is not None:
             reasons.setdefault(found.reason, []).append(result.method)
-    at = ordered[0].diagnosis.working_depth.depth
-    if real := stated_truth(ordered[0], at):
+    if real := stated_truth(ordered[0], ordered[0].diagnosis.working_depth.depth):
         numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
-        rows.append(("truth", "", "", rounded(1e3 * at, 4) if places[1:] else "", "", *numbers))
+        rows.append(("truth", "", "", _millimetres(ordered[0]) * bool(places[1:]), "", *numbers))
     same = "" if places[1:] else f"at {places[0][0]} mm and {places[0][1]} Hz; "
     words = f"{same}± one standard error, statistical and systematic together"
     lines = [Line(words, tone="soft")]
     lines += (Line(reason, ", ".join(methods)) for reason, methods in reasons.items())
     lines += (Line(words, tone="warning") for words in exclusions)
-    return ViewSection(
-        "Methods on this contact, the best first",
-        lines,
-        ["method", *_MARKS, ">depth\nmm", ">frequency\nHz", *_NUMBERS],
-        rows,
-    )
+    headings = ["method", *_MARKS, ">depth\nmm", ">frequency\nHz", *_NUMBERS]
+    return ViewSection("Methods on this contact, the best first", lines, headings, rows)
 
 
 def model_table(ordered: "Sequence[Identified]") -> ViewSection:
     """Compose each method's law, and its errors of prediction and fit."""
     rows = []
     for each in ordered:
-        errors = format_percent(each.prediction_rmse_percent), format_percent(each.fit_rmse_percent)
-        rows.append(
-            (each.method, parameter_terms(each), *errors, format_share(each.violated_fraction))
-        )
+        errors = map(format_percent, (each.prediction_rmse_percent, each.fit_rmse_percent))
+        share = format_share(each.violated_fraction)
+        rows.append((each.method, parameter_terms(each), *errors, share))
     if truth := read_truth(ordered[0].contact.provenance):
         named = zip(truth.symbols, truth.parameters, truth.units, strict=True)
         terms = (f"{name} = {rounded(value, 5)} {unit}".rstrip() for name, value, unit in named)
@@ -546,12 +526,9 @@ def preparation_section(results: "Sequence[Identified]", *, whole: bool = False)
     first = results[0]
     found = first.diagnosis
     shown = {each.check for each in (found.findings if whole else (found.deciding,)) if each}
+    others = (each for each in first.contact.findings if each.check not in shown)
     lines = [Line(_describe_samples(first))]
-    lines += (
-        Line(each.message, each.check, remedy=each.remedy)
-        for each in first.contact.findings
-        if each.check not in shown
-    )
+    lines += (Line(each.message, each.check, remedy=each.remedy) for each in others)
     for result in results:
         # No motion identifies one law for two materials, so its flags would mislead.
         flags = () if whole or result.diagnosis.episodes else result.flags
@@ -629,11 +606,6 @@ def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
     found = part.diagnosis
     finite = math.isfinite(found.working_depth.damping.value)
     return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if finite else "–"
-
-
-def segments_between_changes(result: "Identified") -> "list[Identified]":
-    """Return the segments between changes of the material."""
-    return [part for part in result.segments if part.place is None]
 
 
 def _span(part: "Identified") -> str:
@@ -774,33 +746,31 @@ def _describe_passivity(result: "Identified") -> Line:
     return Line(words, "passivity", remarks=(remark,))
 
 
-def _describe_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
-    if part.query.specimen is not None:
-        return _describe_compression_modulus(part, when, whole=whole)
-    found = part.elastic_modulus()
-    size = found.tip.as_dict()
-    tip = f"a {found.tip.kind} of {_plain(size.get('radius', math.nan), 'm')} radius"
+def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Line:
+    found: ElasticModulus | CompressionModulus
+    mark = ""
+    if part.query.specimen is None:
+        found = part.elastic_modulus()
+        mark = "" if found.refused else f" ({spoken(found.mark)})"
+        ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
+        body = f"{_describe_tip(found.tip)}, {ratio}"
+    else:
+        found = part.compression_modulus()
+        area, height = rounded(1e6 * found.specimen.area, 4), _plain(found.specimen.height, "m")
+        strain = rounded(found.strain, 2)
+        body = f"a specimen of {area} mm² and {height} height, at a strain of {strain}"
+    if found.refused:
+        return Line(f"{when}not determined: {found.refused}", "Young's modulus")
+    value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
+    return Line(f"{when}{value}{mark} for {body}", "Young's modulus", remarks=found.remarks)
+
+
+def _describe_tip(tip: "Tip") -> str:
+    size = tip.as_dict()
     if "half_angle" in size:
         angle = rounded(math.degrees(size["half_angle"]), 4)
-        tip = f"a cone of {angle}° between axis and side"
-    name, at = "Young's modulus", f"{when}: " * bool(when)
-    if found.refused:
-        return Line(f"{at}not determined: {found.refused}", name)
-    ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
-    value = found.value if whole else found.value.combined
-    words = f"{at}{format_with_prefix(value, 'Pa')} ({spoken(found.mark)}) for {tip}, {ratio}"
-    return Line(words, name, remarks=found.remarks)
-
-
-def _describe_compression_modulus(part: "Identified", when: str, *, whole: bool) -> Line:
-    found, at = part.compression_modulus(), f"{when}: " * bool(when)
-    size, name = found.specimen, "Young's modulus"
-    if found.refused:
-        return Line(f"{at}not determined: {found.refused}", name)
-    value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
-    area, height = rounded(1e6 * size.area, 4), _plain(size.height, "m")
-    words = f"{at}{value} for a specimen of {area} mm² and {height} height"
-    return Line(f"{words}, at a strain of {rounded(found.strain, 2)}", name, remarks=found.remarks)
+        return f"a {tip.kind} of {angle}° between axis and side"
+    return f"a {tip.kind} of {_plain(size['radius'], 'm')} radius"
 
 
 def _format_modulus(part: "Identified") -> str:
