@@ -26,7 +26,11 @@ class RecordingError(PalpateError, ValueError):
     @classmethod
     def of(cls, source: str, words: str) -> "RecordingError":
         """Return the error, with the name of the file if that is known."""
-        return RecordingError(f"{source}: {words}" if source else words)
+        return cls(f"{source}: {words}" if source else words)
+
+
+class NoContactError(RecordingError):
+    """The probe touches nothing: no force exceeds the noise, or no sample is in contact."""
 
 
 class ExportRefusedError(PalpateError, ValueError):

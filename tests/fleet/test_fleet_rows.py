@@ -639,7 +639,8 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
     write_recordings(tmp_path / "all", 1)
     sources = list_sources([tmp_path / "all"])
     [batch] = batches(sources, [1.0])
-    Results.begin(folder, Settings(), sources).write(batch, judged(count), np.ones(count))
+    settings = Settings(diagnosis="full")  # the default for recordings
+    Results.begin(folder, settings, sources).write(batch, judged(count), np.ones(count))
     lines = printed("fleet", tmp_path / "all", "-o", folder).splitlines()
     assert lines[0] == "1 of 1 contact reused from an earlier run"
     assert lines[-1 - (count > 30)] == f"results: {folder}"

@@ -102,7 +102,8 @@ def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(printe
 
 def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
     (tmp_path / "bad.csv").write_text("time_s,penetration_m\n1,2\n")
-    finished(begun(tmp_path / "bad.csv", tmp_path / "r"))  # without a worker, which takes seconds
+    done = begun(tmp_path / "bad.csv", tmp_path / "r", diagnosis="full")  # the default
+    finished(done)  # without a worker, which takes seconds
     status, out, err = run("fleet", tmp_path / "bad.csv", "-o", tmp_path / "r")
     assert status == 2
     assert "failed: bad.csv: there is a penetration, and no force" in out

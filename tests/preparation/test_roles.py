@@ -326,7 +326,7 @@ def test_flattened_arrays_are_vectors_with_a_note(position, m, force, n):
     assert not any("for x, y" in each.message for each in prepare(frame, columns=stated).findings)
 
 
-@pytest.mark.parametrize("names", ["test_{}/{}", "data/demo_{}/obs/{}"])
+@pytest.mark.parametrize("names", ["test_{}/{}", "data/run_{}/obs/{}"])
 def test_each_group_of_a_file_is_a_contact(tmp_path, names):
     path = tmp_path / "groups.hdf5"
     with h5py.File(path, "w") as file:

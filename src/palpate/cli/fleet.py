@@ -40,7 +40,8 @@ Sources: TypeAlias = tuple[str, ...]
 #: Above this number of rows only the counts of the verdicts are printed.
 _MOST_ROWS = 30
 _MOST_REASONS = 3
-_STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green"}
+_FREE = "no contact"
+_STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green", _FREE: "dim"}
 _STYLES |= dict.fromkeys(("failed", "do-not-trust"), "red")
 
 
@@ -63,7 +64,7 @@ def fleet(
     *,
     output: ResultFolder,
     choosing: MethodOptions = MethodOptions(),
-    diagnosis: Literal["none", "input", "full"] = "input",
+    diagnosis: Literal["none", "input", "full"] | None = None,
     tip: Shape = None,
     poisson: float | None = None,
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
@@ -79,17 +80,19 @@ def fleet(
     For example:
 
         palpate fleet recordings/ -o results/ --report
+        palpate fleet demonstrations.hdf5 -o results/
         palpate fleet map.jpk-force-map -o results/ --tip sphere:radius=5um
         palpate fleet curves.zarr -o results/ --surface estimate
 
     Parameters
     ----------
     sources
-        Files, patterns, folders, force maps, or Zarr groups.
+        Files, patterns, folders, data sets of robot learning, force maps, or Zarr groups.
     output
         Folder for the results.
     diagnosis
         Check nothing (none), the data (input), or data and fits with a verdict for each (full).
+        Default: full for up to 10 000 recordings or episodes, else input.
     tip
         Give Young's modulus for this tip, as for palpate identify. Force curves are then identified
         from their approach: baseline, contact point and modulus, with a verdict for each.
@@ -100,9 +103,14 @@ def fleet(
     as_json
         Print one JSON object instead of text.
     """
+    from palpate.fleet.files import list_sources
     from palpate.fleet.running import run_fleet
+    from palpate.fleet.tasks import default_diagnosis
 
     shape, ratio = parse_material(tip, poisson)
+    listed = list_sources(sources, leave_out=output)
+    if diagnosis is None:
+        diagnosis = default_diagnosis(listed)
     settings = _settings(choosing, diagnosis, reading)
     settings = replace(settings, tip=shape, poisson_ratio=ratio)
     if report:
@@ -119,7 +127,13 @@ def fleet(
 
         with bar("writing the report"):
             page = save_report(output)
-    _print(found, page, as_json=as_json)
+    cards: list[Path] = []
+    if any(source.kind == "episodes" for source in listed):
+        from palpate.fleet.card import save_card
+
+        with bar("writing the card"):
+            cards = save_card(output)
+    _print(found, page, cards, as_json=as_json)
     if not found.identified:
         complain("no contact was identified; the column error of the results has the reasons")
         return 2
@@ -133,7 +147,7 @@ def _settings(
     from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve", "sheet"):
+    for option in ("save_config", "curve", "episode", "sheet"):
         if getattr(reading, option) is not None:
             name = option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
@@ -155,9 +169,13 @@ def require_figures() -> None:
     import_module("palpate.figures")
 
 
-def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
+def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: bool) -> None:
     if as_json:
-        paths = {"folder": str(found.folder), "report": None if page is None else str(page)}
+        paths = {
+            "folder": str(found.folder),
+            "report": None if page is None else str(page),
+            "card": [str(card) for card in cards],
+        }
         print_json({**asdict(found), **paths})
         return
     console = Terminal()
@@ -180,6 +198,8 @@ def _print(found: "Fleet", page: Path | None, *, as_json: bool) -> None:
         say_path(console, f"report: {page}")
     elif not complete:
         say(console, "for all reasons, repeat the command with --report; it reuses the results")
+    for card in cards:
+        say_path(console, f"card: {card}")
 
 
 def _describe_count(contacts: int) -> str:
@@ -190,28 +210,35 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
+    from palpate.fleet.rows import touches_nothing
     from palpate.recordings.opening import MAPS
 
     table = read_results(found.folder)
     shown = maps.list_quantities(table)
-    verdicts = maps.verdicts_of(table)
+    verdicts, free = maps.verdicts_of(table), touches_nothing(table)
+    marks_of_rows = [
+        _FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True)
+    ]
     names = maps.names_of(table)
     common = len(os.path.commonprefix(names).rpartition("/")[0])  # noqa: RUF071 - cut at a slash
     names = [name[common:].lstrip("/") for name in names]
     if few := len(names) <= _MOST_ROWS:
-        marks = [Text(verdict, _STYLES.get(verdict, "")) for verdict, _ in verdicts]
+        marks = [Text(mark, _STYLES.get(mark, "")) for mark in marks_of_rows]
         turns = maps.numbers(table, "frequency") / math.tau
         at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
         columns = names, marks, *(maps.format_values(table, name) for name in shown), at
         header = ["contact", "verdict", *(maps.quantity_name(name) for name in shown), "frequency"]
         print_table(console, header, [*zip(*columns, strict=True)])
     else:
-        counts = Counter(verdict for verdict, _ in verdicts)
-        words = [f"{counts[each]} {each}" for each in maps.VERDICTS if each in counts]
+        counts = Counter(marks_of_rows)
+        words = [f"{counts[each]} {each}" for each in (*maps.VERDICTS, _FREE) if each in counts]
         say(console, f"{len(names)} rows: {', '.join(words)}")
     if (lag := maps.rig_lag_of(table)) is not None:
         say(console, str(lag), "yellow")
-    reasons = maps.reasons_of_verdicts(names, verdicts)
+    touching = [k for k, none in enumerate(free) if not none]
+    reasons = maps.reasons_of_verdicts(
+        [names[k] for k in touching], [verdicts[k] for k in touching]
+    )
     for verdict, line in reasons[:_MOST_REASONS]:
         say(console, line, _STYLES[verdict])
     sources = {source or "" for source in table.column("source").to_pylist()}

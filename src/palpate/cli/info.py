@@ -13,6 +13,7 @@ def info(
     *,
     channel: tuple[str, ...] = (),
     curve: int | None = None,
+    episode: int | None = None,
     sheet: str | None = None,
     header_row: int | None = None,
     max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None,
@@ -27,16 +28,19 @@ def info(
     For example:
 
         palpate info probing.mcap --channel /ft --figure strips.pdf
+        palpate info demonstrations/ --episode 3
 
     Parameters
     ----------
     file
-        Recording: text, spreadsheet, array, JSON, MCAP, bag, Parquet, HDF5, MATLAB or force curve;
-        - is standard input.
+        Recording: text, spreadsheet, array, JSON, MCAP, bag, Parquet, HDF5, MATLAB, force curve or
+        data set; - is standard input.
     channel
         Only this channel, or all channels of this topic or group; may be repeated.
     curve
         Index, from 0, of the curve to read in a file with several.
+    episode
+        Number of the episode to show of a data set (default: its episodes, channels of the first).
     sheet
         Name, or number from 1, of the sheet to read in a spreadsheet.
     header_row
@@ -50,7 +54,8 @@ def info(
     as_json
         Print one JSON object instead of tables.
     """
-    from palpate.cli.info_tables import as_dict, print_curves, print_recording
+    from palpate.cli.info_tables import as_dict, print_curves, print_episodes, print_recording
+    from palpate.recordings.datasets import describe_data_set
     from palpate.recordings.opening import MAPS
     from palpate.recordings.survey import survey
 
@@ -60,7 +65,10 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure, inputs=[file])
-    options = {"curve": curve, "sheet": sheet, "header_row": header_row}
+    data = None if episode is not None else describe_data_set(file)
+    if data is not None:
+        episode = next(iter(data.lengths))
+    options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
     recording = open_with_progress(file, channel or None, max_size=max_size, **options)
     surveyed = survey(recording)
     if figure is not None:
@@ -69,8 +77,10 @@ def info(
 
         figures.save(draw_strips(recording, surveyed, dark=dark), figure, inputs=[file])
     if as_json:
-        print_json(as_dict(file, recording, surveyed))
+        print_json(as_dict(file, recording, surveyed, data))
     else:
+        if data is not None:
+            print_episodes(data)
         print_recording(recording, surveyed)
         if figure is not None:
             print(f"figure: {figure}")

@@ -15,6 +15,7 @@ from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, s
 from palpate.digits import format_quantity, rounded
 from palpate.errors import RecordingError, printable
 from palpate.preparation.roles import explain_roles
+from palpate.recordings.datasets import DataSet
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
@@ -26,6 +27,7 @@ SCHEMA_VERSION = 2
 _MOST_ROWS = 60
 _MOST_LINES = 12
 _MOST_CURVES = 8
+_MOST_EPISODES = 8
 _NAME = 36  # characters
 _NARROW = 60  # characters; below, several lines a channel keep its numbers
 
@@ -118,10 +120,26 @@ def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str,
     }
 
 
-def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any]:
-    """Return the contents of a recording as JSON types."""
+def print_episodes(data: DataSet) -> None:
+    """Print how many episodes a data set has, and the lengths of the first ones."""
+    console, lengths = Terminal(), data.lengths
+    rate = "" if data.rate is None else f" at {rounded(data.rate, 4)} Hz"
+    say(console, f"{data.name}: {_count(len(lengths), 'episode')}{rate}", "bold")
+    for number, length in [*lengths.items()][:_MOST_EPISODES]:
+        say(console, f"episode {number}: " + (f"{length} samples" if length >= 0 else "no length"))
+    if len(lengths) > _MOST_EPISODES:
+        more = len(lengths) - _MOST_EPISODES
+        say(console, f"and {more} more; palpate fleet identifies each")
+    console.print()
+
+
+def as_dict(
+    file: Path, recording: Recording, surveyed: Survey, data: DataSet | None = None
+) -> dict[str, Any]:
+    """Return the contents of a recording as JSON types, with the episodes of a data set."""
     uses, refusal = explain_roles(recording)
     return {
+        **({} if data is None else {"data_set": _data_set_dict(data)}),
         "schema_version": SCHEMA_VERSION,
         "file": str(file),
         "types": dict(recording.types),
@@ -137,6 +155,10 @@ def as_dict(file: Path, recording: Recording, surveyed: Survey) -> dict[str, Any
         "omissions": list(recording.omissions),
         "losses": list(recording.losses),
     }
+
+
+def _data_set_dict(data: DataSet) -> dict[str, Any]:
+    return {"name": data.name, "rate": data.rate, "lengths": data.lengths}
 
 
 def _clock_dict(clock: ClockSurvey) -> dict[str, Any]:

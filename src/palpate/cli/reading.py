@@ -72,6 +72,8 @@ class ReadingOptions:
     "Identify the stiffness alone, of a curve without time; --start and --stop count samples."
     curve: Annotated[int | None, _READ] = None
     "Index, from 0, of the curve to read in a file with several."
+    episode: Annotated[int | None, _READ] = None
+    "Number of the episode to read in a data set (default: all, as contacts with one object)."
     sheet: Annotated[str | None, Parameter(group=READ, metavar="NAME|K")] = None
     "Sheet of a spreadsheet: its name or its number from 1 (default: all that hold a table)."
     header_row: Annotated[int | None, _READ] = None
@@ -157,7 +159,7 @@ class ReadingOptions:
 
         recording = None
         try:
-            given = ("strict", "curve", "sheet", "header_row")
+            given = ("strict", "curve", "episode", "sheet", "header_row")
             options = {name: getattr(self, name) for name in given}
             recording = open_with_progress(file, self._channels, max_size=self.max_size, **options)
             if tip is not None and is_force_curve(recording.channels):

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 _BINS = 40
 # Percentiles that a histogram spans; its title counts the values beyond.
 _HISTOGRAM_SPAN = (0.5, 99.5)
+_MOST_POINTS = 2000  # of a line in a page
 # Ratio of these percentiles above which the axis is logarithmic: on a linear one half of the values
 # could lie in the first bar.
 _DECADES = 100.0
@@ -74,6 +75,56 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
             with np.errstate(all="ignore"):
                 relative = np.abs(error / value)[np.isfinite(value)]
             _histogram(below, relative, "standard error / value", "", look, logarithmic=True)
+    return figure
+
+
+def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -> "Figure":
+    """Draw the episodes of a data set: contact, peak force, stiffness and delay of the force.
+
+    Parameters
+    ----------
+    table : pyarrow.Table
+        Rows of results, one for each episode.
+    dark : bool
+        Draw for a dark background. Default: False.
+    width : float, optional
+        As for :func:`draw_distributions`.
+    """
+    look = choose_look(dark=dark, width=width)
+    fraction, force, delay = (
+        numbers(table, name) for name in ("contact_fraction", "largest_force", "force_delay")
+    )
+    with drawing(look, 10.4 if look.narrow else 5.6) as figure:
+        grid = figure.subplots(4, 1) if look.narrow else figure.subplots(2, 2)
+        contact, peak, over, lag = np.reshape(grid, 4).tolist()
+        title = "share of samples in contact"
+        _histogram(contact, 100.0 * fraction, "share [%]", title, look)
+        scale = choose_scale(_usual(force, 90.0), "N")
+        _histogram(peak, scale.factor * force, scale.label("largest force"), "peak force", look)
+        if np.isfinite(delay).any():
+            _histogram(lag, 1e3 * delay, "delay [ms]", "delay of the force", look)
+        else:
+            lag.set_axis_off()
+        stiffness, place = numbers(table, "stiffness_at_depth"), numbers(table, "index")
+        parts = (
+            numbers(table, f"stiffness_at_depth_{k}") for k in ("standard_error", "systematic")
+        )
+        error = np.sqrt(sum(np.nan_to_num(part) ** 2 for part in parts))
+        scale = choose_scale(_usual(stiffness, 90.0), AT_DEPTH["stiffness"])
+        place = np.where(np.isfinite(place), place, np.arange(len(place)))
+        every = slice(None, None, -(-len(place) // _MOST_POINTS))
+        over.errorbar(
+            place[every],
+            scale.factor * stiffness[every],
+            scale.factor * error[every],
+            fmt="o",
+            color=look.theme.lines[0],
+            markersize=look.points(3.0),
+            elinewidth=look.points(0.8),
+        )
+        over.set(xlabel="episode", ylabel=scale.label("stiffness"))
+        words = "stiffness at working depth"
+        head(over, words + f", one row of {every.step}" * (every.step > 1), legend=False)
     return figure
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
+from palpate.recordings.datasets import describe_data_set, is_dataset
 from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
@@ -194,6 +195,8 @@ MANIFEST = "_fleet.json"
 #: Run times have a separate folder: everything else is the same in two runs.
 TIMES = "_seconds"
 REPORT = "report.html"
+#: The data card of a data set of robot learning, and its page.
+CARD, CARD_PAGE = "card.md", "card.html"
 # The name of a file of results contains its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
@@ -443,7 +446,9 @@ def _list_path(
     array that the user named raises it. Folders of results and cyclic links are skipped.
     """
     name, here = str(path), os.path.realpath(path)
-    if is_array(name):
+    if is_dataset(path):
+        yield _episodes(name, path)
+    elif is_array(name):
         yield describe_array(name) if named else _list_array(name)
     elif not path.is_dir():
         # A read from a pipe could wait forever.
@@ -464,6 +469,19 @@ def _list_array(name: str) -> ContactSource:
         return describe_array(name)
     except RecordingError:
         return ContactSource(name, "zarr", 1)
+
+
+def _episodes(name: str, path: Path) -> ContactSource:
+    """Describe the episodes of a data set; an unreadable one is a file, whose row reports it."""
+    stamp, size = source_stamp(str(path))
+    try:
+        data = describe_data_set(path)
+    except RecordingError:
+        data = None
+    if data is None:
+        return ContactSource(name, "file", stamp=stamp, size=size)
+    count, samples = len(data.lengths), sum(data.lengths.values())
+    return ContactSource(name, "episodes", count, max(samples // count, 0), stamp=stamp)
 
 
 def _file(name: str, path: Path) -> ContactSource:

@@ -12,6 +12,7 @@ from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.diagnosis.outcome import Quantity
+from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.oscillation import dynamic_response
 from palpate.findings import Finding
@@ -19,6 +20,7 @@ from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import divide_by_place
+from palpate.preparation.delay import LONGEST_FOUND, find_delay
 from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.indentation import Indentation
 from palpate.validation import Floats
@@ -76,6 +78,16 @@ def table_schema(settings: Settings) -> Any:
     columns += [
         ("residual", number, "N", "standard deviation of the force minus the fitted force"),
         ("samples", whole, "", "number of samples of the contact"),
+        ("rate", number, "Hz", "samples per second"),
+        (
+            "contact_fraction",
+            number,
+            "",
+            "samples in contact over all; NaN if no free air is known",
+        ),
+        ("largest_force", number, "N", "largest force in contact"),
+        ("force_delay", number, "s", "delay by which Hunt-Crossley fits best, of an episode"),
+        ("force_delay_standard_error", number, "s", "standard error of the delay"),
         ("taken", whole, "", "number of samples used by the estimate"),
         ("flags", found, "", "warnings about the estimate"),
         ("checked", text, "", "which checks were requested: none, input or full"),
@@ -208,12 +220,16 @@ def identify_row(
     row["residual"] = float(np.sqrt(np.mean(residual**2))) if residual.size else math.nan
     row["taken"] = int(np.count_nonzero(result.trace.taken))
     row["largest_depth"] = result.largest_depth
+    row["largest_force"] = float(np.max(contact.force[result.trace.taken], initial=0.0))
+    row["rate"] = 1.0 / contact.sample_time
+    if contact.tare_deviation is not None:  # without free air the surface is an assumption
+        row["contact_fraction"] = row["taken"] / len(contact)
     row["flags"] = [finding_cell(finding) for finding in result.findings]
     row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
     if settings.tip is not None and result.depths:
         row |= _modulus_columns(result.elastic_modulus(settings.tip, settings.poisson_ratio))
     if settings.diagnosis == "full":
-        return row | _diagnosis_columns(result)
+        return row | _delay_columns(contact) | _diagnosis_columns(result)
     if settings.diagnosis == "input":
         row["findings"] = [finding_cell(finding) for finding in data.findings]
     if law.remembers:  # the selection of this law has diagnosed it
@@ -243,6 +259,12 @@ def failure(error: Exception) -> Row:
     """Return the columns for a contact that could not be identified: message and class."""
     words = " ".join(str(error).split()) or type(error).__name__
     return {"error": words, "error_kind": type(error).__name__}
+
+
+def touches_nothing(table: Table) -> list[bool]:
+    """Return for each row whether its recording is in free air from begin to end."""
+    kinds = table.column("error_kind").to_pylist()
+    return [kind == NoContactError.__name__ for kind in kinds]
 
 
 def finding_cell(finding: Finding) -> dict[str, str | None]:
@@ -331,6 +353,18 @@ def _diagnosis_columns(result: Identified) -> Row:
         "verdict_stiffness": marks.stiffness,
         "verdict_damping": marks.damping,
     }
+
+
+def _delay_columns(contact: Contact) -> Row:
+    """Return the delay of the force in an episode of a data set, whose rows have one time each."""
+    prepared = contact.prepared
+    if prepared is None or prepared.recording.episode is None or contact.delay is not None:
+        return {}
+    try:
+        delay = find_delay(contact, longest=max(LONGEST_FOUND, 3.0 * contact.sample_time))
+    except RecordingError:
+        return {}
+    return {"force_delay": delay.seconds, "force_delay_standard_error": delay.standard_error}
 
 
 def _working_depth_columns(result: Identified, *, systematic: bool = True) -> Row:

@@ -35,6 +35,7 @@ from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
 from palpate.preparation import prepare
 from palpate.recordings import open_recording
+from palpate.recordings.datasets import read_episodes
 from palpate.recordings.opening import FORCE_CURVES, first_line
 from palpate.validation import Floats, whole_in
 
@@ -134,13 +135,17 @@ def _name(named: Named) -> Row:
 
 
 def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
-    """Read the contacts from their files; a map is opened once for all of its curves."""
-    for some in [named] if kind == "map" else ([each] for each in named):
+    """Read the contacts from their files; maps and data sets are opened once for all their rows."""
+    for some in [named] if kind in ("map", "episodes") else ([each] for each in named):
         left, source, most = deque(some), some[0][0], settings.max_size
         try:
             path = Path(disk_name(source))
+            numbers = [index or 0 for _, index in some]
+            if kind == "episodes":
+                for number, recording in read_episodes(path, numbers, most):
+                    yield {**_name(left.popleft()), "index": number}, recording
+                continue
             if kind == "map":
-                numbers = [index or 0 for _, index in some]
                 recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
             else:
                 recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
@@ -452,7 +457,7 @@ def run_fleet(
     Parameters
     ----------
     sources : sequence of str or path-like
-        Files, patterns, folders, Zarr arrays or force maps.
+        Files, patterns, folders, data sets of robot learning, Zarr arrays or force maps.
     folder : Path
         Folder for the results, a Parquet dataset.
     settings : Settings, optional

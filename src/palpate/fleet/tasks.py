@@ -71,7 +71,7 @@ class ContactSource:
     name : str
         Path or address.
     kind : str
-        ``"file"``, ``"map"`` or ``"zarr"``.
+        ``"file"``, ``"map"``, ``"zarr"`` or ``"episodes"``, a data set of robot learning.
     count : int or None
         Number of contacts; None for a single contact without a number.
     samples : int
@@ -104,7 +104,8 @@ class ContactSource:
         if self.kind == "zarr":
             return contact + sample * self.samples
         size = self.size / max(self.contacts, 1)
-        return _READING + _READING_A_BYTE * size + contact + sample * size / _BYTES_A_SAMPLE
+        samples = self.samples or size / _BYTES_A_SAMPLE
+        return _READING + _READING_A_BYTE * size + contact + sample * samples
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +212,17 @@ def sources_digest(sources: Iterable[ContactSource]) -> str:
 # The settings of preparation and identification; every row has their digest.
 
 DiagnosisDepth = Literal["none", "input", "full"]
+#: Most contacts that have a full diagnosis by default: some five minutes on two cores.
+MOST_DIAGNOSED = 10_000
+
+
+def default_diagnosis(sources: Sequence[ContactSource]) -> DiagnosisDepth:
+    """Return full for up to 10 000 recordings and episodes; for curves, which are fast, input."""
+    recordings = all(source.kind in ("file", "episodes") for source in sources)
+    few = sum(source.contacts for source in sources) <= MOST_DIAGNOSED
+    return "full" if recordings and few else "input"
+
+
 #: The default method of :func:`palpate.identify`.
 AUTO = "auto"
 

@@ -155,7 +155,7 @@ class Identified:
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
         result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
         if not (recorded.taken & ~(contact.force <= 0.0)).any():
-            raise RecordingError.of(contact.source, why_nothing(data, result.gate))
+            raise why_nothing(data, result.gate)
         if fresh.settings.get("surface") == "estimate":
             check_approach(contact, recorded, result.estimate.surface)
         return result._apply_weak_prior() if fresh.settings.get("weak_prior") else result

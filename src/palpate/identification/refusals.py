@@ -5,18 +5,23 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.diagnosis import Data
 from palpate.digits import rounded
-from palpate.errors import RecordingError
+from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Trace
+from palpate.preparation.settings import depends_on_position
 from palpate.settings import ContactGate
 from palpate.validation import Floats
 
 
-def why_nothing(data: Data, gate: ContactGate) -> str:
-    """Describe why no sample was taken: the most severe finding of the data, if any."""
+def why_nothing(data: Data, gate: ContactGate) -> RecordingError:
+    """Return the error for no sample taken: the most severe finding of the data, if any."""
+    contact = data.contact
     for finding in data.findings:
         if finding.severity == "do-not-trust":
-            return str(finding)
-    return no_contact_message(data.contact, gate)
+            return RecordingError.of(contact.source, str(finding))
+    air = len(contact) > 0 and not gate.makes(contact.penetration, contact.force).any()
+    air = air and not depends_on_position(contact.force, contact.penetration)
+    kind = NoContactError if air else RecordingError
+    return kind.of(contact.source, no_contact_message(contact, gate))
 
 
 def no_contact_message(contact: Contact, gate: ContactGate) -> str:

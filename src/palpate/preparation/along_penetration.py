@@ -177,7 +177,7 @@ def _subtract_offset(contact: Contact, done: Prepared) -> tuple[Contact, Prepare
         found = baseline_between(contact.time, contact.force, times, source)
     else:
         with stage(_LOGGER, "free air"):
-            free = free_samples(-contact.penetration, contact.force)
+            free = free_samples(contact.time, -contact.penetration, contact.force)
         if free is None:
             raise never_free(source)
         found = estimate_baseline(contact.time, contact.force, free)

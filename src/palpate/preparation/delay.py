@@ -61,7 +61,7 @@ def remove_delay(contact: Contact, late: float | tuple[float, float] | Literal["
     return replace(contact, **channels, provenance=made, delay=delay).taken(keep)
 
 
-def find_delay(contact: Contact) -> Delay:
+def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     """Find the delay of the force: the shift of the motion by which Hunt–Crossley fits best.
 
     The shift is a whole number of samples, because interpolation smooths the motion, and a shift by
@@ -69,10 +69,18 @@ def find_delay(contact: Contact) -> Delay:
     in a regression that also contains the gradient of the law. The regression uses averages over a
     twentieth of the motion's period, and its standard error allows for a correlated residual.
 
+    Parameters
+    ----------
+    contact : Contact
+        The contact.
+    longest : float
+        Longest delay to look for, s; a sixth of the motion's period if that is shorter. Default: 50
+        ms.
+
     Raises
     ------
     RecordingError
-        There is no contact, or the best shift is the longest, 50 ms or a sixth of the period.
+        There is no contact, or the best shift is the longest.
     """
     contact = contact.taken(slice(MOST_SAMPLES))
     with np.errstate(invalid="ignore"):
@@ -83,7 +91,7 @@ def find_delay(contact: Contact) -> Delay:
     speed = math.sqrt(float(np.mean(v[inside] ** 2))) if inside.any() else 0.0
     period = 2.0 * math.pi * float(np.std(x[inside])) / speed if speed > 0.0 else 0.0
     step = contact.sample_time
-    reach = int(min(LONGEST_FOUND, period / 6.0) / step)
+    reach = int(min(longest, period / 6.0) / step)
     if reach < 1:
         raise _unknown(contact, "there is no contact, or its motion is too fast for the samples")
     width = max(int(period / WINDOWS_A_PERIOD / step), 1)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.contact import Contact, VelocityFilter
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.channel_kinds import is_wanted
 from palpate.preparation.clocks import build_signals
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
-from palpate.preparation.settings import ForceFrame, Preparation
+from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording, open_recording
@@ -228,6 +228,8 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     RecordingError, MissingChannelError
         As :func:`prepare`.
     """
+    if recording.episodes:
+        return _contacts_of_episodes(recording, settings)
     if groups := contact_groups(recording, settings.columns):
         return _contacts_of_groups(recording, groups, settings)
     recorded, roles = recording, choose_roles(recording, settings.columns)
@@ -243,6 +245,9 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
                 strict=settings.strict,
                 no_time=settings.no_time,
             )
+        if recording.episode is not None and never_touches(signals.force, signals.depth):
+            words = "no contact found: the force is constant within its noise"
+            raise NoContactError.of(recording.source, words)
         pressing = roles.is_penetration and signals.force.ndim == 1
         way = along_penetration if pressing else along_normal
         with stage(_LOGGER, f"prepared {'the penetration' if pressing else 'a position'}"):
@@ -291,6 +296,26 @@ def _contacts_of_groups(
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = join_contacts(contacts)
     findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
+    return dataclasses.replace(contact, source=recording.source, findings=findings)
+
+
+def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contact:
+    """Make a contact of each episode of a data set that touches, with one object."""
+    contacts, without = [], []
+    for episode in recording.episodes:
+        try:
+            contacts.append(prepare_contact(episode, settings))
+        except NoContactError:
+            without.append(str(episode.episode))
+    count = len(recording.episodes)
+    if not contacts:
+        raise NoContactError(f"{recording.source}: none of {count} episodes touches anything")
+    words = f"palpate takes {len(contacts)} of {count} episodes for contacts with one object"
+    if without:
+        words += f"; no contact in {', '.join(without[:12])}{', …' * (len(without) > 12)}"
+    remedy = "if they are several objects, choose one with --episode, or use palpate fleet"
+    contact = join_contacts(contacts)
+    findings = (Check.CHANNELS.finding(words, remedy), *contact.findings)
     return dataclasses.replace(contact, source=recording.source, findings=findings)
 
 

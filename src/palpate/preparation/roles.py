@@ -559,7 +559,8 @@ class _Choosing:
             tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
             measured = tips or measured
             measured = [names for names in measured if names in self.chains] or measured
-        return measured or found
+        commanded = found if recording.episode is None else []  # actions are in every data set
+        return measured or commanded
 
     def _convertible(self, name: str, kind: str) -> bool:
         unit = self.recording.unit_of(name)
@@ -607,13 +608,16 @@ class _Choosing:
 
     def _is(self, vector: Vector, kind: str) -> bool:
         if vector.second:
-            return kind == "orientation" and len(vector) == 4
+            joints = channel_kind(vector.stem) == "angle"  # seven joints are no pose
+            return kind == "orientation" and len(vector) == 4 and not joints
         return self._vector_kind(vector) == kind and (len(vector) != 4 or kind == "orientation")
 
     def _vector_kind(self, vector: Vector) -> str | None:
         if vector.second:
             return "orientation" if len(vector) == 4 else "torque"
         name = vector.components[0]
+        if channel_kind(name) == "torque":  # the stem of tx, ty and tz is that of a time
+            return "torque"
         if "*" not in vector.stem and self._is_joint(name):
             return "angle"
         unit = self.recording.unit_of(name)

@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
@@ -225,6 +225,8 @@ AXES = {
     for axis, row in zip("xyz", np.eye(3), strict=True)
     for sign in ("", "+", "-")
 }
+NOISES_OF_TOUCH = 6.0  # σ of the norm of the force: a larger change is a touch
+FEWEST_TO_DEPEND, LEAST_EXPLAINED, TINY = 20, 0.05, 1e-300
 NOISES = 10.0  # σ of the norm of the force; the direction of smaller forces is not used
 
 
@@ -298,8 +300,10 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
 
     Raises
     ------
+    NoContactError
+        No force exceeds the noise.
     RecordingError
-        No force exceeds the noise, or the forces have no common direction.
+        The forces have no common direction, or too few samples.
     """
     known = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
     f, p = force[known], position[known]
@@ -307,7 +311,12 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
     firm = size > NOISES * noise
     if not firm.any():
-        raise no_normal(source, "no force exceeds the noise")
+        if depends_on_position(f, p):
+            raise no_normal(source, f"no force is {NOISES:g} times its noise")
+        words = (
+            "no contact found: no force exceeds the noise; if the probe touches, pass the normal"
+        )
+        raise NoContactError.of(source, f"{words}, such as --normal z")
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:
@@ -326,6 +335,39 @@ def no_normal(source: str, why: str) -> RecordingError:
     """Return the error for a recording whose contact normal cannot be found."""
     remedy = "pass it, such as --normal z"
     return RecordingError.of(source, f"{why}, so palpate cannot find the contact normal; {remedy}")
+
+
+def depends_on_position(force: Floats, position: Floats) -> bool:
+    """Whether a force depends on the position or its changes: then the probe touches.
+
+    A motion with few samples per period looks like noise. R² of white noise on m terms is about
+    m/k, and less than 4 m/k.
+    """
+    f, p = force.reshape(len(force), -1), position.reshape(len(position), -1)
+    known = np.isfinite(f).all(axis=1) & np.isfinite(p).all(axis=1)
+    f, p = f[known], p[known]
+    if len(f) < FEWEST_TO_DEPEND:
+        return False
+    terms = np.hstack([p, (p - p.mean(axis=0)) ** 2, np.gradient(p, axis=0)])
+    f, terms = f - f.mean(axis=0), terms - terms.mean(axis=0)
+    terms = terms / np.maximum(np.abs(terms).max(axis=0), TINY)
+    left = f - terms @ np.linalg.lstsq(terms, f, rcond=1e-9)[0]
+    total = np.maximum((f**2).sum(axis=0), TINY)
+    explained = 1.0 - (left**2).sum(axis=0) / total
+    return bool(explained.max() > LEAST_EXPLAINED + 4.0 * terms.shape[1] / len(f))
+
+
+def never_touches(force: Floats, position: Floats) -> bool:
+    """Whether a force, tared or not, is constant within its noise, wherever the probe is."""
+    f = force.reshape(len(force), -1)
+    known = f[np.isfinite(f).all(axis=1)]
+    if not len(known):
+        return False
+    noise = math.sqrt(sum(noise_of(component) ** 2 for component in known.T))
+    changes = np.linalg.norm(known - np.median(known, axis=0), axis=1)
+    return not (changes > NOISES_OF_TOUCH * noise).any() and not depends_on_position(
+        force, position
+    )
 
 
 def grows(position: Floats, force: Floats) -> bool:

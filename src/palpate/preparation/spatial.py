@@ -484,7 +484,7 @@ def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
     elif height.ndim == 2:  # the direction in which the force varies most, whatever its offset
         known = along[np.isfinite(along).all(axis=1)]
         height = height @ np.linalg.svd(known - known.mean(axis=0), full_matrices=False)[2][0]
-    ends = [free_samples(side * height, signals.force) for side in (1.0, -1.0)]
+    ends = [free_samples(signals.time, side * height, signals.force) for side in (1.0, -1.0)]
     found = [end for end in ends if end is not None]
     return max(found, key=np.count_nonzero, default=None)
 

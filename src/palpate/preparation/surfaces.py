@@ -20,7 +20,9 @@ from palpate.validation import Floats
 
 # The force in free air: its samples, its mean and its drift.
 
-FEWEST_FREE_SAMPLES = 50  # samples out of contact
+# Samples out of contact: as many as half a second has, within these limits. On 180 simulated
+# episodes at 30 Hz 7 % of the stiffnesses were wrong by more than 10 % with 50, and 2 % with 20.
+FREE_TIME, FEWEST_FREE, ENOUGH_FREE = 0.5, 20, 50
 BINS = 64  # number of bins of the height
 LEAST_FREE = 0.05  # fraction of the range of heights; less is a turning point, no free approach
 # Used fraction of the free bins: the lowest may be in light contact if the force grows as a square.
@@ -103,7 +105,7 @@ def never_free(source: str) -> RecordingError:
     )
 
 
-def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
+def free_samples(time: Floats, height: Floats, force: Floats) -> NDArray[np.bool_] | None:
     """Find the samples in free air: from the highest down, while the force stays constant.
 
     The range of heights is divided into bins. From the highest down, a bin is free if its mean
@@ -111,6 +113,8 @@ def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
 
     Parameters
     ----------
+    time : numpy.ndarray, shape (k,)
+        s.
     height : numpy.ndarray, shape (k,)
         m, increasing away from the material.
     force : numpy.ndarray, shape (k,) or (k, 3)
@@ -119,12 +123,14 @@ def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
     Returns
     -------
     numpy.ndarray of bool or None
-        None if there is no free air: at least 50 samples over 5 % of the heights.
+        None if there is no free air: half a second, but 20 to 50 samples, over 5 % of the heights.
     """
+    step = float(np.median(np.diff(time))) if time.size > 1 else math.inf
+    fewest = min(max(FREE_TIME / step if step > 0.0 else math.inf, FEWEST_FREE), ENOUGH_FREE)
     f = force[:, None] if force.ndim == 1 else force
     known = np.isfinite(height) & np.isfinite(f).all(axis=1)
     h, f = height[known], f[known]
-    if h.size < FEWEST_FREE_SAMPLES:
+    if h.size < fewest:
         return None
     low, high = np.percentile(h, [0.1, 99.9])
     if not high > low:
@@ -132,7 +138,7 @@ def free_samples(height: Floats, force: Floats) -> NDArray[np.bool_] | None:
     place = np.clip(((high - h) / (high - low) * BINS).astype(np.int64), 0, BINS - 1)
     depth = _free_bins(place, f)
     within = place < SURE * depth
-    if depth < LEAST_FREE * BINS or depth == BINS or np.count_nonzero(within) < FEWEST_FREE_SAMPLES:
+    if depth < LEAST_FREE * BINS or depth == BINS or np.count_nonzero(within) < fewest:
         return None
     free = np.zeros(known.size, dtype=bool)
     free[known] = within

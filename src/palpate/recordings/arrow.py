@@ -63,7 +63,9 @@ def read(path: Path, request: Request) -> Recording:
                 if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
                     words = excess("its columns need", 8 * rows * wanted, request.max_size)
                     raise draft.error(words)
-                return _recording(schema, lambda name: _parquet_column(table, name, request), draft)
+                return read_columns(
+                    schema, lambda name: _parquet_column(table, name, request), draft
+                )
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -72,7 +74,7 @@ def read(path: Path, request: Request) -> Recording:
             content = file.read_buffer()
         _reserve(memoryview(content), request)
         batches = _batches(pa.BufferReader(content), draft.losses)
-        return _recording(batches.schema, lambda n: batches.select([n]), draft)
+        return read_columns(batches.schema, lambda n: batches.select([n]), draft)
     except RecordingError:
         raise
     except _DAMAGED as error:
@@ -162,7 +164,8 @@ def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
     return pa.Table.from_batches(found, reader.schema)
 
 
-def _recording(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Draft) -> Recording:
+def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Draft) -> Recording:
+    """Return the columns of a schema that are requested; ``table_of`` reads one of them."""
     request = draft.request
     wanted = [form for form in schema if request.wants(_name(form.name))]
     if not wanted and len(schema):

@@ -120,9 +120,10 @@ class Walk:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
             return
         for name in names:
-            self._member(group, path, name)
+            self.member(group, path, name)
 
-    def _member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
+    def member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
+        """Add an array or the arrays of a subgroup."""
         name = read_text(link) or ""  # a name that is not UTF-8 is bytes
         whole = "/".join((*path, name))
         try:

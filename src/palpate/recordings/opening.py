@@ -45,6 +45,8 @@ class Request:
         Index, from 0, of the curve to read in a file with several.
     header_row : int, optional
         Line of the header of a text table, from 1. Default: above the largest block of numbers.
+    episode : int, optional
+        Number of the episode to read in a data set.
     progress : callable, optional
         Called at intervals with the fraction read so far, 0 to 1.
     max_size : int
@@ -64,6 +66,7 @@ class Request:
     source: str = ""
     sheet: str | None = None
     header_row: int | None = None
+    episode: int | None = None
     _reserved: list[int] = field(default_factory=lambda: [0], compare=False, repr=False)
 
     @property
@@ -172,6 +175,8 @@ FORMATS: list[Format] = [
     Format("JSON", (".json", ".jsonl", ".ndjson"), f"{_HERE}.json_tables"),
     Format("unread", (), f"{_HERE}.no_reader", (b"TDSm", b"\xd0\xcf\x11\xe0")),
 ]
+#: Data sets of robot learning; their files are of several of these formats.
+DATA_SETS = Format("data set", (), f"{_HERE}.datasets")
 
 
 def open_recording(
@@ -182,6 +187,7 @@ def open_recording(
     curve: int | None = None,
     sheet: str | int | None = None,
     header_row: int | None = None,
+    episode: int | None = None,
     progress: Callable[[float], None] | None = None,
     max_size: float = MAX_SIZE,
 ) -> Recording:
@@ -190,8 +196,8 @@ def open_recording(
     Parameters
     ----------
     path : str or path-like
-        The file; ``-`` is standard input. palpate recognises the format from the content, else from
-        the suffix; any other file is read as text.
+        The file, or the folder of a data set; ``-`` is standard input. palpate recognises the
+        format from the content, else from the suffix; any other file is read as text.
     channels : sequence of str, optional
         Read only these channels, topics or groups, such as ``"/ft"``. Default: all that hold
         numbers.
@@ -204,6 +210,8 @@ def open_recording(
         Name, or number from 1, of the sheet to read in a spreadsheet. Default: all with a table.
     header_row : int, optional
         Line of the header of a text table, from 1. Default: above the largest block of numbers.
+    episode : int, optional
+        Number of the episode to read in a data set. Default: all, up to 100.
     progress : callable, optional
         Called at intervals with the fraction read so far.
     max_size : float
@@ -232,7 +240,7 @@ def open_recording(
     source = "standard input" if str(file) == "-" else printable(file)
     named = None if sheet is None else str(sheet)
     most = int(max_size)
-    request = Request(wanted, strict, curve, progress, most, source, named, header_row)
+    request = Request(wanted, strict, curve, progress, most, source, named, header_row, episode)
     recording = _read(file, request)
     _log(recording, time.perf_counter() - begun)
     return recording
@@ -241,9 +249,12 @@ def open_recording(
 def _read(file: Path, request: Request) -> Recording:
     standard = str(file) == "-"
     if not standard and not _is(stat.S_ISFIFO, file):
-        if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder
+        if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
             regular_size(file)
-        return detect_format(file).read(file, request)
+        form = detect_format(file)
+        if request.episode is not None and form is not DATA_SETS:
+            raise RecordingError(f"{printable(file)}: this is no data set; drop --episode")
+        return form.read(file, request)
     source = "standard input" if standard else printable(file)
     # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
@@ -296,8 +307,10 @@ def _log(recording: Recording, seconds: float) -> None:
 
 
 def detect_format(path: Path) -> Format:
-    """Return the format of a file; text if palpate does not recognise it."""
+    """Return the format of a file or a folder; text if palpate does not recognise it."""
     begin = b""
+    if DATA_SETS.reader().is_dataset(path):
+        return DATA_SETS
     if _is(stat.S_ISDIR, path):
         path = path / "metadata.yaml"  # a ROS 2 bag is a folder
     else:

@@ -65,6 +65,10 @@ class Recording:
     settings : mapping
         Settings that the file states, SI: ``"rate"`` of the samples, ``"tip radius"``, ``"spring
         constant"``, ``"specimen height"``, ``"specimen diameter"``, ``"specimen area"``.
+    episode : int, optional
+        Number of the episode of a data set that this is.
+    episodes : sequence of Recording
+        The episodes of a data set, if several were read; the channels are those of the first.
     table : str
         For messages: where in a text the reader found the table; empty for other files.
     clocks : mapping
@@ -109,6 +113,8 @@ class Recording:
     findings: Sequence[Finding] = ()
     settings: Mapping[str, float] = field(default_factory=dict)
     table: str = ""
+    episode: int | None = None
+    episodes: "Sequence[Recording]" = ()
 
     def __post_init__(self) -> None:
         channels = {}

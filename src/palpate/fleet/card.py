@@ -1,0 +1,297 @@
+"""The data card of a data set of robot learning: what it touches, and what cannot be trusted."""
+
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from palpate.digits import rounded, with_error
+from palpate.errors import MissingExtraError
+from palpate.findings import spoken
+from palpate.fleet import maps
+from palpate.fleet.files import CARD, CARD_PAGE, read_manifest, read_results
+from palpate.fleet.rows import AT_DEPTH, touches_nothing
+from palpate.fleet.tasks import Table
+from palpate.validation import Floats
+from palpate.writing import write_text
+
+#: Most episodes that the card names.
+MOST_NAMED = 8
+# A sine has its velocity within some per cent with this many samples per period.
+_SAMPLES_PER_PERIOD = 10.0
+# Error of the damping from one sample of delay, as a fraction, above which the card warns.
+_LARGE = 0.1
+_MARKS = ("trust", "with-care", "do-not-trust")
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """The text of a data card.
+
+    Attributes
+    ----------
+    title : str
+        Name of the data set.
+    numbers : tuple of (str, str)
+        Quantity and its description.
+    cautions : tuple of str
+        Sentences on what cannot be trusted.
+    worst : tuple of (str, str, str)
+        Episodes with the most severe reasons against trust: name, verdict and reason.
+    made : str
+        How the card was made.
+    """
+
+    title: str
+    numbers: tuple[tuple[str, str], ...]
+    cautions: tuple[str, ...]
+    worst: tuple[tuple[str, str, str], ...]
+    made: str
+
+    @property
+    def markdown(self) -> str:
+        """The card as Markdown, of at most 60 lines."""
+        lines = [f"# Data card: {self.title}", "", "| | |", "|---|---|"]
+        lines += [f"| {name} | {words} |" for name, words in self.numbers]
+        lines += ["", "## What cannot be trusted", ""]
+        lines += [f"- {words}" for words in self.cautions] or ["Nothing was found."]
+        lines += ["", "## Worst episodes", ""]
+        if self.worst:
+            lines += ["| episode | verdict | why |", "|---|---|---|"]
+            lines += [f"| {' | '.join(map(_cell, row))} |" for row in self.worst]
+        else:
+            lines += ["Every episode that touches is to be trusted."]
+        return "\n".join([*lines, "", self.made, ""])
+
+
+def _cell(words: str) -> str:
+    return " ".join(words.replace("|", "\\|").split())
+
+
+def save_card(folder: Path) -> list[Path]:
+    """Write the data card of a fleet into its folder, and a page with pictures if possible.
+
+    Parameters
+    ----------
+    folder : Path
+        Folder of the results.
+
+    Returns
+    -------
+    list of Path
+        ``card.md``, and ``card.html`` if matplotlib is installed.
+
+    Raises
+    ------
+    FleetError
+        The folder holds no results, or some are missing.
+    RecordingError
+        A file cannot be written.
+    """
+    table = read_results(folder)
+    card = card_of(table, read_manifest(folder)["palpate"])
+    written = [folder / CARD]
+    write_text(written[0], card.markdown)
+    try:
+        page = _page(card, table)
+    except MissingExtraError:
+        return written
+    write_text(folder / CARD_PAGE, page)
+    return [*written, folder / CARD_PAGE]
+
+
+def card_of(table: Table, version: str = "") -> Card:
+    """Return the card of a table of results, with a row for each episode."""
+    sources = sorted({source or "" for source in table.column("source").to_pylist()})
+    title = Path(sources[0]).name if len(sources) == 1 else f"{len(sources)} data sets"
+    checked = ", ".join(sorted({*table.column("checked").to_pylist()}))
+    made = f"Made by palpate fleet, palpate {version}, diagnosis {checked}; one standard error."
+    return Card(title, tuple(_numbers(table)), tuple(_cautions(table)), _worst(table), made)
+
+
+def _numbers(table: Table) -> Iterator[tuple[str, str]]:
+    whose = [*zip(*(table.column(name).to_pylist() for name in ("source", "index")), strict=True)]
+    errors = table.column("error").to_pylist()
+    touched = {each for each, error in zip(whose, errors, strict=True) if error is None}
+    in_air = {each for each, none in zip(whose, touches_nothing(table), strict=True) if none}
+    count, touching, free = len({*whose}), len(touched), len(in_air)
+    failed, places = count - touching - free, errors.count(None)
+    share = f"{100.0 * touching / max(count, 1):.3g} %"
+    others = f"{free} in free air" + f", {failed} that could not be identified" * (failed > 0)
+    others += f"; {places} places, since the probe travels" * (places > touching)
+    yield "episodes that touch", f"{touching} of {count} ({share}); {others}"
+    yield "sample rate", _span(maps.numbers(table, "rate"), "Hz")
+    share_of_samples = 100.0 * maps.numbers(table, "contact_fraction")
+    seen = int(np.isfinite(share_of_samples).sum())
+    words = f", in the {seen} with free air" * (0 < seen < places)
+    yield "samples in contact", _span(share_of_samples, "% of an episode") + words
+    yield "peak force", _span(maps.numbers(table, "largest_force"), "N", table)
+    yield "largest depth", _span(1e3 * maps.numbers(table, "largest_depth"), "mm", table)
+    for quantity in maps.JUDGED:
+        value, error = _with_errors(table, quantity)
+        words = _span(value, AT_DEPTH[quantity])
+        if np.isfinite(value).any():
+            with np.errstate(all="ignore"):
+                relative = float(np.median(np.abs(error / value)[np.isfinite(value)]))
+            words += f"; standard error {_percent(relative)} of each (median)"
+        yield f"{quantity} at depth", words
+        marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
+        words = ", ".join(f"{spoken(mark)} {marks[mark]}" for mark in _MARKS)
+        yield f"verdicts on {quantity}", words if any(marks[m] for m in _MARKS) else "not checked"
+    yield "force against position", _lateness(table)
+
+
+def _with_errors(table: Table, quantity: str) -> tuple[Floats, Floats]:
+    """Values at working depth and their whole standard errors."""
+    name = f"{quantity}_at_depth"
+    error, systematic = (
+        maps.numbers(table, f"{name}_{part}") for part in ("standard_error", "systematic")
+    )
+    return maps.numbers(table, name), np.hypot(error, np.nan_to_num(systematic))
+
+
+def _span(values: Floats, unit: str, named: Table | None = None) -> str:
+    """Median and percentiles as text, and the row with the largest value if a table is given."""
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return "unknown"
+    low, middle, high = (rounded(each, 3) for each in np.percentile(known, (5, 50, 95)).tolist())
+    words = (
+        f"{middle} {unit}" if low == high else f"median {middle} {unit}, 5–95 %: {low} to {high}"
+    )
+    if named is not None and known.size > 1:
+        largest = int(np.nanargmax(values))
+        words += f"; largest {rounded(float(values[largest]), 3)} in {_names(named)[largest]}"
+    return words
+
+
+def _names(table: Table) -> list[str]:
+    """The names of the rows without their folders: ``demos.hdf5 [7]``."""
+    return [PurePosixPath(name).name for name in maps.names_of(table)]
+
+
+def _lateness(table: Table) -> str:
+    """How late the force is, as text."""
+    delays, errors = (maps.numbers(table, f"force_delay{end}") for end in ("", "_standard_error"))
+    known = np.isfinite(delays) & (errors > 0.0)
+    touching = int(np.isfinite(maps.numbers(table, "stiffness_at_depth")).sum())
+    if not known.any():
+        return f"unknown: the delay was found in none of {touching} contacts"
+    ms = 1e3 * delays[known]
+    middle = float(np.median(ms))
+    spread = 1.4826 * float(np.median(np.abs(ms - middle)))
+    error = max(spread, 1e3 * float(np.median(errors[known]))) * 1.2533 / math.sqrt(ms.size)
+    way = "late" if middle > 0.0 else "early"
+    size = with_error(abs(middle), error, unit="ms")
+    of = f"median of {ms.size} of {touching} contacts, scatter {rounded(spread, 2)} ms"
+    return f"{size} {way} ({of}), if the materials follow Hunt–Crossley"
+
+
+def _percent(share: float) -> str:
+    return f"{rounded(100.0 * share, 2)} %"
+
+
+def _cautions(table: Table) -> Iterator[str]:
+    rate = maps.numbers(table, "rate")
+    (stiffness, _), (damping, error) = (_with_errors(table, name) for name in maps.JUDGED)
+    turns = maps.numbers(table, "frequency") / math.tau
+    known = np.isfinite(stiffness) & np.isfinite(damping) & np.isfinite(rate)
+    if not known.any():
+        yield "No episode gave a stiffness: nothing can be said about what was touched."
+        return
+    step = 1.0 / float(np.min(rate[known]))
+    with np.errstate(all="ignore"):
+        share = float(np.median(np.abs(stiffness / damping / rate)[known]))
+        relative = float(np.median(np.abs(error / damping)[known]))
+        samples = float(np.nanmedian((rate / turns)[known]))
+    rated = f"{rounded(1.0 / step, 3)} Hz"
+    if _LARGE < share < math.inf:
+        yield (
+            f"Damping at {rated}: a force that is one sample ({rounded(1e3 * step, 3)} ms) late or "
+            f"early changes it by {_percent(share)} (median). The standard errors of "
+            f"{_percent(relative)} hold where force and position were read within 1 ms."
+        )
+    yield (
+        f"Touches shorter than {rounded(4e3 * step, 3)} ms have fewer than four samples: their "
+        "peak forces are too low, and impacts are not resolved."
+    )
+    if samples < _SAMPLES_PER_PERIOD:
+        yield (
+            f"The motion in contact has {rounded(samples, 2)} samples per period (median): below "
+            "ten the motion is smoothed, and stiffness and damping come out too small."
+        )
+    delays = maps.numbers(table, "force_delay")
+    late = float(np.median(delays[np.isfinite(delays)])) if np.isfinite(delays).any() else 0.0
+    if abs(late) > 0.25 * step:
+        yield (
+            f"The force is {rounded(1e3 * abs(late), 2)} ms {'late' if late > 0.0 else 'early'}: "
+            f"repeat with --delay {rounded(1e3 * late, 2)}ms after you have measured it."
+        )
+    for quantity in maps.JUDGED:
+        marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
+        if doubted := marks["do-not-trust"]:
+            judged = sum(marks[each] for each in _MARKS)
+            yield f"{doubted} of {judged} contacts have a {quantity} marked do not trust."
+
+
+def _worst(table: Table) -> tuple[tuple[str, str, str], ...]:
+    """Failures and doubtful episodes, the most severe and the least exact first."""
+    value, error = _with_errors(table, "stiffness")
+    with np.errstate(all="ignore"):
+        inexact = np.nan_to_num(np.abs(error / value), nan=math.inf)
+    rows = []
+    for k, (name, (verdict, reason), free) in enumerate(
+        zip(_names(table), maps.verdicts_of(table), touches_nothing(table), strict=True)
+    ):
+        if verdict in maps.VERDICTS[:3] and not free:
+            rows.append((maps.VERDICTS.index(verdict), -float(inexact[k]), name, verdict, reason))
+    rows.sort()
+    words = [
+        (name, _spoken(mark), reason or "see its findings") for _, _, name, mark, reason in rows
+    ]
+    return tuple(words[:MOST_NAMED])
+
+
+def _spoken(verdict: str) -> str:
+    return spoken(verdict) if verdict in _MARKS else verdict
+
+
+# The card as a page.
+
+
+def _page(card: Card, table: Table) -> str:
+    from palpate.fleet.figures import draw_card, draw_distributions
+    from palpate.reports import html
+
+    style = html.STYLE + html.DRAWINGS + html.REPORT_STYLE
+    numbers = [(escape(name), escape(words)) for name, words in card.numbers]
+    worst = [tuple(map(escape, row)) for row in card.worst]
+    over = "Contact, peak force, stiffness with its standard error, and the delay of the force."
+    spread = "Stiffness and damping at working depth, and below each its relative standard error."
+    doubtful = html.table("Worst", ("episode", "verdict", "why"), worst) if worst else ()
+    sections = (
+        ("numbers", "What it touches", html.table("Numbers", ("quantity", "value"), numbers)),
+        ("cautions", "What cannot be trusted", _bullets(card.cautions)),
+        ("episodes", "Episodes", html.drawing("episodes", partial(draw_card, table), over)),
+        ("values", "Values", html.drawing("values", partial(draw_distributions, table), spread)),
+        ("worst", "Worst episodes", doubtful),
+    )
+    body = [line for section in sections for line in html.section(*section)]
+    header = [
+        f"<h1>Data card: {escape(card.title)}</h1>",
+        f'<p class="soft">{escape(card.made)}</p>',
+    ]
+    parts = ["<header>", *header, "</header>", "<main>", *body, "</main>"]
+    return html.document(f"{card.title}: data card", style, parts)
+
+
+def _bullets(sentences: Sequence[str]) -> Iterator[str]:
+    if sentences:
+        yield "<ul>"
+        yield from (f"<li>{escape(words)}</li>" for words in sentences)
+        yield "</ul>"

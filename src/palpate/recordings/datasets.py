@@ -1,0 +1,475 @@
+"""Data sets of robot learning: LeRobot, robomimic and LIBERO, diffusion policy and UMI.
+
+The layouts are those of https://huggingface.co/docs/lerobot/lerobot-dataset-v3 (and its version
+2.1), https://robomimic.github.io/docs/datasets/overview.html and
+https://github.com/real-stanford/diffusion_policy (``ReplayBuffer``).
+"""
+
+import json
+import math
+import re
+import zipfile
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.errors import RecordingError, import_extra
+from palpate.recordings.nested import Findings
+from palpate.recordings.opening import Draft, Request, excess, first_line
+from palpate.recordings.recording import Recording, printable
+
+#: Most episodes that :func:`read` reads together; each is a contact with one object.
+MOST_EPISODES = 100
+
+_HDF5 = (".hdf5", ".h5", ".hdf")
+_ZIP = ".zarr.zip"
+_ENDS = "meta/episode_ends"
+# Columns of LeRobot that count rows, and types of features that are no numbers.
+_COUNTERS = frozenset(("index", "frame_index", "episode_index", "task_index"))
+_NO_NUMBERS = frozenset(("image", "video", "string", "audio"))
+_NUMBERED = re.compile(r"(\d+)(?:-of-\d+)?\.parquet$")
+_MOST_ROWS = 8192  # read at once
+_FAULTS = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
+           ValueError)  # fmt: skip
+
+
+class DataSet(Protocol):
+    """The episodes of a data set, read one at a time.
+
+    Attributes
+    ----------
+    name : str
+        Its layout, such as ``"LeRobot v3.0"``.
+    rate : float or None
+        Samples per second, if the data set states it.
+    lengths : dict
+        Number of each episode, in order, to its number of samples; -1 if that is unknown.
+    """
+
+    name: str
+    rate: float | None
+    lengths: dict[int, int]
+
+    def channels(self, number: int, request: Request) -> Recording:
+        """Read the channels of an episode."""
+
+
+def describe_data_set(path: Path) -> DataSet | None:
+    """Return a data set without its channels, closed; None if the path is none.
+
+    Raises
+    ------
+    RecordingError
+        The data set cannot be read.
+    """
+    if not is_dataset(path):
+        return None
+    with open_data_set(path) as data:
+        return data
+
+
+def is_dataset(path: Path) -> bool:
+    """Whether a folder or a file is a data set, or a file of a LeRobot data set."""
+    return _root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
+
+
+@contextmanager
+def open_data_set(path: Path) -> Iterator[DataSet]:
+    """Open a data set for reading.
+
+    Raises
+    ------
+    RecordingError
+        Its description is damaged, or it holds no episodes.
+    """
+    source = printable(path)
+    with ExitStack() as files:
+        try:
+            if (root := _root_of(path)) is not None:
+                data: DataSet = _LeRobot(root, None if root == path else path)
+            elif _is_replay(path):
+                data = _ReplayBuffer(path)
+            else:
+                hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), source)
+        except RecordingError:
+            raise
+        except _FAULTS as error:
+            words = f"the description of the data set is damaged ({first_line(error)})"
+            raise RecordingError(f"{source}: {words}; copy it again") from None
+        if not data.lengths:
+            raise RecordingError(f"{source}: the data set holds no episodes; copy it again")
+        yield data
+
+
+def read(path: Path, request: Request) -> Recording:
+    """Read an episode of a data set, or all of them, each a contact with one object.
+
+    Parameters
+    ----------
+    path : Path
+        The folder or the file.
+    request : Request
+        What to read.
+
+    Raises
+    ------
+    RecordingError
+        The data set is damaged, has no episode of this number, or more than 100.
+    """
+    source = printable(path)
+    with open_data_set(path) as data:
+        numbers = list(data.lengths)
+        if request.episode is not None:
+            if request.episode not in data.lengths:
+                words = (
+                    f"has no episode {request.episode}; it has {len(numbers)}, from {numbers[0]} on"
+                )
+                raise RecordingError(f"{source}: {words}")
+            numbers = [request.episode]
+        elif len(numbers) > MOST_EPISODES:
+            words = f"holds {len(numbers)} episodes, more than {MOST_EPISODES} of one object"
+            remedy = "choose one with --episode, or identify each with palpate fleet"
+            raise RecordingError(f"{source}: {words}; {remedy}")
+        episodes = []
+        for k, number in enumerate(numbers):
+            whose = replace(request, source=f"{source}, episode {number}")
+            episodes.append(_episode(data, number, whose))
+            request.report((k + 1) / len(numbers))
+    if len(episodes) == 1:
+        return episodes[0]
+    return replace(episodes[0], source=source, episodes=tuple(episodes))
+
+
+def read_episodes(
+    path: Path, numbers: Sequence[int], max_size: float
+) -> Iterator[tuple[int, Recording | RecordingError]]:
+    """Read episodes of a data set one at a time, opening it once.
+
+    Parameters
+    ----------
+    path : Path
+        The folder or the file.
+    numbers : sequence of int
+        Places of the episodes in the data set, from 0.
+    max_size : float
+        Largest size of the arrays of an episode, bytes.
+
+    Yields
+    ------
+    tuple
+        The number of each episode, and its recording or the error that prevents reading it.
+
+    Raises
+    ------
+    RecordingError
+        The data set cannot be read at all.
+    """
+    source = printable(path)
+    with open_data_set(path) as data:
+        known = list(data.lengths)
+        for place in numbers:
+            request = Request(max_size=int(max_size), source=source)
+            try:
+                yield known[place], _episode(data, known[place], request)
+            except RecordingError as error:
+                yield known[place], error
+
+
+def _episode(data: DataSet, number: int, request: Request) -> Recording:
+    """Read an episode, without channels that repeat another one."""
+    try:
+        recording = data.channels(number, request)
+    except RecordingError:
+        raise
+    except _FAULTS as error:
+        raise RecordingError(f"{request.source}: cannot be read: {first_line(error)}") from None
+    channels = _without_repeats(recording.channels)
+    rate = {} if data.rate is None else {"rate": data.rate}
+    clocks = {name: clock for name, clock in recording.clocks.items() if name in channels}
+    notes = {**recording.notes, "data set": data.name}
+    return replace(
+        recording, channels=channels, clocks=clocks, settings=rate, notes=notes, episode=number
+    )
+
+
+def _without_repeats(channels: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Leave out columns that another array repeats: ``ee_states`` begins with ``ee_pos``.
+
+    The smaller array remains, because its name says more. Constant columns do not count.
+    """
+    sizes = Counter(_stem(name) for name in channels)
+    first: dict[bytes, str] = {}
+    repeated = set()
+    for name in sorted(channels, key=lambda name: sizes[_stem(name)]):
+        values = channels[name]
+        if values.dtype.kind == "f" and (values != values[:1]).any():
+            earlier = first.setdefault(values.astype(np.float64).tobytes(), name)
+            repeated |= {name} if _stem(earlier) != _stem(name) else set()
+    return {name: values for name, values in channels.items() if name not in repeated}
+
+
+def _stem(name: str) -> str:
+    """The array of a column: ``ee_pos`` of ``ee_pos[0]``, ``observation.state`` of its ``.x``."""
+    return name.rpartition("[")[0] or name.rpartition(".")[0] or name
+
+
+# LeRobot: a folder of Parquet files with a description.
+
+
+def _root_of(path: Path) -> Path | None:
+    """The folder of the LeRobot data set that a path is, or whose file it is."""
+    with suppress(OSError, ValueError):
+        if path.is_dir():
+            return path if (path / "meta/info.json").is_file() else None
+        if path.suffix.lower() == ".parquet":
+            whole = path.absolute().parents
+            if len(whole) > 2 and (whole[2] / "meta/info.json").is_file():
+                return whole[2]
+    return None
+
+
+class _LeRobot:
+    """LeRobot v2: a Parquet file for each episode; v3: files with many."""
+
+    def __init__(self, root: Path, only: Path | None) -> None:
+        self._arrow = import_extra("palpate.recordings.arrow", "a LeRobot data set", "recordings")
+        self._parquet = import_extra("pyarrow.parquet", "a LeRobot data set", "recordings")
+        info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
+        self._features = dict(info["features"])
+        self.name = f"LeRobot {info['codebase_version']}"
+        rate = float(info["fps"])
+        if not 0.0 < rate < math.inf:
+            raise ValueError(f"its fps is {rate}")
+        self.rate: float | None = rate
+        self._places: dict[int, tuple[Path, int]] = {}  # file and first row of each episode
+        self._cache: tuple[Path, int, Any] | None = None
+        if (root / "meta/episodes").is_dir():
+            self.lengths = self._from_metadata(root)
+        else:
+            self.lengths = self._from_names(root)
+        if only is not None:
+            whole = only.absolute()
+            self.lengths = {
+                number: length
+                for number, length in self.lengths.items()
+                if self._places[number][0].absolute() == whole
+            }
+
+    def _from_names(self, root: Path) -> dict[int, int]:
+        lengths: dict[int, int] = {}
+        described = root / "meta/episodes.jsonl"
+        if described.is_file():
+            for line in described.read_text(encoding="utf-8").splitlines():
+                if line.strip():
+                    each = json.loads(line)
+                    lengths[int(each["episode_index"])] = int(each["length"])
+        for file in sorted(root.glob("data/*/*.parquet")):
+            if found := _NUMBERED.search(file.name):
+                self._places[int(found[1])] = file, 0
+        for number in lengths:  # a file that was not copied is an error of its episode
+            self._places.setdefault(number, (root / f"data/episode_{number:06d}.parquet", 0))
+        return {number: lengths.get(number, -1) for number in sorted(self._places)}
+
+    def _from_metadata(self, root: Path) -> dict[int, int]:
+        names = ("chunk_index", "file_index")
+        columns = ["episode_index", *(f"data/{n}" for n in names), "dataset_from_index", "length"]
+        rows: list[tuple[int, ...]] = []
+        for file in sorted(root.glob("meta/episodes/*/*.parquet")):
+            table = self._parquet.read_table(file, columns=columns, partitioning=None)
+            rows += zip(*(table[name].to_pylist() for name in columns), strict=True)
+        rows.sort()
+        begin: dict[tuple[int, int], int] = {}  # row of the data set with which a file begins
+        for _, chunk, number, first, _ in rows:
+            begin[chunk, number] = min(first, begin.get((chunk, number), first))
+        for episode, chunk, number, first, _ in rows:
+            file = root / f"data/chunk-{chunk:03d}/file-{number:03d}.parquet"
+            self._places[episode] = file, first - begin[chunk, number]
+        return {row[0]: row[4] for row in rows}
+
+    def channels(self, number: int, request: Request) -> Recording:
+        """Read the rows of an episode; columns of vectors get the names of the description."""
+        file, first = self._places[number]
+        table = self._rows(file, first, self.lengths[number], request)
+        if "episode_index" in table.schema.names:
+            inside = sorted(table["episode_index"].unique().to_pylist())
+            if inside != [number]:
+                words = f"{file.name} does not have its rows where the description says"
+                raise RecordingError(f"{request.source}: {words}; copy the data set again")
+            table = table.drop_columns(["episode_index"])
+        draft = Draft(request.source, request)
+        of_columns: Recording = self._arrow.read_columns(
+            table.schema, lambda name: table.select([name]), draft
+        )
+        named: dict[str, Any] = {
+            part: {self._label(name): each for name, each in getattr(of_columns, part).items()}
+            for part in ("channels", "units", "faults")
+        }
+        return replace(of_columns, **named)
+
+    def _rows(self, path: Path, first: int, count: int, request: Request) -> Any:
+        """Read rows of a file; a group of rows that several episodes share is decoded once."""
+        pa = import_extra("pyarrow", "a LeRobot data set", "recordings")
+        try:
+            with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
+                names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
+                about, begin, parts = file.metadata, 0, []
+                count = about.num_rows - first if count < 0 else count
+                for k in range(about.num_row_groups):
+                    end = begin + about.row_group(k).num_rows
+                    if begin < first + count and first < end:
+                        if self._cache is None or self._cache[:2] != (path, k):
+                            batches, size = [], 0
+                            for batch in file.iter_batches(_MOST_ROWS, [k], names):
+                                batches.append(batch)
+                                size += batch.nbytes
+                                if size > request.max_size:
+                                    words = excess("its columns need", size, request.max_size)
+                                    raise RecordingError.of(request.source, words)
+                            self._cache = path, k, pa.Table.from_batches(batches)
+                        at = max(first - begin, 0)
+                        parts.append(self._cache[2].slice(at, first + count - begin - at))
+                    begin = end
+        except FileNotFoundError:
+            words = f"its file {path.name} is missing; copy the whole data set"
+            raise RecordingError.of(request.source, words) from None
+        table = pa.concat_tables(parts) if parts else None
+        if table is None or table.num_rows != count:
+            words = f"{path.name} has fewer rows than the description says; copy it again"
+            raise RecordingError.of(request.source, words)
+        return table
+
+    def _is_wanted(self, name: str, request: Request) -> bool:
+        if name in _COUNTERS:
+            return name == "episode_index"
+        numbers = self._features.get(name, {}).get("dtype") not in _NO_NUMBERS
+        return numbers and request.wants(name)
+
+    def _label(self, channel: str) -> str:
+        """The name of a column of a vector: ``observation.state.x`` for the first one."""
+        stem, _, place = channel.removesuffix("]").rpartition("[")
+        names = self._features.get(stem, {}).get("names")
+        if isinstance(names, dict) and len(names) == 1:  # {"motors": [...]}, {"axes": [...]}
+            [names] = names.values()
+        label = names[int(place)] if isinstance(names, list) and int(place) < len(names) else None
+        return channel if label is None or names.count(label) > 1 else f"{stem}.{label}"
+
+
+# robomimic and LIBERO: HDF5 with a group for each demonstration.
+
+
+def _has_demonstrations(path: Path) -> bool:
+    if not path.name.lower().endswith(_HDF5) or not path.is_file():
+        return False
+    with suppress(Exception):  # opening it raises the error
+        hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+        with hdf5.open_file(path, "") as file:
+            return "data" in file and bool(_demonstrations(file["data"]))
+    return False
+
+
+def _demonstrations(group: Any) -> dict[int, str]:
+    """The names of demonstrations by their numbers: ``demo_7``."""
+    names = [(found[1], name) for name in group if (found := re.fullmatch(r"demo_(\d+)", name))]
+    return {int(number): name for number, name in sorted(names, key=lambda each: int(each[0]))}
+
+
+class _Demonstrations:
+    """A group ``data`` with the groups ``demo_0``, ``demo_1`` …, each with a group ``obs``."""
+
+    def __init__(self, file: Any, source: str) -> None:
+        self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+        self._data = file["data"]
+        self._names = _demonstrations(self._data)
+        walk = self._hdf5.Walk(Findings(source, Request()))
+        stated = dict(walk.attributes(self._data))
+        self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
+        arguments = json.loads(stated.get("env_args") or "{}")
+        rates = [
+            each.get("control_freq") for each in (arguments.get("env_kwargs"), arguments) if each
+        ]
+        self.rate = next((float(rate) for rate in rates if rate), None)
+        self.lengths = {
+            number: int(self._data[name].attrs.get("num_samples", -1))
+            for number, name in self._names.items()
+        }
+
+    def channels(self, number: int, request: Request) -> Recording:
+        """Read the observations and the actions, without the observations that follow each."""
+        group = self._data[self._names[number]]
+        walk = self._hdf5.Walk(Findings(request.source, request))
+        if "obs" in group:
+            walk.group(group["obs"], ())
+        for name in group:
+            if name not in ("obs", "next_obs"):
+                walk.member(group, (), name)
+        found: Findings = walk.found
+        return found.recording()
+
+
+# Diffusion policy and UMI: a Zarr group with all episodes after one another.
+
+
+def _is_replay(path: Path) -> bool:
+    with suppress(OSError, ValueError):
+        if path.is_dir():
+            return (path / _ENDS).is_dir()
+        if path.name.lower().endswith(_ZIP):
+            with zipfile.ZipFile(path) as archive:
+                return any(name.startswith(f"{_ENDS}/") for name in archive.namelist())
+    return False
+
+
+class _ReplayBuffer:
+    """Arrays ``data/…`` of all samples, and ``meta/episode_ends``."""
+
+    rate: float | None = None
+
+    def __init__(self, path: Path) -> None:
+        zarr = import_extra("zarr", "a Zarr data set", "fleet")
+        store = str(path) if path.is_dir() else zarr.storage.ZipStore(path, mode="r")
+        self._group = zarr.open_group(store, mode="r")
+        self._ends = np.asarray(self._group[_ENDS][:], dtype=np.int64)
+        starts = np.concatenate([[0], self._ends])[:-1]
+        if (self._ends <= starts).any():
+            raise ValueError("its episode_ends do not increase")
+        self.name = "Zarr replay buffer"
+        self.lengths = dict(enumerate((self._ends - starts).tolist()))
+        if path.is_dir():
+            names = [each.name for each in (path / "data").iterdir() if each.is_dir()]
+        else:
+            with zipfile.ZipFile(path) as archive:
+                parts = (name.split("/") for name in archive.namelist())
+                names = [part[1] for part in parts if part[0] == "data" and len(part) > 2]
+        self._names = sorted(set(names))
+
+    def channels(self, number: int, request: Request) -> Recording:
+        """Read the samples of an episode; pictures are skipped unread."""
+        found, end = Findings(request.source, request), int(self._ends[number])
+        rows = slice(end - self.lengths[number], end)
+        for name in self._names:
+            try:  # the codecs of pictures are mostly unknown
+                array = self._group[f"data/{name}"]
+                shape = (rows.stop - rows.start, *array.shape[1:])
+            except _FAULTS as error:
+                found.omit(name, f"cannot be opened: {first_line(error)}")
+                continue
+            chunk = math.prod(array.chunks) * array.dtype.itemsize
+            if chunk > (most := request.largest_block):
+                found.lose(name, excess("a chunk needs", chunk, most))
+            elif array.dtype.kind not in "iufb" or array.shape[0] < end:
+                found.omit(name, "holds no number for each sample")
+            else:
+                found.add((), name, shape, partial(_rows_of, array, rows))
+        return found.recording()
+
+
+def _rows_of(array: Any, rows: slice) -> NDArray[Any]:
+    return np.asarray(array[rows])
