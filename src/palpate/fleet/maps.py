@@ -74,7 +74,7 @@ def numbers(table: Table, name: str) -> Floats:
     return np.array([math.nan if cell is None else cell for cell in cells], dtype=np.float64)
 
 
-def _errors(table: Table, name: str) -> Floats:
+def whole_errors(table: Table, name: str) -> Floats:
     """Return the statistical error of a quantity, combined with the systematic one if known."""
     error, systematic = (
         numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic")
@@ -184,7 +184,7 @@ def format_values(table: Table, quantity: str) -> list[str]:
     name = quantity_column(quantity)
     return [
         with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
-        for value, error in zip(numbers(table, name), _errors(table, name), strict=True)
+        for value, error in zip(numbers(table, name), whole_errors(table, name), strict=True)
     ]
 
 
@@ -202,7 +202,7 @@ def repeats_of(table: Table, quantity: str) -> list[Repeats]:
         ``"modulus"``, ``"stiffness"`` or ``"damping"``.
     """
     value = numbers(table, quantity_column(quantity))
-    error = _errors(table, quantity_column(quantity))
+    error = whole_errors(table, quantity_column(quantity))
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
     totals: Counter[str] = Counter()
@@ -639,12 +639,14 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
             why = "run the fleet with --tip" if of == "modulus" else "this law has none"
             raise InvalidParameterError(f"of: the results have no {of}: {why}")
         error = (
-            _errors(results, of) if of == "modulus" else numbers(results, f"{of}_standard_error")
+            whole_errors(results, of)
+            if of == "modulus"
+            else numbers(results, f"{of}_standard_error")
         )
         return numbers(results, of), error, depths
     name = f"{of}_at_depth"
     if depth is None:
-        return numbers(results, name), _errors(results, name), depths
+        return numbers(results, name), whole_errors(results, name), depths
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
     quantities = np.full((results.num_rows, 2), np.nan)
