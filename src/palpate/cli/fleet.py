@@ -122,9 +122,9 @@ def _settings(
     from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve", "sheet"):
+    for option in ("save_config", "curve", "sheet", "companion"):
         if getattr(reading, option) is not None:
-            name = option.replace("_", "-")
+            name = "with" if option == "companion" else option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
     given = reading.by_default(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}

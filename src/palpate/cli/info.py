@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
+from cyclopts import Parameter
+
 from palpate.cli.options import READ, SIZES, Dark, FigureFile, in_si
 from palpate.cli.printing import AsJson, opened, print_json
 
@@ -11,6 +13,7 @@ def info(
     file: Path,
     /,
     *,
+    companion: Annotated[Path | None, Parameter("--with", metavar="FILE")] = None,
     channel: tuple[str, ...] = (),
     curve: int | None = None,
     sheet: str | None = None,
@@ -31,6 +34,8 @@ def info(
     file
         Recording: text, spreadsheet, array, JSON, MCAP, bag, Parquet, HDF5, MATLAB or force curve;
         - is standard input.
+    companion
+        Second file of one contact, as for palpate identify: show both on one clock.
     channel
         Only this channel, or all channels of this topic or group; may be repeated.
     curve
@@ -57,6 +62,13 @@ def info(
         check_figure(figure, inputs=[file])
     options = {"curve": curve, "sheet": sheet, "header_row": header_row}
     recording = opened(file, channel or None, max_size=max_size, **options)
+    if companion is not None:
+        from palpate.preparation.preparing import prepared_contact
+        from palpate.preparation.settings import Preparation
+        from palpate.preparation.two_files import align
+
+        second = opened(companion, None, max_size=max_size)
+        recording, _ = align(recording, second, Preparation(), prepared_contact)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

@@ -8,7 +8,7 @@ import numpy as np
 
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.causes import CauseAssessment
-from palpate.diagnosis.delay import delay_systematic
+from palpate.diagnosis.delay import ONE_CLOCK, delay_systematic, has_two_clocks
 from palpate.diagnosis.fit import Fit, distance_to_least_squares, fit_with_column, standard_errors
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, rounded, with_error
@@ -92,8 +92,10 @@ def _parts(
     undetected = "by friction or a delay that the recording cannot exclude"
     yield SystematicPart(*causes.undetected, undetected, "press along the surface normal")
     if (by_delay := delay_systematic(fit)) > 0.0:
-        reason = "by the standard error of the delay"
-        yield SystematicPart(0.0, by_delay, reason, "run again with --delay find")
+        reason, remedy = "by the standard error of the delay", "run again with --delay find"
+        if has_two_clocks(fit):
+            reason, remedy = "by the standard error of the clocks' offset", ONE_CLOCK
+        yield SystematicPart(0.0, by_delay, reason, remedy)
     damping, scale = abs(fit.damping(fit.solution.law)), fit.reference_scales[1]
     if skew > 0.0:
         by_skew = abs(fit.stiffness(fit.solution.law)) * skew / scale
