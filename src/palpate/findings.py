@@ -39,6 +39,7 @@ class Check(StrEnum):
 
     CHANNELS = "channels", "recording", CAPS | TIMELESS
     CLOCK = "clock", "recording", TIMELESS
+    CLOCK_OFFSET = "clock offset", "recording", CAPS
     EPISODES = "episodes", "recording", TIMELESS
     FILE = "file", "recording", CAPS
     OPTIONS = "options", "recording", TIMELESS

@@ -147,9 +147,9 @@ def _settings(
     from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve", "episode", "sheet"):
+    for option in ("save_config", "curve", "episode", "sheet", "companion"):
         if getattr(reading, option) is not None:
-            name = option.replace("_", "-")
+            name = "with" if option == "companion" else option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
     given = reading.choose_default_law(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}

@@ -52,6 +52,8 @@ def _negative_number_parameter(metavar: str) -> Parameter:
 class ReadingOptions:
     """How to read a file, and which of its samples to use."""
 
+    companion: Annotated[Path | None, Parameter("--with", group=READ, metavar="FILE")] = None
+    "Second file of one contact: it has the force, or the position; the clocks may differ."
     time: Annotated[Channel, _READ] = "time_s"
     "Time channel (auto-detected if absent)."
     penetration: Annotated[Channel, _READ] = "penetration_m"
@@ -138,6 +140,8 @@ class ReadingOptions:
         """
         from palpate.preparation.preparing import join_contacts
 
+        if self.companion is not None and len(files) > 1:
+            raise InvalidParameterError("--with joins a second file to one file: pass one")
         contact = join_contacts([self._contact(file, tip) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import how_made
@@ -166,7 +170,10 @@ class ReadingOptions:
                 fixed = ["exponent"] if self.exponent is not None else []
                 refuse_options([*self.changed_preparation, *fixed])
                 return prepare_force_curve(recording, fit_force_curve(recording, tip))
-            return prepare(recording, **self.preparation)
+            second = self.companion and open_with_progress(
+                self.companion, None, max_size=self.max_size, strict=self.strict
+            )
+            return prepare(recording, companion=second, **self.preparation)
         except MissingChannelError as error:
             if recording is not None and recording.losses:  # the column may be in a lost part
                 raise RecordingError(f"{error}; {recording.losses[0]}") from None
@@ -180,7 +187,7 @@ class ReadingOptions:
     def _channels(self) -> list[str] | None:
         """The topics to read, if the options name a topic for each channel; else None, for all."""
         named = [self.force, self.position or self.penetration]
-        if not all(name.startswith("/") for name in named):
+        if self.companion or not all(name.startswith("/") for name in named):
             return None
         more = (self.orientation, self.velocity, self.time)
         named += [name for name in more if name and name.startswith("/")]
@@ -239,7 +246,7 @@ class ReadingOptions:
     def options(self) -> dict[str, Any]:
         """The options that differ from their defaults, by name without leading dashes."""
         return {
-            name.replace("_", "-"): value
+            "with" if name == "companion" else name.replace("_", "-"): value
             for name, value in vars(self).items()
             if name != "save_config" and value != getattr(ReadingOptions, name)
         }

@@ -292,6 +292,8 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
         parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
+    offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
+    rows += [("clocks", each.message) for each in offsets]
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
     rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in derived]
