@@ -2,17 +2,18 @@
 
 ``python -m benchmarks.fleet`` takes some ten minutes, 6 GB of disk and two cores; ``--short`` a
 minute, with fewer of everything. ``--only`` chooses among arrays, balance, kills, files,
-nanite; for the last, ``--nanite`` names the Python of an environment that has it.
+force-curves, nanite; for the last, ``--nanite`` names the Python of an environment that has it.
 """
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from benchmarks.common.report import describe_machine, publish, run_command
-from benchmarks.fleets import arrays, files, nanite
+from benchmarks.common.report import Section, describe_machine, publish, run_command
+from benchmarks.fleets import arrays, files, force_curves, nanite
 
 
 def main(
@@ -38,11 +39,12 @@ def main(
     markdown
         Write the tables to this file too.
     """
-    parts = {
+    parts: dict[str, Callable[[], Section]] = {
         "arrays": lambda: arrays.measure_arrays(2_000 if short else 100_000, folder),
         "balance": lambda: arrays.measure_balance(2_000, folder),
         "kills": lambda: arrays.measure_kills(*((6_000, 2) if short else (40_000, 20)), folder),
         "files": lambda: files.measure(*((40, 4) if short else (10_000, 100)), folder),
+        "force-curves": force_curves.measure,
         "nanite": lambda: nanite.measure(nanite_python),
     }
     if unknown := set(only or ()) - set(parts):

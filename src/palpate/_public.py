@@ -53,6 +53,7 @@ from palpate.quantities.derived import QueryOptions as QueryOptions
 from palpate.quantities.elastic_modulus import Cone as Cone
 from palpate.quantities.elastic_modulus import ElasticModulus as ElasticModulus
 from palpate.quantities.elastic_modulus import FlatPunch as FlatPunch
+from palpate.quantities.elastic_modulus import Pyramid as Pyramid
 from palpate.quantities.elastic_modulus import Sphere as Sphere
 from palpate.quantities.elastic_modulus import Tip as Tip
 from palpate.quantities.energy import EnergyLoss as EnergyLoss

@@ -39,6 +39,7 @@ class Check(StrEnum):
 
     CHANNELS = "channels", "recording", CAPS | TIMELESS
     CLOCK = "clock", "recording", TIMELESS
+    CLOCK_OFFSET = "clock offset", "recording", CAPS
     EPISODES = "episodes", "recording", TIMELESS
     FILE = "file", "recording", CAPS
     OPTIONS = "options", "recording", TIMELESS
@@ -66,6 +67,7 @@ class Check(StrEnum):
     STUCK_FORCE = "stuck force", "sensor", CAPS | TIMELESS
     DEAD_BAND = "dead band", "sensor", TIMELESS
     OFFSET = "offset", "sensor", TIMELESS
+    BASELINE = "baseline", "sensor", TIMELESS
     OFFSET_PRIOR = "offset prior", "sensor", TIMELESS
     OFFSET_DRIFT = "offset drift", "sensor"
     SENSOR_GAIN = "sensor gain", "sensor"
@@ -82,6 +84,7 @@ class Check(StrEnum):
     SKEW = "skew", "sensor"
     LATE_FORCE = "late force", "sensor", CAPS
     ADHESION = "adhesion", "material", CAPS
+    PULL_OFF = "pull-off", "material", TIMELESS
     CHANGE = "change", "material", CAPS
     GAIN_DRIFT = "gain drift", "material"
     MEMORY = "memory", "material"
@@ -99,6 +102,9 @@ class Check(StrEnum):
     DIRECTION = "direction", "geometry", CAPS | TIMELESS
     ORIENTATION = "orientation", "geometry", CAPS | TIMELESS
     UNSEEN = "unseen", "geometry"
+    CONTACT_POINT = "contact point", "geometry", CAPS | TIMELESS
+    TIP_SHAPE = "tip shape", "geometry", CAPS | TIMELESS
+    INDENTATION = "indentation", "geometry", CAPS | TIMELESS
     EXCITATION = "excitation", "motion", CAPS
     ONE_WAY = "one way", "motion", CAPS | TIMELESS
     DEPTH = "depth", "motion", CAPS | TIMELESS
@@ -121,6 +127,8 @@ class Check(StrEnum):
     UNSETTLED_LAW = "unsettled law", "fit"
     CORRELATED_RESIDUALS = "correlated residuals", "fit"
     NO_DAMPER = "no damper", "fit"
+    CONVERGENCE = "convergence", "fit"
+    MODULUS = "modulus", "fit", CAPS | TIMELESS
     ENGINE = "engine", "export"
 
     def __new__(cls, title: str, subject: str, holds: Holds | None = None) -> "Check":

@@ -152,6 +152,7 @@ def identify(
     *arrays: object,
     method: str | None = None,
     law: str | None = None,
+    companion: "Recorded | None" = None,
     trace: Traced = 2000,
     no_time: bool = False,
     time: "ArrayLike | None" = None,
@@ -187,6 +188,9 @@ def identify(
         default) selects the law that fits best, with a spectrum of relaxation times if the material
         relaxes: :class:`ViscoelasticContact`. :attr:`Identification.law_verdict` has the evidence.
         If the Hunt–Crossley law is selected, variable projection identifies it.
+    companion : Recording, path or frame, optional
+        A second recording, which has the force or the position that ``source`` lacks, as in
+        :func:`prepare`.
     trace : int, float, "full" or False
         Which estimates :attr:`Identification.trace` records. An int: at most this number, evenly
         spread up to the last sample. A float: one per this number of seconds, in [1e-9, 1e9];
@@ -223,8 +227,8 @@ def identify(
     signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     signals |= {"position": position, "rate": rate}
     given = {name: values for name, values in signals.items() if values is not None}
-    if not isinstance(source, Contact) or given or no_time:
-        source = prepare(source, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
+    if not isinstance(source, Contact) or given or no_time or companion is not None:
+        source = prepare(source, companion=companion, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return Identification.selected_law(Data(source), estimator, trace=traced)
 
 

@@ -53,12 +53,17 @@ def test_channels_may_be_chosen(run, tmp_path):
     assert names == {"g1/time", "g1/f", "g2/time", "g2/f"}
 
 
-def test_a_curve_of_a_map_is_chosen_or_asked_for(run, printed, tmp_path):
-    curves = [(np.arange(200) * k, np.arange(200)) for k in (1, 2)]
+def test_a_map_is_a_list_of_its_curves_and_a_curve_of_it_may_be_chosen(run, printed, tmp_path):
+    curves = [(np.arange(200) * k, np.arange(200)) for k in range(1, 12)]
     path = write_jpk(tmp_path / "map.jpk-force-map", curves)
-    status, out, err = run("info", path)
-    assert (status, out) == (2, "")
-    assert "--curve N" in err
+    lines = printed("info", path).splitlines()
+    assert lines[1] == "force map of 11 curves; --curve N shows one"
+    assert len(lines) == 12
+    assert lines[3].split()[0] == "0"
+    assert lines[-1] == "and 3 more; see --json"
+    listed = json.loads(run("info", path, "--json")[1])["curves"]
+    assert [curve["samples"] for curve in listed] == [200] * 11
+    assert listed[0]["peak_force"] == pytest.approx(99.5 * 6e-8 * 0.02 * 3e-4)
     out = printed("info", path, "--curve", 1)
     assert "height (measured)" in out
     assert "spring constant: 0.02 N/m" in out

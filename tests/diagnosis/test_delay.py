@@ -87,6 +87,9 @@ def test_a_delay_that_cannot_be_found_is_an_error_that_says_so():
         faults.contact(faults.TIME, faults.X - 1.0, faults.FORCE, delay="find")
     with pytest.raises(palpate.RecordingError, match="the longest that is looked at"):
         recording(80e-3, delay="find")
+    lost = np.where(np.arange(faults.X.size) % 23 == 0, np.nan, faults.X)  # no run of a window
+    with pytest.raises(palpate.RecordingError, match="too few samples are in contact"):
+        faults.contact(faults.TIME, lost, faults.FORCE, delay="find")
 
 
 @pytest.mark.parametrize("jump", [-12e-3, 4e-3])

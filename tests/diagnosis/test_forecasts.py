@@ -18,7 +18,7 @@ from palpate import (
     identify_many,
     write_contact,
 )
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
@@ -152,7 +152,9 @@ def test_identify_a_fleet_and_identify_many_answer_alike_where_the_load_goes_els
     named = pa.table({"source": [str(file)], "kind": ["file"], "index": pa.array([None])})
     [row] = identify_batch(named, Settings(diagnosis="full", estimator=changed)).to_pylist()
     assert answer_in(row) == expected
-    assert any("load transfer" in each for each in row["findings"]) is (rejection is None)
+    assert any(each["check"] == Check.LOAD_TRANSFER for each in row["findings"]) is (
+        rejection is None
+    )
 
 
 def test_arrays_of_equal_length_leave_load_transfer_out_as_identify_does() -> None:
@@ -164,7 +166,7 @@ def test_arrays_of_equal_length_leave_load_transfer_out_as_identify_does() -> No
     assert row["fit"] == "whole-curve"
     at = result.diagnosis.working_depth
     assert row["stiffness_at_depth"] == pytest.approx(at.stiffness.value, rel=0.02)
-    assert any("load transfer" in each for each in row["findings"])
+    assert any(each["check"] == Check.LOAD_TRANSFER for each in row["findings"])
     assert row["samples"] == len(result.contact)
 
 
@@ -196,7 +198,9 @@ def test_identify_and_identify_many_call_a_damping_negative_by_one_rule() -> Non
     arrays = {"penetration": np.tile(x, (21, 1)), "velocity": np.tile(v, (21, 1)), "force": force}
     rows = identify_many(**arrays, sample_time=1e-3).to_pylist()
     assert sum(row["damping"] < 0.0 for row in rows) > 5
-    flagged = [any("negative damping" in flag for flag in row["flags"]) for row in rows]
+    flagged = [
+        any(flag["check"] == Check.NEGATIVE_DAMPING for flag in row["flags"]) for row in rows
+    ]
     results = [identify(time=time, penetration=x, velocity=v, force=each) for each in force]
     assert flagged == [any("negative damping" in f for f in each.flags) for each in results]
     assert {each.diagnosis.verdict.damping for each in results} == {"do-not-trust"}

@@ -107,7 +107,9 @@ def judged():
         verdict=marks,
         verdict_stiffness=marks,
         verdict_damping=["trust"] * count,
-        findings=[["do-not-trust: a: | bad"]] * 4 + [["with-care: b: poor"]] * 6 + [[]] * 30,
+        findings=[[_finding("do-not-trust", "| bad")]] * 4
+        + [[_finding("with-care", "poor")]] * 6
+        + [[]] * 30,
         damping_at_depth=[20.0] * count,
         damping_at_depth_standard_error=[1.0] * count,
         rate=[10.0] * count,
@@ -123,6 +125,10 @@ def judged():
         )
     ]
     return pa.concat_tables([table, table_of_rows(failed, Settings())])
+
+
+def _finding(severity, message):
+    return {"severity": severity, "check": "misfit", "message": message, "remedy": None}
 
 
 def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():

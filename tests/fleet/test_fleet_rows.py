@@ -19,6 +19,8 @@ from palpate import (
     identify,
     identify_many,
 )
+from palpate.estimators.estimate import ADVICE
+from palpate.findings import Check, Finding
 from palpate.fleet.files import Results, list_sources, read_results
 from palpate.fleet.maps import (
     format_values,
@@ -31,10 +33,21 @@ from palpate.fleet.maps import (
     slowest,
     verdicts_of,
 )  # fmt: skip
-from palpate.fleet.rows import table_of_rows
+from palpate.fleet.rows import finding_cell, table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, sources_digest, tasks_table
 from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
+
+
+def cell(severity, check, message):
+    """A finding in a row."""
+    return finding_cell(Finding(check, message, severity=severity))
+
+
+def texts(row):
+    """The messages of a row's flags."""
+    return [flag["message"] for flag in row["flags"] or ()]
+
 
 RELAXING = GeneralisedHuntCrossley(
     4000.0, 1.3, 0.0, 1.3, relaxation=RelaxationSpectrum((0.05, 0.2), (3000.0, 2000.0))
@@ -75,7 +88,7 @@ def test_a_row_says_what_identify_says(touch):
     assert row["verdict"] == result.diagnosis.verdict.overall
     assert row["checked"] == "full"
     assert row["largest_depth"] == result.largest_depth
-    assert row["flags"] == list(result.flags)
+    assert row["flags"] == [finding_cell(each) for each in result.findings]
     assert (row["source"], row["index"], row["error"]) == ("touch", 0, None)
     assert (row["version"], row["fit"]) == (palpate.__version__, "recursion")
 
@@ -189,17 +202,17 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
 def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
     x, v, f = curves(1)
     rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
-    assert not any("excluded" in flag for flag in rounded[0]["flags"])
+    assert not any("excluded" in flag for flag in texts(rounded[0]))
     if spoil == "spiked":
         f[0, [120, 330]] += 5.0
         x[0, 140] += 2e-3
     else:
         f[0] = np.minimum(f[0], 0.9 * f[0].max())
     [row] = fitted(x, v, f, surface)
-    assert any("excluded as outliers" in flag for flag in row["flags"])
+    assert any("excluded as outliers" in flag for flag in texts(row))
     assert_at_depth(row)
     [all_of_it] = fitted(x, v, f, method=searching(surface, outlier_rejection=False))
-    assert not any("excluded" in flag for flag in all_of_it["flags"])
+    assert not any("excluded" in flag for flag in texts(all_of_it))
     error = row["stiffness_at_depth_standard_error"]
     assert all_of_it["stiffness_at_depth_standard_error"] > 5.0 * error
 
@@ -208,7 +221,7 @@ def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surfac
 def test_a_force_of_the_wrong_sign_is_refused_or_flagged(surface):
     x, v, f = curves(1)
     [row] = fitted(x, v, -f, surface)
-    assert row["error"] or any("negative stiffness" in flag for flag in row["flags"])
+    assert row["error"] or any("negative stiffness" in flag for flag in texts(row))
 
 
 @pytest.mark.parametrize("shift", [-3e-3, 4e-3])
@@ -216,7 +229,7 @@ def test_a_surface_outside_the_default_range_is_found(shift):
     x, v, f = curves(2)
     rows = fitted(x + shift, v, f, "estimate")
     assert [row["surface"] for row in rows] == pytest.approx([shift] * 2, abs=1e-4)
-    assert not any("surface at the edge" in flag for row in rows for flag in row["flags"])
+    assert not any("surface at the edge" in flag for row in rows for flag in texts(row))
 
 
 def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
@@ -256,7 +269,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     force[7, 100], force[8, 100], force[9, 3:], force[10] = np.inf, 1e200, np.nan, np.nan
     x[11] -= 1.0
     rows = fitted(x, v, force, method="single-stage", diagnosis="input")
-    flags = {name: " ".join(row["flags"] or []) for name, row in zip(names, rows, strict=True)}
+    flags = {name: " ".join(texts(row)) for name, row in zip(names, rows, strict=True)}
     assert "negative damping" in flags["negative damping"]
     assert "excluded as outlier" in flags["spiked"]
     assert "only 25 samples" in flags["few samples"]
@@ -273,7 +286,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
         own = identify(touch, "single-stage")
         assert [row[name] for name in own.law.names()] == own.law.parameters.tolist()
         assert row["covariance"] == own.covariance.reshape(-1).tolist()
-        assert row["flags"] == list(own.flags)
+        assert row["flags"] == [finding_cell(each) for each in own.findings]
         assert row["taken"] == np.count_nonzero(own.trace.taken)
 
 
@@ -351,20 +364,18 @@ def force_maps():
 
 @pytest.mark.skipif(not force_maps(), reason="no force maps in PALPATE_DATA")
 def test_curves_of_a_force_map_are_rows_with_their_places():
-    surface = {"surface": "estimate"}
-    settings = Settings(estimator={**surface, "exponent": 1.5}, preparation=surface)
+    settings = Settings(tip=palpate.Sphere(5e-6))
     batch = tasks_table([str(force_maps()[0])] * 4, ["map"] * 4, [2, 0, 1, 9])
     rows = identify_batch(batch, settings).to_pylist()
     assert [row["index"] for row in rows] == [2, 0, 1, 9]
     assert [row["error"] is None for row in rows] == [True, True, True, False]
     assert "no curve 9; choose one" in rows[3]["error"]
     for row in rows[:3]:
-        assert row["fit"] == "whole-curve"
+        assert row["fit"] == "approach"
         assert row["exponent"] == 1.5
-        assert row["surface_standard_error"] > 0.0
+        assert 0.0 < row["surface_standard_error"] < row["largest_depth"]
         assert abs(row["x"]) < 2e-3  # the stage's travel
-        assert row["checked"] == "input"
-        assert row["flags"] == []  # the tip went through far more air than into the sample
+        assert row["verdict"] == row["verdict_modulus"] is not None
     assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]
 
 
@@ -498,9 +509,14 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
         [0.1] * 4,
         x=[0.0, 1.0, 2.0, 2.0],
         y=[0.0, 1.0, 2.0, 2.0],
-        findings=[["do-not-trust: signs: ..."], ["with-care: spikes: ..."], ["note: tare: "], None],
+        findings=[
+            [cell("do-not-trust", "signs", "...")],
+            [cell("with-care", "spikes", "...")],
+            [cell("note", "tare", "")],
+            None,
+        ],
         verdict_stiffness=[None, None, "do-not-trust", "trust"],
-        flags=[[], ["damping not identifiable: ..."], [], []],
+        flags=[[], [finding_cell(ADVICE[2])], [], []],
     )
     found = map_of(table, ["x", "y"])
     assert found.mistrusted.tolist() == [True, False, True, False]
@@ -510,7 +526,7 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     ):  # fmt: skip
         assert words in found.summary
     assert "tare" not in found.summary
-    pulls = rows([1.0], [0.1], x=[0.0], flags=[[str(NEGATIVE_STIFFNESS)]])
+    pulls = rows([1.0], [0.1], x=[0.0], flags=[[finding_cell(NEGATIVE_STIFFNESS)]])
     assert map_of(pulls, ["x"]).mistrusted.all()
     uncertain = rows([1.0, 1.0], [2.0, 0.1], x=[0.0, 1.0])
     assert map_of(uncertain, ["x"]).mistrusted.tolist() == [True, False]
@@ -560,7 +576,7 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
     x, y = random.uniform(0.0, 0.05, (2, 31)).tolist()
     for findings, labels in (
         ([[]] * 31, ["no value"]),
-        ([["do-not-trust: signs: "]] * 2 + [[]] * 29, ["no value", "not to be trusted"]),
+        ([[cell("do-not-trust", "signs", "")]] * 2 + [[]] * 29, ["no value", "not to be trusted"]),
     ):
         table = rows(value, np.full(31, 3.0), x=x, y=y, findings=findings)
         for by in (["x", "y"], ["x"]):
@@ -574,7 +590,7 @@ def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):
     from palpate.fleet.report import fleet_page
 
-    table = grid(flags=[["only 3 samples in contact"]] * 36)
+    table = grid(flags=[[cell("note", Check.EXCITATION, "only 3 samples in contact")]] * 36)
     failed = [{"source": "<b>.csv", "error": "<b>.csv: it is damaged", "error_kind": "X"}]
     folder = written(tmp_path / "r", pa.concat_tables([table, table_of_rows(failed, Settings())]))
     page = fleet_page(folder)
@@ -595,10 +611,13 @@ def judged(count):
     """Rows of a full diagnosis: one failed, two not to be trusted, one with care, the rest well."""
     verdicts = ["do-not-trust", "do-not-trust", "with-care", *["trust"] * (count - 4)]
     findings = [
-        ["with-care: tare: the tare is uncertain", "do-not-trust: signs: 3 samples pull"],
-        ["do-not-trust: signs: 4 samples pull"],
-        ["with-care: spikes: there are spikes"],
-        *[["note: tare: the tare is good"]] * (count - 4),
+        [
+            cell("with-care", "tare", "the tare is uncertain"),
+            cell("do-not-trust", "signs", "3 samples pull"),
+        ],
+        [cell("do-not-trust", "signs", "4 samples pull")],
+        [cell("with-care", "spikes", "there are spikes")],
+        *[[cell("note", "tare", "the tare is good")]] * (count - 4),
     ]
     table = rows(range(1, count), [0.1] * (count - 1), verdict=verdicts, findings=findings)
     failed = {"source": "bad.csv", "error": "bad.csv: no column 'force_N'", "error_kind": "X"}
@@ -639,14 +658,15 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
 
 
 def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
-    flags = [[], ["only 3 samples in contact"], ["stiffness not identifiable: ..."], [], []]
-    findings = [[], [], [], ["note: a: b", "with-care: spikes: two"], []]
+    flags = [[], [cell("note", Check.EXCITATION, "only 3 samples in contact")]]
+    flags += [[finding_cell(NEGATIVE_STIFFNESS)], [], []]
+    findings = [[], [], [], [cell("note", "a", "b"), cell("with-care", "spikes", "two")], []]
     checked = [*["input"] * 4, "none"]
     table = rows([1.0] * 5, [0.1] * 5, flags=flags, findings=findings, checked=checked)
     assert verdicts_of(table) == [
         ("no-finding", ""),
         ("flagged", "only 3 samples in contact"),
-        ("do-not-trust", "stiffness not identifiable: ..."),
+        ("do-not-trust", str(NEGATIVE_STIFFNESS)),
         ("with-care", "spikes: two"),
         ("not-checked", ""),
     ]

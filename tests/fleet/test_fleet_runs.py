@@ -20,6 +20,7 @@ import palpate
 from palpate import FleetError, RecordingError, write_contact
 from palpate.fleet import running
 from palpate.fleet.files import Results, describe_array, list_sources, read_results, read_seconds
+from palpate.fleet.rows import finding_cell
 from palpate.fleet.running import identify_and_time, identify_batch
 from palpate.fleet.tasks import Settings, batches, tasks_table
 
@@ -153,7 +154,7 @@ def test_the_rows_of_a_fleet_are_those_of_identify_one_after_the_other(recording
         found = palpate.identify(touch, "single-stage", trace=False)
         assert [row[name] for name in found.law.names()] == found.law.parameters.tolist()
         assert row["covariance"] == found.covariance.reshape(-1).tolist()
-        assert row["flags"] == list(found.flags)
+        assert row["flags"] == [finding_cell(each) for each in found.findings]
         of_array = isinstance(touch, palpate.Contact)
         assert row["source"] == str(recordings / "array.zarr" if of_array else touch)
 

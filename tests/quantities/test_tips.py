@@ -17,6 +17,7 @@ from palpate import (
     Contact,
     FlatPunch,
     InvalidParameterError,
+    Pyramid,
     QueryOptions,
     Sphere,
     dissipation_for,
@@ -45,11 +46,12 @@ def identified(tip) -> palpate.Identification:
 
 
 def test_the_force_is_that_of_elasticity():
-    """By hand from F = 4/3 E* √R x^(3/2), 2 E* R x and (2/π) E* tan α x²."""
+    """By hand from F = 4/3 E* √R x^(3/2), 2 E* R x, and (2/π) and 0.7453 E* tan α x²."""
     for tip, force in {
         Sphere(0.01): 4.0 / 3.0 * 1e4 * 0.1 * 1e-3,
         FlatPunch(0.01): 2.0 * 1e4 * 0.01 * 0.01,
         Cone(math.pi / 4.0): 2.0 / math.pi * 1e4 * 1e-4,
+        Pyramid(math.pi / 4.0): 0.7453 * 1e4 * 1e-4,
     }.items():
         assert tip.force(1e4, 0.01) == pytest.approx(force, rel=1e-14)
         assert tip.force(1e4, -0.01) == 0.0
@@ -139,6 +141,7 @@ def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening(
     assert parse_tip("cone:angle=60deg").half_angle == pytest.approx(math.pi / 3.0, rel=1e-15)
     assert parse_tip("cone:opening=120deg") == parse_tip("cone:angle=60deg")
     assert parse_tip("cone:angle=0.5rad") == Cone(0.5)
+    assert parse_tip("pyramid:angle=0.5rad") == Pyramid(0.5)
 
 
 @pytest.mark.parametrize(
@@ -176,7 +179,9 @@ def test_the_table_ends_with_a_line_each_and_those_of_a_tip_and_a_speed(run, tmp
     assert "extrapolated" in out
     for name in ("Hunt–Crossley 0.6", "Lankarani–Nikravesh 0.5", "Gonthier", "Flores", "Martins"):
         assert name in out
-    assert re.search(r"Young's modulus 40\S+ ± \S+ kPa for a sphere of 100 mm radius", out)
+    assert re.search(
+        r"Young's modulus 40\S+ ± \S+ kPa \(trust\) for a sphere of 100 mm radius", out
+    )
     assert "Poisson's ratio 0.45" in out
     cone = printed("--tip", "cone:opening=60deg")
     assert "Young's modulus not determined: the force" in cone

@@ -20,6 +20,8 @@ from palpate.cli.options import (
     Folder,
     MethodOptions,
     ResultFolder,
+    Shape,
+    parse_material,
     quantity,
 )
 from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table, say, say_path
@@ -63,6 +65,8 @@ def fleet(
     output: ResultFolder,
     choosing: MethodOptions = MethodOptions(),
     diagnosis: Literal["none", "input", "full"] | None = None,
+    tip: Shape = None,
+    poisson: float | None = None,
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     as_json: AsJson = False,
     running: Running = Running(),
@@ -77,7 +81,7 @@ def fleet(
 
         palpate fleet recordings/ -o results/ --report
         palpate fleet demonstrations.hdf5 -o results/
-        palpate fleet map.jpk-force-map -o results/
+        palpate fleet map.jpk-force-map -o results/ --tip sphere:radius=5um
         palpate fleet curves.zarr -o results/ --surface estimate
 
     Parameters
@@ -89,6 +93,11 @@ def fleet(
     diagnosis
         Check nothing (none), the data (input), or data and fits with a verdict for each (full).
         Default: full for up to 10 000 recordings or episodes, else input.
+    tip
+        Give Young's modulus for this tip, as for palpate identify. Force curves are then identified
+        from their approach: baseline, contact point and modulus, with a verdict for each.
+    poisson
+        Poisson's ratio of the material, for --tip (default: 0.5, incompressible).
     report
         Write report.html to the same folder: distributions, repeats, flags, outliers, failures.
     as_json
@@ -98,10 +107,12 @@ def fleet(
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
 
+    shape, ratio = parse_material(tip, poisson)
     listed = list_sources(sources, leave_out=output)
     if diagnosis is None:
         diagnosis = default_diagnosis(listed)
     settings = _settings(choosing, diagnosis, reading)
+    settings = replace(settings, tip=shape, poisson_ratio=ratio)
     if report:
         require_figures()
     try:
@@ -136,18 +147,16 @@ def _settings(
     from palpate.fleet.tasks import AUTO, Settings
     from palpate.recordings.opening import MAX_SIZE
 
-    for option in ("save_config", "curve", "episode", "sheet"):
+    for option in ("save_config", "curve", "episode", "sheet", "companion"):
         if getattr(reading, option) is not None:
-            name = option.replace("_", "-")
+            name = "with" if option == "companion" else option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
     given = reading.choose_default_law(choosing)
     estimator = {**given.settings, **reading.chosen(given.kind)}
-    usual = ReadingOptions().preparation
-    own = {name: value for name, value in reading.preparation.items() if value != usual[name]}
     return Settings(
         method=given.kind.method if given is choosing else AUTO,
         estimator=estimator,
-        preparation=own,
+        preparation=reading.changed_preparation,
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
         minimum_force=reading.min_force,
@@ -202,8 +211,10 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
     from palpate.fleet.rows import touches_nothing
+    from palpate.recordings.opening import MAPS
 
     table = read_results(found.folder)
+    shown = maps.list_quantities(table)
     verdicts, free = maps.verdicts_of(table), touches_nothing(table)
     marks_of_rows = [
         _FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True)
@@ -215,8 +226,8 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
         marks = [Text(mark, _STYLES.get(mark, "")) for mark in marks_of_rows]
         turns = maps.numbers(table, "frequency") / math.tau
         at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
-        columns = names, marks, *(maps.format_values(table, name) for name in maps.JUDGED), at
-        header = ["contact", "verdict", *maps.JUDGED, "frequency"]
+        columns = names, marks, *(maps.format_values(table, name) for name in shown), at
+        header = ["contact", "verdict", *(maps.quantity_name(name) for name in shown), "frequency"]
         print_table(console, header, [*zip(*columns, strict=True)])
     else:
         counts = Counter(marks_of_rows)
@@ -228,8 +239,11 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     reasons = maps.reasons_of_verdicts(
         [names[k] for k in touching], [verdicts[k] for k in touching]
     )
-    for line in reasons[:_MOST_REASONS]:
-        say(console, line, _STYLES[line.partition(":")[0]])
+    for verdict, line in reasons[:_MOST_REASONS]:
+        say(console, line, _STYLES[verdict])
+    sources = {source or "" for source in table.column("source").to_pylist()}
+    if "modulus" not in shown and any(each.lower().endswith(MAPS) for each in sources):
+        say(console, "for Young's modulus of force curves pass --tip, such as sphere:radius=5um")
     if found.identified and not any(table.column("verdict").to_pylist()):
         say(console, maps.NO_VERDICT.get(table.column("checked")[0].as_py(), ""), "dim")
     return few and len(reasons) <= _MOST_REASONS
@@ -243,7 +257,7 @@ def map(
     /,
     *,
     by: str = "x,y",
-    of: Literal["stiffness", "damping", "force", "exponent"] = "stiffness",
+    of: Literal["modulus", "stiffness", "damping", "force", "exponent"] | None = None,
     at: Depth | None = None,
     drawing: FigureOptions = FigureOptions(),
 ) -> None:
@@ -261,7 +275,8 @@ def map(
     by
         Two columns for the axes, such as x,y; or one, such as x or index.
     of
-        Quantity to draw, at the working depth of each contact.
+        Quantity to draw: modulus, for results with --tip their default; else, at the working depth
+        of each contact, the stiffness (default), damping or force; or the exponent.
     at
         Common depth, such as 2mm, to compare places pressed to different depths (default: the
         working depth of each contact).

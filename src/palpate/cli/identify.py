@@ -73,6 +73,7 @@ def identify(
         Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
+    from palpate.quantities.indentation import find_force_curve
 
     query, depth = deriving.query, judging.depth
     drawing.check(list(files))
@@ -82,7 +83,9 @@ def identify(
 
         destination = Destination(output, [file for file in files if str(file) != "-"])
     choosing.check()
-    contact = reading.contact(files, choosing.options)
+    contact = reading.contact(files, choosing.options, tip=query.tip)
+    if query.tip is not None and find_force_curve(contact) is not None:
+        reading = replace(reading, exponent=query.tip.exponent)
     choosing, estimator = _estimator(contact, choosing, reading)
     if query.tip is None:
         query = replace(query, tip=_find_stated_tip(contact))

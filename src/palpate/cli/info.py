@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Annotated
 
+from cyclopts import Parameter
+
 from palpate.cli.options import READ, SIZES, Dark, FigureFile, si_parameter
 from palpate.cli.printing import AsJson, open_with_progress, print_json
 
@@ -11,6 +13,7 @@ def info(
     file: Path,
     /,
     *,
+    companion: Annotated[Path | None, Parameter("--with", metavar="FILE")] = None,
     channel: tuple[str, ...] = (),
     curve: int | None = None,
     episode: int | None = None,
@@ -23,6 +26,8 @@ def info(
 ) -> None:
     """Show the contents of a recording: channels, units, clocks with rates and gaps, ranges.
 
+    Of a force map, without --curve, show its curves.
+
     For example:
 
         palpate info probing.mcap --channel /ft --figure strips.pdf
@@ -33,6 +38,8 @@ def info(
     file
         Recording: text, spreadsheet, array, JSON, MCAP, bag, Parquet, HDF5, MATLAB, force curve or
         data set; - is standard input.
+    companion
+        Second file of one contact, as for palpate identify: show both on one clock.
     channel
         Only this channel, or all channels of this topic or group; may be repeated.
     curve
@@ -52,10 +59,13 @@ def info(
     as_json
         Print one JSON object instead of tables.
     """
-    from palpate.cli.info_tables import as_dict, print_episodes, print_recording
+    from palpate.cli.info_tables import as_dict, print_curves, print_episodes, print_recording
     from palpate.recordings.datasets import describe_data_set
+    from palpate.recordings.opening import MAPS
     from palpate.recordings.survey import survey
 
+    if curve is None and file.name.lower().endswith(MAPS):
+        return print_curves(file, max_size, as_json=as_json)
     if figure is not None:
         from palpate.figures import check_figure
 
@@ -65,6 +75,13 @@ def info(
         episode = next(iter(data.lengths))
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
     recording = open_with_progress(file, channel or None, max_size=max_size, **options)
+    if companion is not None:
+        from palpate.preparation.preparing import prepare_contact
+        from palpate.preparation.settings import Preparation
+        from palpate.preparation.two_files import align
+
+        second = open_with_progress(companion, None, max_size=max_size)
+        recording, _ = align(recording, second, Preparation(), prepare_contact)
     surveyed = survey(recording)
     if figure is not None:
         from palpate import figures

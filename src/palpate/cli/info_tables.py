@@ -7,12 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
 from rich.cells import cell_len
 from rich.text import Text
 
-from palpate.cli.printing import Cell, Terminal, print_table, say, say_path
-from palpate.digits import rounded
-from palpate.errors import printable
+from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
+from palpate.digits import format_quantity, rounded
+from palpate.errors import RecordingError, printable
 from palpate.preparation.roles import explain_roles
 from palpate.recordings.datasets import DataSet
 from palpate.recordings.recording import Recording
@@ -25,6 +26,7 @@ SCHEMA_VERSION = 2
 # Limits for a readable output: rows of a table, lines of one kind. The JSON has all.
 _MOST_ROWS = 60
 _MOST_LINES = 12
+_MOST_CURVES = 8
 _MOST_EPISODES = 8
 _NAME = 36  # characters
 _NARROW = 60  # characters; below, several lines a channel keep its numbers
@@ -70,6 +72,52 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
             say(console, printable(f"{word}: {line}"), style)
         if len(lines) > _MOST_LINES:
             say(console, f"{word}: {len(lines) - _MOST_LINES} more; see --json", style)
+
+
+def print_curves(file: Path, max_size: float | None, *, as_json: bool) -> None:
+    """Print a line for each of the first curves of a force map, or all curves as JSON."""
+    from palpate.recordings.opening import FORCE_CURVES, MAX_SIZE
+
+    reader = FORCE_CURVES.reader()
+    count = reader.count_curves(file)
+    numbers = range(count if as_json else min(count, _MOST_CURVES))
+    curves = [
+        _describe_curve(number, curve)
+        for number, curve in enumerate(reader.read_curves(file, numbers, max_size or MAX_SIZE))
+    ]
+    if as_json:
+        return print_json({"schema_version": SCHEMA_VERSION, "file": str(file), "curves": curves})
+    console = Terminal()
+    say_path(console, str(file), "bold")
+    say(console, f"force map of {_count(count, 'curve')}; --curve N shows one")
+    units = {"x": "m", "y": "m", "travel": "m", "peak_force": "N"}
+    rows = [
+        [str(curve["curve"])]
+        + [format_quantity(v, units[k]) if (v := curve.get(k)) is not None else "–" for k in units]
+        + [str(curve.get("samples", "–")), curve.get("error", "")]
+        for curve in curves
+    ]
+    print_table(
+        console, [">curve", ">x", ">y", ">travel", ">peak force", ">samples", "error"], rows
+    )
+    if count > len(curves):
+        say(console, f"and {count - len(curves)} more; see --json")
+
+
+def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str, Any]:
+    """Return place, travel, peak force above the median, and samples of a force curve."""
+    from palpate.fleet.rows import place_in_notes
+
+    if isinstance(curve, RecordingError):
+        return {"curve": number, "error": str(curve)}
+    position, force = (np.asarray(curve.channels[name]) for name in ("tip position", "force"))
+    return {
+        "curve": number,
+        **place_in_notes(curve.notes),
+        "travel": float(np.ptp(position)),
+        "peak_force": float(force.max() - np.median(force)),
+        "samples": position.size,
+    }
 
 
 def print_episodes(data: DataSet) -> None:

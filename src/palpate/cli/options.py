@@ -34,6 +34,7 @@ Unit: TypeAlias = Annotated[str, Parameter(metavar="UNIT")]
 Depth: TypeAlias = Annotated[str, Parameter(metavar="DEPTH")]
 Duration: TypeAlias = Annotated[str, Parameter(metavar="DURATION")]
 Direction: TypeAlias = Annotated[str, Parameter(metavar="DIRECTION")]
+Shape: TypeAlias = Annotated[str | None, Parameter(metavar="SHAPE")]
 Folder: TypeAlias = Annotated[Path, Parameter(metavar="FOLDER")]
 Address: TypeAlias = Annotated[str, Parameter(metavar="ADDRESS")]
 
@@ -47,7 +48,10 @@ UNTRUSTED = 3  # exit status
 _NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\D*2?)\s*$")
 #: In rad/s; a bare number is in Hz.
 _FREQUENCIES = {"Hz": math.tau, "rad/s": 1.0, "mHz": 1e-3 * math.tau, "kHz": 1e3 * math.tau}
-_FORMS = "sphere:radius=5mm, punch:diameter=4mm or cone:angle=30deg (between axis and side)"
+_FORMS = (
+    "sphere:radius=5mm, punch:diameter=4mm, cone:angle=30deg or pyramid:angle=35deg (between axis "
+    "and side)"
+)
 _AREAS = {"m2": 1.0, "mm2": 1e-6, "cm2": 1e-4, "m²": 1.0, "mm²": 1e-6, "cm²": 1e-4}
 _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
@@ -201,8 +205,9 @@ class QuantityOptions:
 
     impact_speed: Annotated[str | None, Parameter(metavar="SPEED")] = None
     "Print the coefficient of restitution at this impact speed, such as 0.5m/s."
-    tip: Annotated[str | None, Parameter(metavar="SHAPE")] = None
-    "Print Young's modulus for this tip: sphere:radius=5mm, punch:radius=2mm or cone:angle=30deg."
+    tip: Shape = None
+    """Print Young's modulus for this tip: sphere:radius=5mm, punch:radius=2mm, cone:angle=30deg or
+    pyramid:angle=35deg."""
     specimen: Annotated[str | None, Parameter(metavar="SIZE")] = None
     "Print Young's modulus S h/A of a specimen between plates: area=314mm2,height=20mm."
     poisson: float | None = None
@@ -220,14 +225,9 @@ class QuantityOptions:
     def query(self) -> "QueryOptions":
         """The request, SI."""
         from palpate.quantities.derived import QueryOptions
-        from palpate.validation import number_in
 
-        speed, ratio = positive("--impact-speed", self.impact_speed, "velocity", 1e6), self.poisson
-        if ratio is not None:
-            if self.tip is None:
-                raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
-            ratio = number_in("--poisson", ratio, -1.0, 0.5, open_low=True)
-        tip = None if self.tip is None else parse_tip(self.tip)
+        speed = positive("--impact-speed", self.impact_speed, "velocity", 1e6)
+        tip, ratio = parse_material(self.tip, self.poisson)
         specimen = None if self.specimen is None else parse_specimen(self.specimen)
         frequency = positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
         return QueryOptions(speed, tip, ratio, frequency, specimen)
@@ -298,6 +298,23 @@ def parse_units(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
     return units
 
 
+def parse_material(tip: str | None, poisson: float | None) -> "tuple[Tip | None, float | None]":
+    """Return the tip and Poisson's ratio of the options.
+
+    Raises
+    ------
+    InvalidParameterError
+        The tip has none of the forms, the ratio is out of its range, or has no tip.
+    """
+    from palpate.validation import number_in
+
+    if poisson is not None:
+        if tip is None:
+            raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
+        number_in("--poisson", poisson, -1.0, 0.5, open_low=True)
+    return None if tip is None else parse_tip(tip), poisson
+
+
 def parse_tip(text: str) -> "Tip":
     """Return the tip of a text such as ``sphere:radius=5mm``.
 
@@ -306,20 +323,21 @@ def parse_tip(text: str) -> "Tip":
     InvalidParameterError
         The text has none of the forms, or a size is out of its range.
     """
-    from palpate.quantities.elastic_modulus import Cone, FlatPunch, Sphere
+    from palpate.quantities.elastic_modulus import Cone, FlatPunch, Pyramid, Sphere
 
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))
     option, round_ = f"--tip {kind}:{name}", {"sphere": Sphere, "punch": FlatPunch}
+    pointed: dict[str, type[Cone | Pyramid]] = {"cone": Cone, "pyramid": Pyramid}
     if kind in round_ and name in ("radius", "diameter"):
         length = quantity(option, value, "penetration")
         return round_[kind](length if name == "radius" else 0.5 * length)
-    if kind == "cone" and name in ("angle", "opening"):
+    if kind in pointed and name in ("angle", "opening"):
         found = _ANGLE.match(value)  # without a unit 1.2 may be degrees or radians
         if found is None:
             raise InvalidParameterError(f"{option} must be such as 30deg or 0.52rad, not {value!r}")
         angle = float(found[1]) if found[2] == "rad" else math.radians(float(found[1]))
-        return Cone(angle if name == "angle" else 0.5 * angle)
+        return pointed[kind](angle if name == "angle" else 0.5 * angle)
     raise InvalidParameterError(f"--tip must be such as {_FORMS}, not {text!r}")
 
 

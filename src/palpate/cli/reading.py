@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from palpate.contact import Contact
     from palpate.estimators import ContactEstimator
     from palpate.identifying import Identification
+    from palpate.quantities.elastic_modulus import Tip
     from palpate.settings import ContactGate
 
 #: One file or several.
@@ -51,6 +52,8 @@ def _negative_number_parameter(metavar: str) -> Parameter:
 class ReadingOptions:
     """How to read a file, and which of its samples to use."""
 
+    companion: Annotated[Path | None, Parameter("--with", group=READ, metavar="FILE")] = None
+    "Second file of one contact: it has the force, or the position; the clocks may differ."
     time: Annotated[Channel, _READ] = "time_s"
     "Time channel (auto-detected if absent)."
     penetration: Annotated[Channel, _READ] = "penetration_m"
@@ -124,11 +127,22 @@ class ReadingOptions:
     save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
     "Write the options to this TOML file, with the choices that palpate made as comments."
 
-    def contact(self, files: Sequence[Path], choice: Mapping[str, str] | None = None) -> "Contact":
-        """Read the files, each a contact with one object; save the choice of law and method."""
+    def contact(
+        self,
+        files: Sequence[Path],
+        choice: Mapping[str, str] | None = None,
+        *,
+        tip: "Tip | None" = None,
+    ) -> "Contact":
+        """Read the files, each a contact with one object; save the choice of law and method.
+
+        The tip finds the contact point of force curves.
+        """
         from palpate.preparation.preparing import join_contacts
 
-        contact = join_contacts([self._contact(file) for file in files])
+        if self.companion is not None and len(files) > 1:
+            raise InvalidParameterError("--with joins a second file to one file: pass one")
+        contact = join_contacts([self._contact(file, tip) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import how_made
             from palpate.writing import as_toml, write_text
@@ -138,15 +152,28 @@ class ReadingOptions:
             write_text(self.save_config, text, inputs=list(files))
         return contact
 
-    def _contact(self, file: Path) -> "Contact":
+    def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
         from palpate.preparation import prepare
+        from palpate.quantities.indentation import (
+            fit_force_curve,
+            is_force_curve,
+            prepare_force_curve,
+            refuse_options,
+        )
 
         recording = None
         try:
             given = ("strict", "curve", "episode", "sheet", "header_row")
             options = {name: getattr(self, name) for name in given}
             recording = open_with_progress(file, self._channels, max_size=self.max_size, **options)
-            return prepare(recording, **self.preparation)
+            if tip is not None and is_force_curve(recording.channels):
+                fixed = ["exponent"] if self.exponent is not None else []
+                refuse_options([*self.changed_preparation, *fixed])
+                return prepare_force_curve(recording, fit_force_curve(recording, tip))
+            second = self.companion and open_with_progress(
+                self.companion, None, max_size=self.max_size, strict=self.strict
+            )
+            return prepare(recording, companion=second, **self.preparation)
         except MissingChannelError as error:
             if recording is not None and recording.losses:  # the column may be in a lost part
                 raise RecordingError(f"{error}; {recording.losses[0]}") from None
@@ -160,7 +187,7 @@ class ReadingOptions:
     def _channels(self) -> list[str] | None:
         """The topics to read, if the options name a topic for each channel; else None, for all."""
         named = [self.force, self.position or self.penetration]
-        if not all(name.startswith("/") for name in named):
+        if self.companion or not all(name.startswith("/") for name in named):
             return None
         more = (self.orientation, self.velocity, self.time)
         named += [name for name in more if name and name.startswith("/")]
@@ -200,6 +227,12 @@ class ReadingOptions:
         return given | quantities(self, spot="penetration")
 
     @property
+    def changed_preparation(self) -> dict[str, Any]:
+        """The arguments for :func:`palpate.prepare` that are not the default ones."""
+        usual = ReadingOptions().preparation
+        return {name: value for name, value in self.preparation.items() if value != usual[name]}
+
+    @property
     def _surface(self) -> Any:
         if self.surface in (None, "estimate", "fit", "baseline", "threshold"):
             return self.surface
@@ -213,7 +246,7 @@ class ReadingOptions:
     def options(self) -> dict[str, Any]:
         """The options that differ from their defaults, by name without leading dashes."""
         return {
-            name.replace("_", "-"): value
+            "with" if name == "companion" else name.replace("_", "-"): value
             for name, value in vars(self).items()
             if name != "save_config" and value != getattr(ReadingOptions, name)
         }

@@ -9,6 +9,7 @@ import numpy as np
 
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.causes import CauseAssessment
+from palpate.diagnosis.delay import ONE_CLOCK, has_two_clocks
 from palpate.diagnosis.fit import Fit, distance_to_least_squares, fit_with_column, standard_errors
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, rounded, with_error
@@ -90,8 +91,10 @@ def _parts(
     # A skew τ changes the damping by S τ.
     per_second, applied = abs(fit.stiffness(fit.solution.law)) / scale, fit.data.contact.delay
     if applied is not None and applied.standard_error > 0.0:
-        reason, error = "by the standard error of the delay", per_second * applied.standard_error
-        yield SystematicPart((0.0, error), reason, "run again with --delay find")
+        reason, remedy = "by the standard error of the delay", "run again with --delay find"
+        if has_two_clocks(fit):
+            reason, remedy = "by the standard error of the clocks' offset", ONE_CLOCK
+        yield SystematicPart((0.0, per_second * applied.standard_error), reason, remedy)
     if skew > 0.0:
         reason = f"since {rounded(1e3 * skew, 2)} ms of skew between force and position is possible"
         yield SystematicPart((0.0, per_second * skew), reason, IN_STEP)

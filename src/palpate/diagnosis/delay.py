@@ -57,9 +57,18 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     found = applied is not None and applied.found
     known = f"{total * 1e3:.4g}ms+-{error * 1e3:.2g}ms" if found else "find"
     remedy = f"run again with --delay {known} if the sensors can be out of step by that much"
-
+    if has_two_clocks(fit):
+        remedy = ONE_CLOCK
     other_law = OtherLaw(moved.law, before.law) if shift else None
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
+
+
+ONE_CLOCK = "record position and force by one clock"
+
+
+def has_two_clocks(fit: Fit) -> bool:
+    """Whether palpate found the offset between the clocks of position and force."""
+    return any(each.check == Check.CLOCK_OFFSET for each in fit.data.contact.findings)
 
 
 BORDERS = 24  # borders that are tried, then as many between the neighbours of the best one

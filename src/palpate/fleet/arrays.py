@@ -5,7 +5,6 @@ contact is known, so outliers are single samples that depart from their neighbou
 and forces at the end of the sensor's range.
 """
 
-import json
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
@@ -21,18 +20,20 @@ from numpy.typing import ArrayLike, NDArray
 import palpate._core as _core
 from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Data
+from palpate.diagnosis.excitation import few_samples
 from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, VariableProjection
 from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
 from palpate.estimators.estimate import flag_findings
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
     Row,
     build_table,
     failure,
-    format_finding,
+    finding_cell,
     identify_rows,
+    indentation_row,
     place_in_notes,
     power_law_derivatives,
     table_of_rows,
@@ -51,11 +52,21 @@ from palpate.preparation.load_transfer import find_load_transfer
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.resolution import estimate_resolutions
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
+from palpate.quantities.indentation import (
+    Indentation,
+    fit_approach,
+    fit_force_curve,
+    is_force_curve,
+    refuse_options,
+)
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
 
 # The findings for each combination of an estimate's flag bits.
-_ADVICE_OF = [tuple(map(str, flag_findings(bits))) for bits in range(256)]
+_ADVICE_OF = [[*map(finding_cell, flag_findings(bits))] for bits in range(256)]
+_NOT_CONVERGED = Check.CONVERGENCE.finding(
+    "the least-squares search did not converge: another fit may be better"
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -128,6 +139,18 @@ class Curves:
             contact if self.filters is None else replace(contact, velocity_filter=self.filters[row])
         )
 
+    def indentation(self, row: int, settings: Settings) -> Indentation:
+        """Return the fit of a row's approach, which ends at its deepest sample.
+
+        Raises
+        ------
+        RecordingError
+            The force does not rise.
+        """
+        assert settings.tip is not None
+        signals = self.penetration[row], self.force[row], None
+        return fit_approach(*signals, settings.tip, settings.poisson_ratio, source=self.source)
+
 
 def fit_and_reject(
     curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
@@ -193,21 +216,10 @@ _SHARED = (
 def fits_whole_curves(settings: Settings) -> bool:
     """Whether the whole-curve fit supports these settings."""
     plain = set(settings.preparation) <= {"surface"}
-    surface = settings.preparation.get("surface")
-    return _supports_whole_curves(settings) and plain and surface in (None, "estimate")
-
-
-def searches_whole_curves(settings: Settings) -> bool:
-    """Whether the whole-curve fit searches force curves for their surface.
-
-    The recursion finds the same surface but solves after every sample: a thousand times slower.
-    """
-    return settings.searches_surface and _supports_whole_curves(settings)
-
-
-def _supports_whole_curves(settings: Settings) -> bool:
     return (
-        settings.of_curves.method == VariableProjection.method
+        plain
+        and settings.preparation.get("surface") in (None, "estimate")
+        and settings.of_curves.method == VariableProjection.method
         and settings.diagnosis != "full"
         and settings.minimum_penetration is None
         and settings.minimum_force is None
@@ -215,44 +227,13 @@ def _supports_whole_curves(settings: Settings) -> bool:
     )
 
 
-def row_of_curve(contact: Contact, settings: Settings) -> dict[str, Any]:
-    """Identify one contact with the whole-curve fit, which searches all of it for the surface.
-
-    Raises
-    ------
-    RecordingError
-        The probe never touches, or there is no free approach.
-    """
-    low, high = float(np.nanmin(contact.penetration)), float(np.nanmax(contact.penetration))
-    # A tip that moves 60 µm through the air may indent by only 0.1 µm. The surface then lies in the
-    # last 80th of the range, which the search would report as the edge of its range.
-    span = low, high + (high - low) / 79.0
-    chosen = {"surface_range": span, "offset_deviation": contact.tare_deviation}
-    curve_settings = replace(settings, estimator={**chosen, **settings.estimator}, diagnosis="none")
-    curve = Curves(
-        contact.sample_time * np.arange(float(len(contact))),  # each segment restarts its time
-        contact.penetration[None],
-        contact.force[None],
-        contact.velocity[None],
-        contact.source,
-    )
-    [row] = _fit_whole_curves(curve, curve_settings, 1).to_pylist()
-    if row["error"] is not None:
-        raise RecordingError(row["error"])
-    if settings.diagnosis == "input":
-        row["findings"] = _describe_faults(contact, row["surface"])
-    prepared = json.dumps(dict(contact.provenance), ensure_ascii=False)
-    run = {"checked": settings.diagnosis, "settings": settings.digest}
-    return {**row, **run, "prepared": prepared}
-
-
 def identify_curves(
     curves: Curves, settings: Settings, *, threads: int = 1
 ) -> tuple[Table, Floats]:
     """Identify curves; return a table of one row each, in order, and the time of each row, s.
 
-    The whole-curve fit is used if it supports the settings, else the recursion, one curve at a
-    time.
+    With a tip each is a force curve. Else the whole-curve fit is used if it supports the settings,
+    else the recursion, one curve at a time.
 
     Parameters
     ----------
@@ -264,17 +245,18 @@ def identify_curves(
         Number of threads of the whole-curve fit. Default: 1.
     """
     count, begun = len(curves), perf_counter()
-    if fits_whole_curves(settings):
+    if settings.tip is None and fits_whole_curves(settings):
         table = _fit_whole_curves(curves, settings, threads)
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
     columns = {"prepared": [None] * count, **_source_columns(curves)}
     rows = ({name: values[k] for name, values in columns.items()} for k in range(count))
-    contacts = (partial(curves.contact, k, settings) for k in range(count))
+    prepared = curves.contact if settings.tip is None else curves.indentation
+    contacts = (partial(prepared, k, settings) for k in range(count))
     return identify_each(zip(rows, contacts, strict=True), settings, curves=True)
 
 
-#: Columns known beforehand, and one of: the contact, its recording, a function that returns it, or
-#: the exception that prevents it.
+#: Columns known beforehand, and one of: the contact, its recording, the fit of a force curve, a
+#: function that returns one of them, or the exception that prevents it.
 Given: TypeAlias = tuple[Row, Any]
 
 
@@ -291,12 +273,11 @@ def identify_each(
         The settings of preparation and identification.
     curves : bool
         Whether these are curves of an array or a force map, for which Hunt–Crossley is the default
-        law and the whole-curve fit is possible. Default: False.
+        law. Default: False.
     """
     rows: list[Row] = []
     seconds: list[float] = []
     begun = perf_counter()
-    searching = curves and searches_whole_curves(settings)
     by = settings.of_curves if curves else settings
     for known, given in contacts:
         try:
@@ -305,14 +286,17 @@ def identify_each(
             given = given() if callable(given) else given
             if isinstance(given, Recording):
                 known = {**place_in_notes(given.notes), **known}
-            contact = (
-                given if isinstance(given, Contact) else prepare(given, **settings.preparation)
-            )
-            new = (
-                [row_of_curve(contact, settings)]
-                if searching
-                else [*identify_rows(contact, by, columns=settings.law)]
-            )
+                if settings.tip is not None and is_force_curve(given.channels):
+                    fixed = settings.estimator.keys() & {"exponent", "surface"}
+                    refuse_options(fixed | settings.preparation.keys())
+                    given = fit_force_curve(given, settings.tip, settings.poisson_ratio)
+            if isinstance(given, Indentation):
+                new = [indentation_row(given, settings)]
+            else:
+                contact = (
+                    given if isinstance(given, Contact) else prepare(given, **settings.preparation)
+                )
+                new = [*identify_rows(contact, by, columns=settings.law)]
             if not new:
                 raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
@@ -364,7 +348,7 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
             _describe_faults(_try_contact(curves, k, settings), d) for k, d in surfaces
         ]
         for k, finding in elsewhere.items():
-            columns["findings"][k].append(format_finding(finding))
+            columns["findings"][k].append(finding_cell(finding))
     return build_table(columns, len(curves), settings)
 
 
@@ -474,14 +458,14 @@ def _flags(fits: CurveFits, left_out: NDArray[np.int64], creating: NDArray[np.bo
     flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | creating | unsettled | (left_out > 0)).tolist():
         taken, count = int(fits.taken[k]), int(left_out[k])
-        more = {
-            f"only {taken} samples in contact": few[k],
-            str(NEGATIVE_STIFFNESS): pulling[k],
-            str(NEGATIVE_DAMPING): creating[k],
-            "the least-squares search did not converge: another fit may be better": unsettled[k],
-            str(outlier_finding(count, max(count + taken, 1))): count,
-        }
-        flags[k] = [*flags[k], *(words for words, so in more.items() if so)]
+        more = (
+            (few_samples(taken), few[k]),
+            (NEGATIVE_STIFFNESS, pulling[k]),
+            (NEGATIVE_DAMPING, creating[k]),
+            (_NOT_CONVERGED, unsettled[k]),
+            (outlier_finding(count, max(count + taken, 1)), count),
+        )
+        flags[k] = [*flags[k], *(finding_cell(finding) for finding, so in more if so)]
     return flags
 
 
@@ -517,13 +501,13 @@ def _try_contact(curves: Curves, row: int, settings: Settings) -> Contact | str:
         return str(error)
 
 
-def _describe_faults(contact: Contact | str, surface: float) -> list[str]:
+def _describe_faults(contact: Contact | str, surface: float) -> list[dict[str, str | None]]:
     """Return the findings on the data, with penetration measured from the identified surface."""
     if isinstance(contact, str):
-        return [f"do-not-trust: file: {contact}"]
+        return [finding_cell(Finding(Check.FILE, contact, severity="do-not-trust"))]
     if math.isfinite(surface):
         contact = replace(contact, penetration=contact.penetration - surface)
-    return [format_finding(each) for each in Data(contact).findings]
+    return [finding_cell(each) for each in Data(contact).findings]
 
 
 # Many contacts in this process: one row each.

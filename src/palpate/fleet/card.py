@@ -133,7 +133,7 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
     yield "peak force", _span(maps.numbers(table, "largest_force"), "N", table)
     yield "largest depth", _span(1e3 * maps.numbers(table, "largest_depth"), "mm", table)
     for quantity in maps.JUDGED:
-        value, error = _with_errors(table, quantity)
+        value, error = _at_depth(table, quantity)
         words = _span(value, AT_DEPTH[quantity])
         if np.isfinite(value).any():
             with np.errstate(all="ignore"):
@@ -146,13 +146,10 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
     yield "force against position", _lateness(table)
 
 
-def _with_errors(table: Table, quantity: str) -> tuple[Floats, Floats]:
+def _at_depth(table: Table, quantity: str) -> tuple[Floats, Floats]:
     """Values at working depth and their whole standard errors."""
     name = f"{quantity}_at_depth"
-    error, systematic = (
-        maps.numbers(table, f"{name}_{part}") for part in ("standard_error", "systematic")
-    )
-    return maps.numbers(table, name), np.hypot(error, np.nan_to_num(systematic))
+    return maps.numbers(table, name), maps.whole_errors(table, name)
 
 
 def _span(values: Floats, unit: str, named: Table | None = None) -> str:
@@ -198,7 +195,7 @@ def _percent(share: float) -> str:
 
 def _cautions(table: Table) -> Iterator[str]:
     rate = maps.numbers(table, "rate")
-    (stiffness, _), (damping, error) = (_with_errors(table, name) for name in maps.JUDGED)
+    (stiffness, _), (damping, error) = (_at_depth(table, name) for name in maps.JUDGED)
     turns = maps.numbers(table, "frequency") / math.tau
     known = np.isfinite(stiffness) & np.isfinite(damping) & np.isfinite(rate)
     if not known.any():
@@ -241,7 +238,7 @@ def _cautions(table: Table) -> Iterator[str]:
 
 def _worst(table: Table) -> tuple[tuple[str, str, str], ...]:
     """Failures and doubtful episodes, the most severe and the least exact first."""
-    value, error = _with_errors(table, "stiffness")
+    value, error = _at_depth(table, "stiffness")
     with np.errstate(all="ignore"):
         inexact = np.nan_to_num(np.abs(error / value), nan=math.inf)
     rows = []

@@ -267,7 +267,7 @@ def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look)
     else:
         axes.plot(x, y, "o", color=colour, markersize=size)
         axes.set_ylim(bottom=0.0)
-    name = found.quantity if what == "value" else "its standard error"
+    name = found.name if what == "value" else "its standard error"
     axes.set(xlabel=along.label(found.axes[0]), ylabel=unit.label(name))
     head(axes, name.capitalize())
 
@@ -324,7 +324,7 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
     axes.grid(False)
     beyond = _beyond(values[known], low, high)
     bar = axes.figure.colorbar(rendered, ax=axes, extend=beyond)
-    name = found.quantity if what == "value" else "its standard error"
+    name = found.name if what == "value" else "its standard error"
     bar.set_label(unit.label(name))
     labels = [f"{axis} [{along.unit}]" if along.unit else axis for axis in found.axes]
     axes.set(xlabel=labels[0], ylabel=labels[1])

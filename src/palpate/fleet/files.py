@@ -18,7 +18,7 @@ from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
 from palpate.recordings.datasets import describe_data_set, is_dataset
-from palpate.recordings.opening import FORCE_CURVES, FORMATS, first_line
+from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, write_bytes, write_text
@@ -386,8 +386,6 @@ def _check_empty(folder: Path) -> None:
 
 # Expand the names on the command line to sources: files, globs, folders, arrays.
 
-#: Endings of files that hold several force curves.
-_MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 # In a folder of recordings a .json mostly holds settings or results.
 _ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
 _BAG = "metadata.yaml"
@@ -488,7 +486,7 @@ def _episodes(name: str, path: Path) -> ContactSource:
 
 def _file(name: str, path: Path) -> ContactSource:
     stamp, size = source_stamp(str(path))
-    several = path.name.lower().endswith(_MAPS)
+    several = path.name.lower().endswith(MAPS)
     curves = _count_curves(path) if several else None
     return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
 

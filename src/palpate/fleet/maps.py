@@ -4,20 +4,20 @@ import json
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
+from palpate.findings import Check
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
 from palpate.results.view import format_depth
 from palpate.validation import Floats, number_in, shown
 
@@ -28,6 +28,8 @@ DISAGREES = 3.0
 # Distance of an outlier from the median of the logarithms, in robust standard deviations: by chance
 # fewer than one in 10⁶.
 OUTLIER = 5.0
+#: A value of the columns ``flags`` and ``findings``.
+Cell: TypeAlias = Mapping[str, str | None]
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?")
 
 
@@ -72,7 +74,7 @@ def numbers(table: Table, name: str) -> Floats:
     return np.array([math.nan if cell is None else cell for cell in cells], dtype=np.float64)
 
 
-def _errors(table: Table, name: str) -> Floats:
+def whole_errors(table: Table, name: str) -> Floats:
     """Return the statistical error of a quantity, combined with the systematic one if known."""
     error, systematic = (
         numbers(table, f"{name}_{kind}") for kind in ("standard_error", "systematic")
@@ -112,38 +114,77 @@ def verdicts_of(table: Table) -> list[tuple[str, str]]:
     verdicts = []
     columns = "source", "error", "verdict", "checked", "findings", "flags"
     for source, error, verdict, checked, findings, flags in _column_rows(table, *columns):
-        reasons = [words.split(": ", 1) for words in findings or () if words[:5] != "note:"]
-        doubt = _untrusted_prefixes("stiffness")
-        marks = ("flagged", "do-not-trust")
-        reasons += [[marks[words.startswith(doubt)], words] for words in flags or ()]
+        reasons = [(f["severity"], describe_finding(f)) for f in findings or () if is_problem(f)]
+        untrusted, marks = _untrusted_by("stiffness"), ("flagged", "do-not-trust")
+        reasons += [(marks[f["check"] in untrusted], describe_flag(f)) for f in flags or ()]
         if error is not None:
-            reasons = [["failed", error.removeprefix(f"{source}: ")]]
+            reasons = [("failed", error.removeprefix(f"{source}: "))]
         default = "not-checked" if checked == "none" else "no-finding"
         severity, reason = min(reasons, key=_severity, default=(default, ""))
         verdicts.append((verdict or severity, reason))
     return verdicts
 
 
+def is_problem(finding: Cell) -> bool:
+    """Whether a finding is more than a note."""
+    return finding["severity"] != "note"
+
+
+def describe_finding(finding: Cell) -> str:
+    """Return the check and the message of a finding."""
+    return f"{finding['check']}: {finding['message']}"
+
+
+def describe_flag(flag: Cell) -> str:
+    """Return the message of a flag, and what to do."""
+    return f"{flag['message']} ({flag['remedy']})" if flag["remedy"] else f"{flag['message']}"
+
+
 def _severity(verdict: Sequence[str]) -> int:
     return VERDICTS.index(verdict[0])
 
 
-def reasons_of_verdicts(names: Sequence[str], verdicts: Sequence[tuple[str, str]]) -> list[str]:
-    """Return a line per reason against trust, the most severe and most frequent first."""
+def reasons_of_verdicts(
+    names: Sequence[str], verdicts: Sequence[tuple[str, str]]
+) -> list[tuple[str, str]]:
+    """Return a verdict and a line per reason against trust, the most severe and frequent first."""
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
     for name, (verdict, reason) in zip(names, verdicts, strict=True):
         if reason and verdict in VERDICTS[:4]:
             groups[verdict, _mask_numbers(reason)].append(f"{verdict}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
-    return [each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1) for _, each in ordered]
+    return [
+        (verdict, each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1))
+        for (verdict, _), each in ordered
+    ]
+
+
+def list_quantities(table: Table) -> tuple[str, ...]:
+    """Return the quantities of the rows: the modulus, if a tip was stated, and those judged."""
+    return (*("modulus" for name in table.schema.names if name == "modulus"), *JUDGED)
+
+
+def quantity_column(quantity: str) -> str:
+    """Return the column of a quantity."""
+    return quantity if quantity == "modulus" else f"{quantity}_at_depth"
+
+
+def quantity_unit(quantity: str) -> str:
+    """Return the unit of a quantity."""
+    return "Pa" if quantity == "modulus" else AT_DEPTH.get(quantity, "")
+
+
+def quantity_name(quantity: str) -> str:
+    """Return the name of a quantity, as text."""
+    return "Young's modulus" if quantity == "modulus" else quantity
 
 
 def format_values(table: Table, quantity: str) -> list[str]:
     """Return a quantity at working depth for each row, with its total standard error and unit."""
-    name = f"{quantity}_at_depth"
+    name = quantity_column(quantity)
     return [
-        with_error(value, error, unit=AT_DEPTH[quantity]) if math.isfinite(value) else "–"
-        for value, error in zip(numbers(table, name), _errors(table, name), strict=True)
+        with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
+        for value, error in zip(numbers(table, name), whole_errors(table, name), strict=True)
     ]
 
 
@@ -158,10 +199,10 @@ def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     table : pyarrow.Table
         Rows of results.
     quantity : str
-        ``"stiffness"`` or ``"damping"``.
+        ``"modulus"``, ``"stiffness"`` or ``"damping"``.
     """
-    value = numbers(table, f"{quantity}_at_depth")
-    error = _errors(table, f"{quantity}_at_depth")
+    value = numbers(table, quantity_column(quantity))
+    error = whole_errors(table, quantity_column(quantity))
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
     totals: Counter[str] = Counter()
@@ -331,9 +372,9 @@ def outliers_of(table: Table) -> list[Outlier]:
     """
     outliers: list[Outlier] = []
     names = names_of(table)
-    for quantity in JUDGED:
-        value = numbers(table, f"{quantity}_at_depth")
-        error = numbers(table, f"{quantity}_at_depth_standard_error")
+    for quantity in list_quantities(table):
+        value = numbers(table, quantity_column(quantity))
+        error = numbers(table, f"{quantity_column(quantity)}_standard_error")
         usable = np.isfinite(value) & (value > 0.0)
         if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
@@ -361,7 +402,8 @@ def slowest(times: Table, most: int = 10) -> list[tuple[str, float, int]]:
 
 # Results over position.
 
-Quantity = Literal["stiffness", "damping", "force", "exponent"]
+MapQuantity: TypeAlias = Literal["modulus", "stiffness", "damping", "force", "exponent"]
+_OF_THE_CONTACT = "modulus", "exponent"  # of no single depth
 _COORDINATES = ("x", "y", "z", "index", "part")
 
 
@@ -414,9 +456,14 @@ class Map:
     warnings: tuple[str, ...]
 
     @property
+    def name(self) -> str:
+        """The name of the quantity, as text."""
+        return quantity_name(self.quantity)
+
+    @property
     def where(self) -> str:
         """The depth of the values, as text."""
-        if self.quantity == "exponent":
+        if self.quantity in _OF_THE_CONTACT:
             return "over the whole contact"
         if self.depth is not None:
             return f"at {format_depth(self.depth)}{self.frequencies}"
@@ -429,13 +476,13 @@ class Map:
         """Median and range of the values, and counts of places to treat with care."""
         known = self.value[np.isfinite(self.value)]
         if not known.size:
-            nothing = f"none of {len(self.value)} places has a {self.quantity} {self.where}"
+            nothing = f"none of {len(self.value)} places has a {self.name} {self.where}"
             return [nothing, *self._remarks]
         error = float(np.nanmedian(self.error)) if np.isfinite(self.error).any() else np.nan
         low, high = (rounded(float(v), 3) for v in np.percentile(known, (5.0, 95.0)))
         middle = with_error(float(np.median(known)), error, unit=self.unit)
         words = (
-            f"{self.quantity} {self.where}: median {middle} (error of one place), 5th to 95th "
+            f"{self.name} {self.where}: median {middle} (error of one place), 5th to 95th "
             f"percentile of {known.size} places {low} to {high} {self.unit}".rstrip()
         )
         return [words, *self._remarks]
@@ -468,7 +515,7 @@ def map_of(
     results: Table,
     by: Sequence[str],
     *,
-    of: Quantity = "stiffness",
+    of: MapQuantity | None = None,
     depth: float | None = None,
 ) -> Map:
     """Return the values of a fleet's results over one or two of their columns.
@@ -480,7 +527,8 @@ def map_of(
     by : sequence of str
         One or two of ``x``, ``y``, ``z``, ``index``, ``part``, or of the other numeric columns.
     of : str
-        ``"stiffness"`` (default), ``"damping"`` or ``"force"`` at depth, or ``"exponent"``.
+        ``"modulus"`` (default, if the rows have it), ``"stiffness"`` (else the default),
+        ``"damping"`` or ``"force"`` at depth, or ``"exponent"``.
     depth : float, optional
         Common depth, m, > 0. Default: the working depth of each contact.
 
@@ -489,6 +537,7 @@ def map_of(
     InvalidParameterError
         A column does not exist or holds no numbers.
     """
+    of = of or ("modulus" if "modulus" in list_quantities(results) else "stiffness")
     axes = tuple(name.strip() for name in by)
     if not 1 <= len(axes) <= 2 or len(set(axes)) < len(axes):
         raise InvalidParameterError(f"by: pass one or two columns, not {shown(', '.join(by))}")
@@ -501,7 +550,7 @@ def map_of(
             )
     value, error, depths = _values(results, of, depth)
     too_shallow = np.zeros(len(value), dtype=bool)
-    if depth is not None and of != "exponent":  # deeper, the law is extrapolated
+    if depth is not None and of not in _OF_THE_CONTACT:  # deeper, the law is extrapolated
         too_shallow = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
         value, error = np.where(too_shallow, np.nan, value), np.where(too_shallow, np.nan, error)
     mistrusted = mistrusted_of(results, of)
@@ -512,7 +561,7 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, warnings = "" if of == "exponent" else AT_DEPTH[of], _warnings(results, placed)
+    unit, warnings = quantity_unit(of), _warnings(results, placed)
     shallow, mistrusted = int(np.count_nonzero(too_shallow[placed])), mistrusted[placed]
     value, error, places, rows = value[placed], error[placed], places[placed], results.num_rows
     at = depth, span, describe_frequencies(results.filter(placed), of)
@@ -538,21 +587,22 @@ def describe_frequencies(results: Table, of: str) -> str:
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
     """Return a mask of the rows that the verdict, findings or flags do not trust."""
-    verdict = f"verdict_{of}" if of in ("stiffness", "damping") else "verdict"
+    verdict = f"verdict_{of}" if of in (*JUDGED, "modulus") else "verdict"
     return np.array(
         [
             mark == "do-not-trust"
-            or (mark is None and any(words.startswith("do-not-trust") for words in findings or ()))
-            or any(words.startswith(_untrusted_prefixes(of)) for words in flags or ())
+            or (mark is None and any(f["severity"] == "do-not-trust" for f in findings or ()))
+            or any(f["check"] in _untrusted_by(of) for f in flags or ())
             for mark, findings, flags in _column_rows(results, verdict, "findings", "flags")
         ],
         dtype=bool,
     )
 
 
-def _untrusted_prefixes(of: str) -> tuple[str, ...]:
-    """Return the beginnings of the flags that make a quantity not to be trusted."""
-    return f"{of} not", f"{of} at the edge", NEGATIVE_STIFFNESS.message
+def _untrusted_by(of: str) -> tuple[Check, ...]:
+    """Return the checks whose flags make a quantity not to be trusted."""
+    own = {"exponent": (Check.EXPONENT, Check.EXPONENT_RANGE), "damping": (Check.DAMPING,)}
+    return Check.NEGATIVE_STIFFNESS, *own.get(of, ())
 
 
 def _warnings(results: Table, placed: NDArray[np.bool_]) -> tuple[str, ...]:
@@ -560,7 +610,7 @@ def _warnings(results: Table, placed: NDArray[np.bool_]) -> tuple[str, ...]:
     inside = results.filter(placed)
     kinds: Counter[tuple[str, ...]] = Counter()
     for findings in inside.column("findings").to_pylist():
-        kinds.update({tuple(words.split(": ")[:2]) for words in findings or ()})
+        kinds.update({(f["severity"], f["check"]) for f in findings or ()})
     ordered = sorted(kinds.items(), key=lambda kind: (kind[0][0], -kind[1], kind[0][1]))
     words = [
         f"{severity}, {check}: at {count} of {inside.num_rows} places"
@@ -584,15 +634,19 @@ def _numbers(results: Table, name: str) -> Floats:
 
 def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Floats, Floats]:
     depths = numbers(results, "depth")
-    if of == "exponent":
-        if "exponent" not in results.schema.names:
-            raise InvalidParameterError(
-                "of: this law has no exponent; choose stiffness, damping or force"
-            )
-        return numbers(results, of), numbers(results, f"{of}_standard_error"), depths
+    if of in _OF_THE_CONTACT:
+        if of not in results.schema.names:
+            why = "run the fleet with --tip" if of == "modulus" else "this law has none"
+            raise InvalidParameterError(f"of: the results have no {of}: {why}")
+        error = (
+            whole_errors(results, of)
+            if of == "modulus"
+            else numbers(results, f"{of}_standard_error")
+        )
+        return numbers(results, of), error, depths
     name = f"{of}_at_depth"
     if depth is None:
-        return numbers(results, name), _errors(results, name), depths
+        return numbers(results, name), whole_errors(results, name), depths
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
     quantities = np.full((results.num_rows, 2), np.nan)

@@ -14,7 +14,6 @@ from palpate.fleet import maps
 from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
 from palpate.fleet.files import REPORT, read_manifest, read_results, read_seconds
 from palpate.fleet.maps import map_of
-from palpate.fleet.rows import AT_DEPTH
 from palpate.fleet.tasks import Table
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, REPORT_STYLE, STYLE, drawing
@@ -65,7 +64,10 @@ def fleet_page(folder: Path) -> str:
     """Return the report of a fleet as HTML."""
     table, times = read_results(folder), maps.slowest(read_seconds(folder))
     flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
-    notable = [[f for f in row or () if not f.startswith("note:")] for row in findings]
+    notable = [
+        [maps.describe_finding(f) for f in row or () if maps.is_problem(f)] for row in findings
+    ]
+    flags = [[maps.describe_flag(f) for f in row or ()] for row in flags]
     reasons = [[escape(k), f"{n}", escape(name)] for k, n, name in maps.reasons_of(table)]
     slowest = [[escape(name), f"{rounded(s, 3)} s", f"{count}"] for name, s, count in times]
     slowest = slowest if len(slowest) > 1 else []
@@ -98,13 +100,16 @@ def _tiles(table: Table) -> Iterator[str]:
         ("identified", f"{count - failed}", _percent(count - failed, count)),
         ("failed", f"{failed}", "errors listed below"),
     ]
-    for quantity in maps.JUDGED:
-        value = maps.numbers(table, f"{quantity}_at_depth")
+    for quantity in maps.list_quantities(table):
+        value = maps.numbers(table, maps.quantity_column(quantity))
         known = value[np.isfinite(value)]
         if known.size:
             low, middle, high = (rounded(v, 3) for v in np.percentile(known, (5, 50, 95)).tolist())
-            words = f"median, {AT_DEPTH[quantity]}; 5th to 95th percentile: {low} to {high}"
-            tiles.append((f"{quantity} at depth", middle, words))
+            words = (
+                f"median, {maps.quantity_unit(quantity)}; 5th to 95th percentile: {low} to {high}"
+            )
+            heading = "Young's modulus" if quantity == "modulus" else f"{quantity} at depth"
+            tiles.append((heading, middle, words))
     yield '<div class="tiles">'
     for heading, number, words in tiles:
         about = f"<small>{heading}</small><b>{number}</b><small>{words}</small>"
@@ -154,7 +159,7 @@ def _map(table: Table) -> Iterator[str]:
 
 
 def _repeats(table: Table) -> Iterator[str]:
-    for quantity in maps.JUDGED:
+    for quantity in maps.list_quantities(table):
         if not (found := maps.repeats_of(table, quantity)):
             continue
         apart = sorted((each for each in found if not each.agree), key=lambda each: -each.z)
@@ -169,7 +174,7 @@ def _repeats(table: Table) -> Iterator[str]:
                 "errors: 1 if the errors are right."
             )
             yield from drawing(f"repeats-{quantity}", partial(draw_repeats, found, quantity), words)
-        unit = AT_DEPTH[quantity]
+        unit = maps.quantity_unit(quantity)
         header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]
         rows = []
         for each in [*apart, *(e for e in found if e.agree)]:
@@ -198,7 +203,7 @@ def _outliers(table: Table) -> Iterator[str]:
         )
     rows = []
     for each in found:
-        number = escape(with_error(each.value, each.error, unit=AT_DEPTH[each.quantity]))
+        number = escape(with_error(each.value, each.error, unit=maps.quantity_unit(each.quantity)))
         rows.append([escape(each.name), each.quantity, number, rounded(each.distance, 2)])
     yield from _list("Outliers", ["contact", "quantity", "at working depth", "robust σ"], rows)
 

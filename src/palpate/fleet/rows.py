@@ -11,18 +11,22 @@ import numpy as np
 from palpate._core import Status
 from palpate.contact import Contact
 from palpate.diagnosis import Data
+from palpate.diagnosis.outcome import Quantity
 from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.oscillation import dynamic_response
 from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.identification.identified import Identified
 from palpate.preparation.along_penetration import divide_by_place
 from palpate.preparation.delay import LONGEST_FOUND, find_delay
+from palpate.quantities.elastic_modulus import ElasticModulus
+from palpate.quantities.indentation import Indentation
 from palpate.validation import Floats
 
 Row = dict[str, Any]
+_FINDING = "severity", "check", "message", "remedy"
 #: Quantities at working depth and their units.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
@@ -31,7 +35,7 @@ def table_schema(settings: Settings) -> Any:
     """Return the schema of a table: type, unit and description of each column, and the settings."""
     pa = needed("pyarrow", "a table of contacts")
     whole, text, number = pa.int64(), pa.string(), pa.float64()
-    texts, numbers = pa.list_(text), pa.list_(number)
+    numbers, found = pa.list_(number), pa.list_(pa.struct([(part, text) for part in _FINDING]))
     law = settings.law
     columns = [
         ("source", text, "", "the file, folder or array that the contact is from"),
@@ -39,7 +43,7 @@ def table_schema(settings: Settings) -> Any:
         ("part", whole, "", "number of the place of a travelling probe, from 0; null otherwise"),
         *((axis, number, "m", f"position on the material along {axis}") for axis in "xyz"),
         ("method", text, "", "the estimator"),
-        ("fit", text, "", "recursion or whole-curve; null after a failure"),
+        ("fit", text, "", "recursion, whole-curve or approach; null after a failure"),
     ]
     for name, unit in zip(law.names(), law.units, strict=True):
         columns.append((name, number, unit, f"{name} of the {law.kind} law"))
@@ -66,6 +70,11 @@ def table_schema(settings: Settings) -> Any:
         name = "relaxed_stiffness_at_depth"
         columns.append((name, number, "N/m", "after relaxation; NaN where nothing relaxes"))
         columns.append((f"{name}_standard_error", number, "N/m", "statistical uncertainty"))
+    if settings.tip is not None:
+        columns.append(("modulus", number, "Pa", "Young's modulus for the stated tip"))
+        columns.append(("modulus_standard_error", number, "Pa", "statistical uncertainty"))
+        columns.append(("modulus_systematic", number, "Pa", "systematic uncertainty"))
+        columns.append(("verdict_modulus", text, "", "trust, with-care or do-not-trust"))
     columns += [
         ("residual", number, "N", "standard deviation of the force minus the fitted force"),
         ("samples", whole, "", "number of samples of the contact"),
@@ -80,9 +89,9 @@ def table_schema(settings: Settings) -> Any:
         ("force_delay", number, "s", "delay by which Hunt-Crossley fits best, of an episode"),
         ("force_delay_standard_error", number, "s", "standard error of the delay"),
         ("taken", whole, "", "number of samples used by the estimate"),
-        ("flags", texts, "", "warnings about the estimate"),
+        ("flags", found, "", "warnings about the estimate"),
         ("checked", text, "", "which checks were requested: none, input or full"),
-        ("findings", texts, "", "severity, check and message; null if nothing was checked"),
+        ("findings", found, "", "problems of data and fit; null if nothing was checked"),
     ]
     for name, words in (
         ("verdict", "trust, with-care or do-not-trust"),
@@ -215,12 +224,14 @@ def identify_row(
     row["rate"] = 1.0 / contact.sample_time
     if contact.tare_deviation is not None:  # without free air the surface is an assumption
         row["contact_fraction"] = row["taken"] / len(contact)
-    row["flags"] = list(result.flags)
+    row["flags"] = [finding_cell(finding) for finding in result.findings]
     row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
+    if settings.tip is not None and result.depths:
+        row |= _modulus_columns(result.elastic_modulus(settings.tip, settings.poisson_ratio))
     if settings.diagnosis == "full":
         return row | _delay_columns(contact) | _diagnosis_columns(result)
     if settings.diagnosis == "input":
-        row["findings"] = [format_finding(finding) for finding in data.findings]
+        row["findings"] = [finding_cell(finding) for finding in data.findings]
     if law.remembers:  # the selection of this law has diagnosed it
         return row | _working_depth_columns(result, systematic=False)
     return row | (values_for_depth(law, covariance, result.depths[0]) if result.depths else {})
@@ -256,9 +267,47 @@ def touches_nothing(table: Table) -> list[bool]:
     return [kind == NoContactError.__name__ for kind in kinds]
 
 
-def format_finding(finding: Finding) -> str:
-    """Return a finding in one line: severity, check and message."""
-    return f"{finding.severity}: {finding.check}: {finding.message}"
+def finding_cell(finding: Finding) -> dict[str, str | None]:
+    """Return a finding as a value of the columns ``flags`` and ``findings``."""
+    return {name: getattr(finding, name) for name in _FINDING}
+
+
+def indentation_row(found: Indentation, settings: Settings) -> Row:
+    """Return the columns for the approach of a force curve; it has no damping."""
+    depth, law = found.depth, settings.law.names()
+    row: Row = {
+        "fit": "approach",
+        "law_name": HuntCrossley.kind,
+        "stiffness": found.stiffness.value,
+        "stiffness_standard_error": found.stiffness.standard_error,
+        "offset": found.baseline[0],
+        "surface": found.contact_point.value,
+        "surface_standard_error": found.contact_point.whole_error,
+        "depth": depth,
+        "largest_depth": found.largest_depth,
+        "residual": found.residual,
+        "samples": found.samples,
+        "taken": found.taken,
+        "flags": [],
+        "findings": [finding_cell(finding) for finding in found.findings],
+    }
+    exponent = found.modulus.tip.exponent
+    if "exponent" in law:
+        row |= {"exponent": exponent, "exponent_standard_error": 0.0}
+    force = found.stiffness.scaled(depth**exponent)
+    for name, value in (("force", force), ("stiffness", force.scaled(exponent / depth))):
+        row |= _quantity_columns(f"{name}_at_depth", value)
+    mark = found.modulus.mark
+    return row | _modulus_columns(found.modulus) | {"verdict": mark, "verdict_stiffness": mark}
+
+
+def _modulus_columns(found: ElasticModulus) -> Row:
+    return {**_quantity_columns("modulus", found.value), "verdict_modulus": found.mark}
+
+
+def _quantity_columns(name: str, quantity: Quantity) -> Row:
+    errors = {"standard_error": quantity.standard_error, "systematic": quantity.systematic}
+    return {name: quantity.value, **{f"{name}_{kind}": error for kind, error in errors.items()}}
 
 
 def values_for_depth(
@@ -299,7 +348,7 @@ def _diagnosis_columns(result: Identified) -> Row:
     diagnosis = result.diagnosis
     marks = diagnosis.verdict
     return _working_depth_columns(result) | {
-        "findings": [format_finding(finding) for finding in diagnosis.findings],
+        "findings": [finding_cell(finding) for finding in diagnosis.findings],
         "verdict": marks.overall,
         "verdict_stiffness": marks.stiffness,
         "verdict_damping": marks.damping,

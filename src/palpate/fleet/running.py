@@ -29,7 +29,6 @@ from palpate.fleet.arrays import (
     fits_whole_curves,
     identify_curves,
     identify_each,
-    searches_whole_curves,
 )
 from palpate.fleet.files import Results, disk_name, list_sources, read_curves
 from palpate.fleet.rows import Row, table_of_rows
@@ -495,7 +494,8 @@ def run_fleet(
     _count(fleet, results.error_kinds())
     if done == total:
         return fleet
-    curves = {"zarr": fits_whole_curves(settings), "map": searches_whole_curves(settings)}
+    curves = dict.fromkeys(("zarr", "map"), settings.tip is not None)
+    curves["zarr"] |= fits_whole_curves(settings)
     work = [
         source.seconds(settings.diagnosis, whole_curve=curves.get(source.kind, False))
         for source in listed

@@ -26,6 +26,8 @@ from palpate.force_laws import ForceLaw
 from palpate.preparation import Columns
 from palpate.preparation.gates import requested_gate
 from palpate.preparation.settings import Preparation
+from palpate.quantities.derived import QueryOptions
+from palpate.quantities.elastic_modulus import Tip
 from palpate.recordings.opening import MAX_SIZE
 from palpate.validation import shown
 
@@ -49,7 +51,7 @@ def cores() -> int:
 # samples. A surface search takes three times as long as the recursion alone; this does not matter,
 # because it scales all tasks alike.
 _RECURSION = {"none": (3e-3, 1e-6), "input": (5e-3, 1e-6), "full": (25e-3, 12e-6)}
-_WHOLE_CURVE = {"none": (1e-4, 1e-7), "input": (6e-4, 5e-7)}
+_WHOLE_CURVE = {"none": (1e-4, 1e-7), "input": (6e-4, 5e-7), "full": (6e-4, 5e-7)}
 # To read and prepare a file: s, s per byte, and bytes per sample (29 in text with four channels).
 _READING, _READING_A_BYTE, _BYTES_A_SAMPLE = 6e-3, 15e-9, 30.0
 # Each task costs some 10 ms for scheduling and for writing its results.
@@ -241,6 +243,11 @@ class Settings:
     diagnosis : str
         ``"none"``; ``"input"`` (default) checks the data, which takes as long as the
         identification; ``"full"`` gives each contact a verdict and takes some fifty times as long.
+    tip : Tip, optional
+        The tip of the probe, for Young's modulus. Of force curves only the approach is then used:
+        :func:`palpate.quantities.indentation.fit_approach`. Default: none, and no modulus.
+    poisson_ratio : float, optional
+        Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, assumed.
     minimum_penetration, minimum_force : float, optional
         Smallest penetration, m, and force, N, in contact. Default: chosen from the data.
     max_size : float
@@ -258,6 +265,8 @@ class Settings:
     estimator: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     preparation: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     diagnosis: DiagnosisDepth = "input"
+    tip: Tip | None = None
+    poisson_ratio: float | None = None
     minimum_penetration: float | None = None
     minimum_force: float | None = None
     max_size: float = MAX_SIZE
@@ -278,6 +287,7 @@ class Settings:
                     allowed = ", ".join(sorted(known))
                     raise InvalidParameterError(f"{whose} has no setting {name}; it has {allowed}")
         usual.replace(**self.estimator)
+        QueryOptions(tip=self.tip, poisson_ratio=self.poisson_ratio)  # which checks them
         Preparation(**self.preparation)
 
     @property

@@ -18,9 +18,9 @@ def why_nothing(data: Data, gate: ContactGate) -> RecordingError:
     for finding in data.findings:
         if finding.severity == "do-not-trust":
             return RecordingError.of(contact.source, str(finding))
-    air = not gate.makes(contact.penetration, contact.force).any()
-    air = bool(air and not depends_on_position(contact.force, contact.penetration))
-    kind = NoContactError if len(contact) and air else RecordingError
+    air = len(contact) > 0 and not gate.makes(contact.penetration, contact.force).any()
+    air = air and not depends_on_position(contact.force, contact.penetration)
+    kind = NoContactError if air else RecordingError
     return kind.of(contact.source, no_contact_message(contact, gate))
 
 

@@ -414,6 +414,24 @@ class Stream:
         return np.asarray((time - origin) * unit_size("time", self.unit), dtype=np.float64)
 
 
+def stream_of(
+    recording: Recording,
+    clock: str | None,
+    names: Sequence[str],
+    units: Mapping[str, str],
+    rate: float | None = None,
+) -> Stream:
+    """Return channels with the times of their clock, as recorded.
+
+    Raises
+    ------
+    RecordingError
+        There is neither a clock nor a rate, or the channels have another length than their clock.
+    """
+    values: Channels = {name: recording.numbers(name) for name in names}
+    return _Taking(recording, units, strict=False)._stream(clock, values, rate)
+
+
 @dataclass(slots=True)
 class _Taking:
     """Converts the channels of a recording and notes each conversion and each skipped sample."""
@@ -436,7 +454,7 @@ class _Taking:
             return self._interpolate_streams(streams)
         [stream] = streams
         time, values, part = self._running(stream, "samples")
-        return self._make_signals(stream.seconds(time, _time_origin(stream)), values, part)
+        return self._make_signals(stream.seconds(time, origin_of(stream)), values, part)
 
     def _values(self, roles: Roles) -> Channels:
         """The channels of each role as one array, in SI units."""
@@ -658,7 +676,7 @@ class _Taking:
             raise RecordingError(
                 f"{source}: the clocks are in {listed}; pass one unit, such as --unit time=s"
             )
-        origin = _time_origin(*streams)
+        origin = origin_of(*streams)
         on_time = []
         for stream in streams:
             time, values, part = self._running(stream, f"samples of {stream.clock}")
@@ -694,7 +712,7 @@ class _Taking:
         return self._make_signals(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
 
 
-def _time_origin(*streams: Stream) -> int | float:
+def origin_of(*streams: Stream) -> int | float:
     """The origin of time: the first time if it is an integer or since 1970, else 0."""
     firsts = [s.time[np.abs(s.time) * unit_size("time", s.unit) <= LATEST] for s in streams]
     known = [first.min() for first in firsts if first.size]

@@ -43,6 +43,8 @@ def remove_delay(contact: Contact, late: float | tuple[float, float] | Literal["
         pair = late if isinstance(late, tuple) else (late, 0.5 * contact.sample_time)
         delay = Delay(*pair)
     late = delay.seconds
+    if late == 0.0:
+        return replace(contact, delay=delay)
     keep = np.zeros(len(contact), dtype=bool)
     rounded = np.mean(np.diff(contact.force) == 0.0) > REPEATED
     moved = ("penetration", "velocity") if rounded else ("force",)
@@ -86,11 +88,7 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     with np.errstate(invalid="ignore"):
         lost = find_spikes(contact.force)
     contact = replace(contact, force=np.where(lost, np.nan, contact.force))
-    x, v = contact.penetration, contact.velocity
-    inside = (x > 0.0) & np.isfinite(v)
-    speed = math.sqrt(float(np.mean(v[inside] ** 2))) if inside.any() else 0.0
-    period = 2.0 * math.pi * float(np.std(x[inside])) / speed if speed > 0.0 else 0.0
-    step = contact.sample_time
+    period, step = motion_period(contact), contact.sample_time
     reach = int(min(longest, period / 6.0) / step)
     if reach < 1:
         raise _unknown(contact, "there is no contact, or its motion is too fast for the samples")
@@ -116,6 +114,14 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
         words = f"the best shift is {abs(shift) * step * 1e3:.3g} ms, the longest that is looked at"
         raise _unknown(contact, words)
     return Delay(shift * step + rest, error, found=True)
+
+
+def motion_period(contact: Contact) -> float:
+    """Return the period of a sine of the same speed and travel in contact, s; 0 without motion."""
+    x, v = contact.penetration, contact.velocity
+    inside = (x > 0.0) & np.isfinite(v)
+    speed = math.sqrt(float(np.mean(v[inside] ** 2))) if inside.any() else 0.0
+    return 2.0 * math.pi * float(np.std(x[inside])) / speed if speed > 0.0 else 0.0
 
 
 def _unknown(contact: Contact, why: str) -> RecordingError:
@@ -164,7 +170,7 @@ def _means(values: Floats, at: NDArray[np.intp], segment: NDArray[np.int64], wid
     width = min(width, max(len(at) // 40, 1))
     border = np.flatnonzero((np.diff(at) != 1) | (np.diff(segment) != 0)) + 1
     runs = np.split(np.arange(len(at)), border)
-    starts = np.concatenate([run[: len(run) - width + 1 : width] for run in runs])
+    starts = np.concatenate([run[: max(len(run) - width + 1, 0) : width] for run in runs])
     sums = np.vstack([np.zeros(values.shape[1]), np.cumsum(values, axis=0)])
     means: Floats = (sums[starts + width] - sums[starts]) / width
     return means

@@ -21,6 +21,7 @@ from palpate.preparation.roles import Columns, Roles, choose_roles, contact_grou
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
+from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
 from palpate.recordings.opening import within
 from palpate.recordings.times import iso_nanoseconds, past_midnight
@@ -49,6 +50,7 @@ Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
 def prepare(
     recording: "Recorded | None" = None,
     *,
+    companion: "Recorded | None" = None,
     columns: Columns | None = None,
     time: "ArrayLike | None" = None,
     penetration: "ArrayLike | None" = None,
@@ -85,6 +87,10 @@ def prepare(
     ----------
     recording : Recording, path or data frame, optional
         The recording. Default: made from the arrays.
+    companion : Recording, path or data frame, optional
+        A second recording of the same contact by another recorder: one gives the position, the
+        other the force. palpate finds the offset of their clocks and moves the force to the
+        position's clock; a ``delay`` is the whole offset, which is then not searched.
     columns : Columns, optional
         Names of the recording's channels. Default: auto-detect.
     time, penetration, force : array_like, shape (k,), optional
@@ -184,12 +190,18 @@ def prepare(
         contact = prepare_contact(_recording_of_arrays(given, settings), settings)
     elif recording is None:
         contact = contact_of_arrays(given, settings)
-    elif given:
+    elif given or (companion is not None and no_time):
+        if companion is not None:
+            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
         raise InvalidParameterError(
             f"pass a recording or arrays, not both: name the channel {next(iter(given))} in columns"
         )
     else:
-        contact = prepare_contact(as_recording(recording, strict=strict), settings)
+        whole = as_recording(recording, strict=strict)
+        if companion is not None:
+            second = as_recording(companion, strict=strict)
+            whole, settings = align(whole, second, settings, prepare_contact)
+        contact = prepare_contact(whole, settings)
     if source is None and provenance is None:
         return contact
     return dataclasses.replace(
@@ -268,7 +280,11 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         stated_units=signals.stated_units,
         timeless=settings.no_time,
         findings=(
-            *(each for each in recording.findings if each.severity != "note"),
+            *(
+                each
+                for each in recording.findings
+                if each.severity != "note" or each.check == Check.CLOCK_OFFSET
+            ),
             *roles.findings,
             *_report_commanded_channels(roles),
             *_report_unused_settings(settings, roles, pressing=pressing),

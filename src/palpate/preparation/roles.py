@@ -3,6 +3,7 @@
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, fields
 
 from palpate.errors import MissingChannelError, RecordingError, list_names
@@ -145,6 +146,46 @@ def contact_groups(recording: Recording, columns: Columns) -> list[str]:
     return choosing.groups(depths, choosing.forces(len(depths[0]))) if depths else []
 
 
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """The channels of a file that could be the position and the force of a contact.
+
+    Attributes
+    ----------
+    recording : Recording
+        The file, with the poses that palpate computed from it.
+    depths, forces : list of tuple of str
+        Channels or vectors that fit; empty without any.
+    time : str or None
+        The time channel of the file, if it has one for all channels.
+    """
+
+    recording: Recording
+    depths: list[tuple[str, ...]]
+    forces: list[tuple[str, ...]]
+    time: str | None
+
+    def clock_of(self, names: tuple[str, ...]) -> str | None:
+        """Return the clock of channels; None without one."""
+        return self.recording.clocks.get(names[0], self.time)
+
+
+def offer_of(recording: Recording, columns: Columns) -> Offer:
+    """Return what a file offers; a channel that is named but not in this file is not an error."""
+    depths, forces = list[tuple[str, ...]](), list[tuple[str, ...]]()
+    time: tuple[str, ...] = ()
+    with suppress(RecordingError):
+        choosing = _Choosing(recording, columns)
+        recording = choosing.recording
+        with suppress(MissingChannelError):
+            depths = choosing.depths()[1]
+        with suppress(MissingChannelError):
+            forces = choosing.forces(len(depths[0]) if depths else 3)
+        with suppress(MissingChannelError):
+            time = choosing._given("time") or choosing._time((depths or forces or [("",)])[0])
+    return Offer(recording, depths, forces, next(iter(time), None))
+
+
 # Names of quantities in messages, in the order in which a message lists them.
 _SPOKEN = {
     "penetration": "a penetration", "position": "a position", "force": "a force",
@@ -153,8 +194,9 @@ _SPOKEN = {
     "angle": "an angle",
 }  # fmt: skip
 _REMEDIES = {
-    "position": "record the position of the probe, or name its channel with --position",
-    "force": "record the force on the same clock, or name its channel with --force",
+    "position": "record the position of the probe, or name its channel with --position, or its "
+    "file with --with",
+    "force": "record the force, or name its channel with --force, or its file with --with",
     "both": "record both, or name their channels with --position and --force",
     "angle": "record the pose of the tool or tf, or name the position's channels with --position",
     "strain": "multiply the stress by the area and the strain by the length of the specimen, and "

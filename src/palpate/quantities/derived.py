@@ -46,7 +46,8 @@ class QueryOptions:
         Impact speed for the restitution, m/s, in (0, 1e6]. Default: the fastest approach recorded
         in contact.
     tip : Tip, optional
-        :class:`Sphere`, :class:`FlatPunch` or :class:`Cone`. Default: none, and no modulus.
+        :class:`Sphere`, :class:`FlatPunch`, :class:`Cone` or :class:`Pyramid`. Default: none, and
+        no modulus.
     poisson_ratio : float, optional
         Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, incompressible; soft tissue is
         nearly incompressible.
@@ -395,6 +396,8 @@ def elastic_modulus_from(
 ) -> "ElasticModulus":
     """Young's modulus from the force at working depth and the shape of the tip.
 
+    For a force curve it is that of :func:`palpate.quantities.indentation.fit_approach`.
+
     Parameters
     ----------
     result : Identification
@@ -410,12 +413,15 @@ def elastic_modulus_from(
         There is no tip, or Poisson's ratio is out of its range.
     """
     from palpate.quantities.elastic_modulus import compute_elastic_modulus
+    from palpate.quantities.indentation import find_force_curve, fit_force_curve
 
     tip = tip or result.query.tip
     ratio = result.query.poisson_ratio if poisson_ratio is None else poisson_ratio
     if tip is None:
         raise InvalidParameterError("tip is missing: pass one, such as tip=Sphere(radius=5e-3)")
     QueryOptions(tip=tip, poisson_ratio=ratio)  # which checks them
+    if (curve := find_force_curve(result.contact)) is not None:
+        return fit_force_curve(curve, tip, ratio).modulus
     depth = result.contact.penetration[result.trace.taken] - result.estimate.surface
     inside = depth[depth > 0.0]
     low, high = np.percentile(inside, (10.0, 90.0)).tolist() if inside.size else (math.nan,) * 2

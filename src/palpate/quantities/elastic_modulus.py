@@ -10,10 +10,10 @@ import math
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
-from palpate.diagnosis.bars import STOPPED
+from palpate.diagnosis.bars import STOPPED, TRUSTED
 from palpate.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity, WorkingDepth
 from palpate.digits import format_quantity
-from palpate.findings import Check
+from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
 from palpate.validation import check_field, finite_or_none
 
@@ -157,8 +157,38 @@ class Cone(Tip):
         return [f"{words}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
+@dataclass(frozen=True, slots=True)
+class Pyramid(Tip):
+    """A pyramid on a square: F = 0.7453 E* tan α x².
+
+    Bilodeau, *J. Applied Mechanics* 59 (1992) 519–523.
+
+    Parameters
+    ----------
+    half_angle : float
+        α, rad, between the axis and a face (not an edge), in (0, 1.57].
+    """
+
+    half_angle: float
+    kind: ClassVar[str] = "pyramid"
+    exponent: ClassVar[float] = 2.0
+
+    def __post_init__(self) -> None:
+        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
+
+    @property
+    def factor(self) -> float:
+        """0.7453 tan α."""
+        return 0.7453 * math.tan(self.half_angle)
+
+    def limitations(self, depth: float) -> list[str]:
+        """Return a warning as for the cone of the same section at each depth."""
+        cone = Cone(math.atan(2.0 / math.sqrt(math.pi) * math.tan(self.half_angle)))
+        return [each.replace("cone", self.kind) for each in cone.limitations(depth)]
+
+
 #: The tips by kind.
-TIPS: dict[str, type[Tip]] = {each.kind: each for each in (Sphere, FlatPunch, Cone)}
+TIPS: dict[str, type[Tip]] = {each.kind: each for each in (Sphere, FlatPunch, Cone, Pyramid)}
 
 
 # Young's modulus of the touched material, for a tip of known shape.
@@ -198,6 +228,8 @@ class ElasticModulus:
         Why there is no modulus.
     remarks : tuple of str
         Remarks for the reader.
+    mark : str
+        ``"trust"``, ``"with-care"`` or ``"do-not-trust"``.
     """
 
     value: Quantity
@@ -207,6 +239,7 @@ class ElasticModulus:
     assumed: bool
     refused: str | None = None
     remarks: tuple[str, ...] = ()
+    mark: Mark = "do-not-trust"
 
     def __repr__(self) -> str:
         number = self.refused or self.value.combined.format("Pa")
@@ -223,6 +256,7 @@ class ElasticModulus:
             "exponent": {**self.exponent.as_dict(), "of_tip": self.tip.exponent},
             "refused": self.refused,
             "remarks": list(self.remarks),
+            "mark": self.mark,
         }
 
 
@@ -282,7 +316,15 @@ def compute_elastic_modulus(
         modulus * math.hypot(spread, moved, by_force, tip.departure(there.depth)),
     )
     remarks = (*_remarks(found, exponent, tip), *tip.limitations(depths[1]))
-    return ElasticModulus(value, *known, remarks=remarks)
+    mark = worst(found.verdict.stiffness, error_mark(value.whole_error / modulus))
+    return ElasticModulus(value, *known, remarks=remarks, mark=mark)
+
+
+def error_mark(relative: float) -> Mark:
+    """Return the mark that a relative standard error of the modulus allows."""
+    if relative <= TRUSTED[0]:
+        return "trust"
+    return "with-care" if relative <= STOPPED[0] else "do-not-trust"
 
 
 def _elastic_force(law: ForceLaw, there: WorkingDepth, depth: float) -> float:

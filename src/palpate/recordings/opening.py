@@ -150,7 +150,9 @@ _PACKED = ("", ".gz", ".bz2", ".xz")
 _TEXTS = tuple(
     f".{kind}{end}" for end in _PACKED for kind in ("csv", "tsv", "txt", "dat", "lvm", "mot")
 )
-_CURVES = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series", ".ibw")
+#: Endings of files that hold several force curves.
+MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
+_CURVES = (".jpk-force", *MAPS, ".ibw")
 _BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
 _MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
 TEXT = Format("text", _TEXTS, f"{_HERE}.text")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 from palpate.errors import printable as visible
-from palpate.findings import Finding
+from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.recordings.times import SECONDS, is_timelike
 from palpate.validation import Floats, reject_masks, shown
@@ -138,12 +138,16 @@ class Recording:
     @property
     def losses(self) -> tuple[str, ...]:
         """Sentences on the parts of the file that could not be read."""
-        return tuple(each.message for each in self.findings if each.severity != "note")
+        return tuple(f.message for f in self._on_file if f.severity != "note")
 
     @property
     def omissions(self) -> tuple[str, ...]:
         """Sentences on the parts skipped because they hold no numbers or were not requested."""
-        return tuple(each.message for each in self.findings if each.severity == "note")
+        return tuple(f.message for f in self._on_file if f.severity == "note")
+
+    @property
+    def _on_file(self) -> list[Finding]:
+        return [each for each in self.findings if each.check == Check.FILE]
 
     def channel(self, name: str) -> NDArray[Any]:
         """Return a channel as it was recorded.

@@ -292,6 +292,8 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
         parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
+    offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
+    rows += [("clocks", each.message) for each in offsets]
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
     rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in derived]
@@ -748,8 +750,10 @@ def _describe_passivity(result: "Identified") -> Line:
 
 def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Line:
     found: ElasticModulus | CompressionModulus
+    mark = ""
     if part.query.specimen is None:
         found = part.elastic_modulus()
+        mark = "" if found.refused else f" ({spoken(found.mark)})"
         ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
         body = f"{_describe_tip(found.tip)}, {ratio}"
     else:
@@ -760,13 +764,14 @@ def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Lin
     if found.refused:
         return Line(f"{when}not determined: {found.refused}", "Young's modulus")
     value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
-    return Line(f"{when}{value} for {body}", "Young's modulus", remarks=found.remarks)
+    return Line(f"{when}{value}{mark} for {body}", "Young's modulus", remarks=found.remarks)
 
 
 def _describe_tip(tip: "Tip") -> str:
     size = tip.as_dict()
     if "half_angle" in size:
-        return f"a cone of {rounded(math.degrees(size['half_angle']), 4)}° between axis and side"
+        angle = rounded(math.degrees(size["half_angle"]), 4)
+        return f"a {tip.kind} of {angle}° between axis and side"
     return f"a {tip.kind} of {_plain(size['radius'], 'm')} radius"
 
 

@@ -1,0 +1,179 @@
+"""Young's modulus of force curves: contact point, baseline, adhesion, and what is refused."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from containers import HEIGHT_SCALE, SENSITIVITY, SPRING_CONSTANT, VOLTS, write_jpk
+
+import palpate
+from benchmarks.fleets.force_curves import COUNT, force_curve
+from palpate import Cone, FlatPunch, Pyramid, Recording, RecordingError, Sphere
+from palpate.findings import Check
+from palpate.quantities.elastic_modulus import TIPS
+from palpate.quantities.indentation import fit_approach, fit_force_curve, prepare_force_curve
+
+RADIUS = 5e-6
+TIP = "sphere:radius=5um"
+
+
+def approach(tip, *, modulus=2000.0, depth=1e-6, travel=4e-6, noise=0.0, count=2000):
+    """Penetration and force of an approach; the surface is at 10 µm."""
+    x = np.linspace(-travel, depth, count)
+    force = modulus / 0.75 * tip.factor * np.maximum(x, 0.0) ** tip.exponent
+    return x + 10e-6, force + noise * np.random.default_rng(5).normal(size=count)
+
+
+def checks(found):
+    return {each.check for each in found.findings}
+
+
+def test_the_modulus_of_known_curves_is_within_two_bars_and_their_adhesion_is_named():
+    curves = [force_curve(number) for number in range(COUNT)]
+    fits = [curve.fit() for curve in curves]
+    for fit, curve in zip(fits, curves, strict=True):
+        assert (Check.PULL_OFF in checks(fit)) is curve.adheres
+        assert not (Check.BASELINE in checks(fit) and not curve.bends)
+    values = [fit.modulus.value for fit in fits]
+    errors = [v.value - c.modulus for v, c in zip(values, curves, strict=True)]
+    within = [abs(e) <= 2.0 * v.whole_error for e, v in zip(errors, values, strict=True)]
+    assert sum(within) >= 36
+    assert np.median([v.whole_error / v.value for v in values]) < 0.04
+    assert sum(Check.BASELINE in checks(fit) for fit in fits) >= 15  # of 20
+
+
+@pytest.mark.parametrize("tip", [Sphere(RADIUS), FlatPunch(1e-6), Cone(0.6), Pyramid(0.6)])
+def test_each_tip_gives_back_the_modulus_and_the_contact_point(tip):
+    assert TIPS[tip.kind] is type(tip)
+    x, force = approach(tip, depth=0.4e-6, noise=1e-12)
+    found = fit_approach(x, force + 3e-10 + 2e-5 * x, None, tip)
+    assert found.modulus.value.value == pytest.approx(2000.0, rel=0.05)
+    assert found.contact_point.value == pytest.approx(10e-6, abs=1e-8)
+    assert found.baseline == pytest.approx((3e-10 + 2e-5 * 10e-6, 2e-5), rel=0.02)
+    assert found.largest_depth == pytest.approx(0.4e-6, abs=1e-8)
+    other = fit_approach(x, force, None, tip, 0.0).modulus
+    assert other.value.value == pytest.approx(2000.0 / 0.75, rel=0.05)
+    assert (other.poisson_ratio, other.assumed) == (0.0, False)
+
+
+def test_a_contact_point_at_an_edge_or_below_the_noise_is_not_trusted():
+    tip = Sphere(RADIUS)
+    near = fit_approach(*approach(tip, travel=0.5e-6, noise=1e-12), None, tip)
+    few = fit_approach(*approach(tip, depth=20e-9, travel=8e-6, noise=1e-14), None, tip)
+    for found in (near, few):
+        assert Check.CONTACT_POINT in checks(found)
+        assert found.modulus.mark == "do-not-trust"
+    x, force = approach(tip, depth=0.1e-6)
+    noisy = force + 0.5 * force.max() * np.random.default_rng(1).normal(size=x.size)
+    found = fit_approach(x, noisy, None, tip)
+    assert Check.INDENTATION in checks(found)
+    assert found.modulus.mark == "do-not-trust"
+
+
+def test_another_tip_than_the_true_one_is_not_trusted():
+    x, force = approach(Cone(0.6), noise=1e-12)
+    assert fit_approach(x, force, None, Cone(0.6)).modulus.mark == "trust"
+    found = fit_approach(x, force, None, Sphere(RADIUS))
+    assert Check.TIP_SHAPE in checks(found)
+    assert found.modulus.mark == "with-care"
+    assert "to the power 2.00" in found.modulus.remarks[0]
+
+
+def test_a_curve_without_contact_and_a_depth_beyond_the_ball_have_no_modulus():
+    x = np.linspace(0.0, 1e-6, 500)
+    noise = np.random.default_rng(2).normal(size=500)
+    for force in (-x, np.full(500, np.nan)):
+        with pytest.raises(RecordingError, match=r"curve: the approach has"):
+            fit_approach(x, force, None, Sphere(RADIUS), source="curve")
+    for few in (0, 39):
+        with pytest.raises(RecordingError, match=f"the approach has {few} samples; it needs 40"):
+            fit_approach(x[:few], noise[:few], None, Sphere(RADIUS))
+    found = fit_approach(*approach(Sphere(0.2e-6), noise=1e-13), None, Sphere(0.2e-6)).modulus
+    assert "larger than the sphere allows" in found.refused
+    assert math.isnan(found.value.value)
+    assert found.mark == "do-not-trust"
+
+
+def recorded(*, retract):
+    x, force = approach(Sphere(RADIUS), noise=1e-12)
+    if retract:
+        x, force = np.concatenate([x, x[::-1]]), np.concatenate([force, force[::-1]])
+    time = 1e-3 * np.arange(x.size)
+    channels = {"time": time, "tip position": -x, "force": force + 1e-10}
+    if retract:
+        channels["segment"] = np.repeat([0, 1], x.size // 2)
+    return Recording(channels, source="curve", clocks={"force": "time", "tip position": "time"})
+
+
+def test_an_approach_alone_has_no_damping_and_with_its_retract_it_has():
+    for retract in (False, True):
+        curve = recorded(retract=retract)
+        found = fit_force_curve(curve, Sphere(RADIUS))
+        contact = prepare_force_curve(curve, found)
+        assert contact.timeless is not retract
+        result = palpate.identify(contact, palpate.VariableProjection(exponent=1.5))
+        assert math.isfinite(result.diagnosis.working_depth.damping.value) is retract
+        stiffness = result.diagnosis.working_depth.stiffness
+        expected = 1.5 * found.stiffness.value * result.depths[0] ** 0.5
+        assert stiffness.value == pytest.approx(expected, rel=0.02)
+        # The numbers of a force curve have one origin, whoever asks for them.
+        assert result.elastic_modulus(Sphere(RADIUS)).value == found.modulus.value
+
+
+@pytest.fixture(scope="module")
+def map_file(tmp_path_factory):
+    """A force map of four curves, of 1, 2, 3 and 4 kPa, in the counts of an instrument."""
+    curves = []
+    for number in range(4):
+        x, force = approach(
+            Sphere(RADIUS), modulus=1000.0 * (number + 1), depth=0.4e-6, noise=5e-12
+        )
+        x, force = np.concatenate([x, x[::-1]]), np.concatenate([force, force[::-1]])
+        height = (40e-6 - x - force / SPRING_CONSTANT) / (HEIGHT_SCALE * VOLTS)
+        deflection = force / (SENSITIVITY * SPRING_CONSTANT * VOLTS)
+        curves.append((np.round(height), np.round(deflection)))
+    return write_jpk(tmp_path_factory.mktemp("afm") / "map.jpk-force-map", curves)
+
+
+def test_identify_fleet_and_map_give_the_same_modulus(map_file, run, tmp_path):
+    from palpate.fleet.files import read_results
+    from palpate.fleet.maps import map_of
+
+    folder = tmp_path / "results"
+    code, out, _ = run("fleet", map_file, "-o", folder, "--tip", TIP, "--workers", "1")
+    assert code == 0
+    assert "Young's modulus" in out
+    assert "pass --tip" not in out
+    out = run("fleet", map_file, "-o", tmp_path / "without", "--workers", "1")[1]
+    assert "for Young's modulus of force curves pass --tip" in out
+    table = read_results(folder)
+    rows = table.to_pylist()
+    for number, row in enumerate(rows):
+        error = math.hypot(row["modulus_standard_error"], row["modulus_systematic"])
+        assert abs(row["modulus"] - 1000.0 * (number + 1)) < 2.0 * error
+        assert row["verdict"] == row["verdict_modulus"] == "trust"
+        assert row["verdict_damping"] is None
+    code, out, _ = run("identify", map_file, "--curve", "2", "--tip", TIP, "--json")
+    modulus = json.loads(out)["results"][0]["elastic_modulus"]
+    assert (modulus["value"], modulus["mark"]) == (rows[2]["modulus"], "trust")
+    found = map_of(table, ["index"])
+    assert (found.quantity, found.unit, found.name) == ("modulus", "Pa", "Young's modulus")
+    assert found.value.tolist() == [row["modulus"] for row in rows]
+    code, out, _ = run("map", folder, "--by", "index", "--figure", tmp_path / "map.svg")
+    assert out.startswith("Young's modulus over the whole contact: median 250")
+    code, _, error = run("identify", map_file, "--curve", "2", "--tip", TIP, "--exponent", "1.5")
+    assert (code, "drop the options for exponent" in error) == (2, True)
+    code, _, error = run("identify", map_file, "--curve", "2", "--tip", TIP, "--stop", "0.3")
+    assert (code, "drop the options for window" in error) == (2, True)
+
+
+def test_arrays_with_a_tip_are_force_curves():
+    from palpate.fleet.arrays import Curves, identify_curves
+    from palpate.fleet.tasks import Settings
+
+    x, force = approach(Sphere(RADIUS), noise=1e-12)
+    curves = Curves(1e-3 * np.arange(x.size), np.stack([x, x]), np.stack([force, -force]))
+    rows = identify_curves(curves, Settings(tip=Sphere(RADIUS)))[0].to_pylist()
+    assert rows[0]["modulus"] == pytest.approx(2000.0, rel=0.02)
+    assert "no contact in which the force rises" in rows[1]["error"]
