@@ -131,7 +131,7 @@ def run_fleet(*_, **options):
     threading.Thread(target=threading.Event().wait).start()
     raise KeyboardInterrupt
 running.run_fleet = run_fleet
-sys.argv = ["palpate", "fleet", "a", "-o", "b"]
+sys.argv = ["palpate", "fleet", sys.executable, "-o", "b"]
 from palpate.cli import main
 main()
 """

@@ -150,7 +150,7 @@ def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():
     assert "4 of 40 contacts have a stiffness marked do not trust" in text
     lines = card.markdown.splitlines()
     assert len(lines) <= 60
-    assert r"a: \| bad" in card.markdown
+    assert r"misfit: \| bad" in card.markdown
 
 
 def test_a_card_of_free_air_alone_says_so():
