@@ -11,7 +11,13 @@ from robots import BIAS, NORMAL, ORIGIN, Hand, hand, table_of, topics_of
 import palpate
 from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
 from palpate.digits import with_error
-from palpate.preparation.settings import largest_turn, normal_found, normal_given, rotate_to_base
+from palpate.preparation.settings import (
+    largest_turn,
+    never_touches,
+    normal_found,
+    normal_given,
+    rotate_to_base,
+)
 from palpate.preparation.surfaces import find_surface
 
 
@@ -380,3 +386,14 @@ def test_stiffness_and_parameters_are_known_no_better_than_the_surface():
         away = np.abs(result.law.parameters - PVC.parameters)
         assert (away < 3.0 * result.standard_errors).all()
         assert (result.standard_errors > result.estimate.standard_errors).all()
+
+
+@pytest.mark.parametrize("zero", [0.0, 0.3])
+def test_axes_that_measure_nothing_make_no_contact_of_free_air(zero):
+    time = 0.02 * np.arange(300.0)
+    force = np.full((300, 3), zero)
+    force[:, 2] = 0.02 * np.random.default_rng(0).standard_normal(300)
+    position = np.zeros((300, 3))
+    position[:, 2] = 4e-3 * np.sin(5.0 * time)
+    assert never_touches(force, position)
+    assert not never_touches(force + 10.0 * position, position)

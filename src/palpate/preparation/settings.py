@@ -349,11 +349,12 @@ def depends_on_position(force: Floats, position: Floats) -> bool:
     if len(f) < FEWEST_TO_DEPEND:
         return False
     terms = np.hstack([p, (p - p.mean(axis=0)) ** 2, np.gradient(p, axis=0)])
+    rounding = len(f) * (1e-12 * np.abs(f).max(axis=0)) ** 2  # what a constant axis is left with
     f, terms = f - f.mean(axis=0), terms - terms.mean(axis=0)
     terms = terms / np.maximum(np.abs(terms).max(axis=0), TINY)
     left = f - terms @ np.linalg.lstsq(terms, f, rcond=1e-9)[0]
-    total = np.maximum((f**2).sum(axis=0), TINY)
-    explained = 1.0 - (left**2).sum(axis=0) / total
+    total = (f**2).sum(axis=0)
+    explained = (total - (left**2).sum(axis=0)) / np.maximum(total, rounding + TINY)
     return bool(explained.max() > LEAST_EXPLAINED + 4.0 * terms.shape[1] / len(f))
 
 
