@@ -12,20 +12,30 @@ import numpy as np
 from rich.console import Console
 
 from benchmarks import machine, report
+from benchmarks.allocations import kept_blocks, passing_bytes
 from benchmarks.motion import PERIOD, Samples, contact_arrays, contact_samples
 from benchmarks.native_programs import BuildError, native_programs
-from benchmarks.report import Row, Section
+from benchmarks.report import Limit, Row, Section
 from benchmarks.timing import Case, Clock, Effort, clock
-from palpate import OnlinePreparation, SingleStageRLS, VariableProjection
+from palpate import (
+    OnlinePreparation,
+    Payload,
+    PayloadCompensation,
+    SingleStageRLS,
+    VariableProjection,
+)
 from palpate.writing import write_text
 
 PASSES = 5
 UPDATE, TIMED = "OnlinePreparation.update", "OnlinePreparation.update, time given"
+COMPENSATION = "PayloadCompensation.update"
+LIMITS = {COMPENSATION: Limit(1000.0)}  # ns
 LOOP, SINGLE = "OnlinePreparation and SingleStageRLS", "SingleStageRLS.update"
 NATIVE = {
     "even": "VelocityFilter<15>::update",
     "uneven": "VelocityFilter<15>::update, uneven clock",
     "prepared": "OnlinePreparation<15>::update",
+    "compensated": "PayloadCompensation<255>::update, window of 101",
     "KelvinVoigtRLS": "KelvinVoigtRLS::update",
     "SingleStageRLS": "SingleStageRLS::update",
     "VariableProjection": "VariableProjection::update",
@@ -37,7 +47,9 @@ def measure_preparation(clock: Clock, effort: Effort) -> Section:
     samples = contact_samples(PERIOD)
     times = clock.best("preparation", _cases(samples), effort.call_rounds)
     rows = [
-        Row(
+        Row(name, 1e9 * seconds, "ns", limit=LIMITS[name])
+        if name in LIMITS
+        else Row(
             name,
             1e9 * seconds,
             "ns",
@@ -45,6 +57,13 @@ def measure_preparation(clock: Clock, effort: Effort) -> Section:
         )
         for name, seconds in times.items()
     ]
+    poses = _poses(samples)
+    for count, unit in ((passing_bytes, "bytes"), (kept_blocks, "blocks")):
+        update = _compensation().update
+        update(*poses[0])
+        own = count(lambda position, orientation, wrench, time: None, poses[1:])
+        allocated = count(update, poses[1:]) - own
+        rows.append(Row(f"{COMPENSATION}: allocated", allocated, unit, limit=Limit(0)))
     notes = [
         f"{PERIOD} samples of contact; shortest of the rounds, including the loop around the call."
     ]
@@ -70,7 +89,28 @@ def _cases(samples: Samples) -> dict[str, Case]:
         UPDATE: lambda: _prepared(measured),
         TIMED: lambda: _prepared(stamped),
         LOOP: lambda: _loop(measured),
+        COMPENSATION: lambda: _compensated(_poses(samples)),
     }
+
+
+def _compensation() -> PayloadCompensation:
+    payload = Payload(0.5, np.array([0.0, 0.0, 0.05]), np.eye(3), np.ones(6), np.full(6, 1e-4))
+    return PayloadCompensation(payload=payload)
+
+
+def _poses(samples: Samples) -> list[Any]:
+    return [
+        ((0.0, 0.0, -x), (1.0, x, 0.0, 0.0), (0.0, 0.0, force, 0.1, 0.0, 0.0), 1e-3 * k)
+        for k, (x, _, force) in enumerate(samples)
+    ]
+
+
+def _compensated(rows: list[Any]) -> float:
+    update = _compensation().update
+    start = perf_counter()
+    for row in rows:
+        update(*row)
+    return (perf_counter() - start) / len(rows)
 
 
 def _seconds(estimator: Any, update: Callable[..., Any], samples: Samples) -> float:

@@ -1,0 +1,246 @@
+"""The tool's weight and inertia are subtracted sample by sample as from a whole log."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from palpate import InvalidParameterError, Payload, PayloadCompensation, Status
+from palpate.recordings.poses import multiply, rotate
+
+STEP = 1e-3  # s
+
+
+def turn(axis, angle):
+    """Quaternions of rotations about an axis."""
+    angle = np.asarray(angle)[..., None]
+    return np.concatenate([np.sin(0.5 * angle) * np.asarray(axis), np.cos(0.5 * angle)], axis=-1)
+
+
+def matrix_of(quaternion):
+    return rotate(np.eye(3), np.asarray(quaternion)).T
+
+
+PAYLOAD = Payload(
+    mass=0.7,
+    centre=np.array([0.004, -0.003, 0.045]),
+    mount=matrix_of([0.1, 0.2, np.sin(0.3), np.sqrt(1.0 - 0.05 - np.sin(0.3) ** 2)]),
+    bias=np.array([3.0, -5.0, 8.0, 0.1, -0.2, 0.05]),
+    inertia=np.array([2e-3, 1.8e-3, 4e-4, 1e-4, -2e-4, 5e-5]),
+    lever=np.array([0.001, 0.002, 0.03]),
+)
+FORCE, TORQUE = np.array([1.0, -2.0, 5.0]), np.array([0.1, 0.2, -0.3])  # external, base
+
+
+def motion(time):
+    """A tool that points down, swings by 30° about two axes and moves at up to 2 Hz."""
+    position = 0.05 * np.column_stack(
+        [np.sin(5.0 * time), np.cos(9.0 * time + 1.0), np.sin(12.0 * time + 2.0)]
+    )
+    down = np.array([1.0, 0.0, 0.0, 0.0])
+    swing = multiply(turn([0, 1, 0], 0.5 * np.sin(4.0 * time)), turn([1, 0, 0], np.sin(6.0 * time)))
+    return position, multiply(np.broadcast_to(down, swing.shape), swing)
+
+
+def derivatives(of, time, step=1e-4):
+    """First and second derivatives of a function of time, by differences of fourth order."""
+    far, near = (of(time + 2 * step), of(time + step)), (of(time - step), of(time - 2 * step))
+    first = (far[1] * 8 - far[0] - near[0] * 8 + near[1]) / (12 * step)
+    second = (16 * (far[1] + near[0]) - far[0] - near[1] - 30 * of(time)) / (12 * step**2)
+    return first, second
+
+
+def conjugate(quaternion):
+    return quaternion * [-1.0, -1.0, -1.0, 1.0]
+
+
+def wrench_of(payload, time, force=FORCE, torque=TORQUE):
+    """The wrench that the sensor reads, by the formula for a whole log."""
+    _, acceleration = derivatives(lambda t: motion(t)[0], time)
+    q = motion(time)[1]
+    q1, q2 = derivatives(lambda t: motion(t)[1], time)
+    spin, change = (2.0 * multiply(conjugate(q), each)[:, :3] for each in (q1, q2))
+    specific = rotate([0.0, 0.0, -9.80665] - acceleration, conjugate(q))
+    load = payload.wrench(specific, spin, change) + payload.bias
+    outside = [rotate(each, conjugate(q)) @ payload.mount for each in (force, torque)]
+    return payload.sign * (load + np.hstack(outside))
+
+
+def compensated(compensation, time, wrench, orientations=None):
+    """The times, forces and torques of the outputs, by updates with each sample."""
+    positions, quaternions = motion(time)
+    orientations = quaternions if orientations is None else orientations
+    return np.array(
+        [
+            (compensation.time, *compensation.force, *compensation.torque)
+            for sample in zip(positions, orientations, wrench, time, strict=True)
+            if compensation.update(*sample) is Status.UPDATED
+        ]
+    )
+
+
+@pytest.mark.parametrize(
+    "sign, delay, frame",
+    [(1.0, 0.0, "base"), (-1.0, 0.0123, "base"), (1.0, -0.047, "sensor"), (1.0, 0.0604, "base")],
+)
+def test_live_outputs_are_the_external_wrench_of_the_formula_for_a_whole_log(sign, delay, frame):
+    payload = replace(PAYLOAD, sign=sign, delay=delay)
+    time = np.arange(0.0, 1.0, STEP)
+    compensation = PayloadCompensation(payload=payload, frame=frame)
+    rows = compensated(compensation, time, wrench_of(payload, time - delay))
+    assert len(rows) > 750
+    expected = np.broadcast_to([*FORCE, *TORQUE], (len(rows), 6))
+    if frame == "sensor":
+        q = motion(rows[:, 0])[1]
+        turned = [rotate(each, conjugate(q)) @ payload.mount for each in (FORCE, TORQUE)]
+        expected = np.hstack(turned)
+    # A quartic over 0.1 s keeps 0.9998 of an acceleration at 2 Hz; the load varies by 6 N.
+    np.testing.assert_allclose(rows[:, 1:4], expected[:, :3], atol=4e-3)
+    np.testing.assert_allclose(rows[:, 4:], expected[:, 3:], atol=3e-4)
+
+
+def test_outputs_equal_the_formula_with_the_quartic_that_the_filter_states():
+    """To rounding, on poses with noise: the derivatives are of the least-squares quartic."""
+    random = np.random.default_rng(1)
+    time = np.arange(0.0, 0.2, STEP)
+    position, quaternion = motion(time)
+    position = position + 1e-4 * random.standard_normal(position.shape)
+    wrench = random.standard_normal((len(time), 6))
+    compensation = PayloadCompensation(payload=PAYLOAD, frame="sensor", motion_window=0.031)
+    powers = (STEP * np.arange(-15, 16.0))[:, None] ** np.arange(5)
+    count = 0
+    for k, sample in enumerate(zip(position, quaternion, wrench, time, strict=True)):
+        if compensation.update(*sample) is not Status.UPDATED:
+            continue
+        window = slice(k - 30, k + 1)
+        acceleration = 2.0 * np.linalg.lstsq(powers, position[window], rcond=None)[0][2:3]
+        q, q1, q2 = np.linalg.lstsq(powers, quaternion[window], rcond=None)[0][:3, None]
+        q, q1, q2 = np.array([q, q1, 2.0 * q2]) / np.linalg.norm(q)
+        spin, change = (2.0 * multiply(conjugate(q), each)[:, :3] for each in (q1, q2))
+        specific = rotate([[0.0, 0.0, -9.80665]] - acceleration, conjugate(q))
+        expected = wrench[k - 15] - PAYLOAD.wrench(specific, spin, change)[0] - PAYLOAD.bias
+        output = np.array([*compensation.force, *compensation.torque])
+        np.testing.assert_allclose(output, expected, atol=1e-8)
+        np.testing.assert_array_equal(compensation.position, position[k - 15])
+        assert compensation.time == time[k - 15]
+        count += 1
+    assert count == len(time) - 30
+    assert compensation.delay == pytest.approx(0.015)
+
+
+def test_without_a_window_the_weight_is_subtracted_without_delay():
+    compensation = PayloadCompensation(payload=PAYLOAD, motion_window=0.0)
+    for orientation in (turn([1, 0, 0], 2.0), turn([0, 1, 0], np.pi), turn([0, 0, 1], -3.0)):
+        gravity = rotate(np.array([[0.0, 0.0, -9.80665]]), conjugate(orientation)[None])
+        still = np.zeros((1, 3))
+        wrench = PAYLOAD.wrench(gravity, still, still)[0] + PAYLOAD.bias
+        for form in (orientation, -orientation, matrix_of(orientation)):
+            compensation.reset()
+            compensation.update((0.0, 0.0, 0.0), form, wrench, 0.0)
+            assert compensation.update((0, 0, 0), form, wrench.tolist(), STEP) is Status.UPDATED
+            np.testing.assert_allclose(compensation.force, 0.0, atol=1e-12)
+            np.testing.assert_allclose(compensation.torque, 0.0, atol=1e-12)
+    assert compensation.delay == 0.0
+
+
+def test_quaternions_whose_sign_jumps_give_the_same_outputs():
+    time = np.arange(0.0, 0.5, STEP)
+    wrench, quaternions = wrench_of(PAYLOAD, time), motion(time)[1]
+    jumping = quaternions * np.where(np.arange(len(time)) % 7 < 3, 1.0, -1.0)[:, None]
+    expected, rows = (
+        compensated(PayloadCompensation(payload=PAYLOAD), time, wrench, each)
+        for each in (quaternions, jumping)
+    )
+    np.testing.assert_array_equal(rows, expected)
+
+
+def test_a_clock_that_is_not_nominal_or_jitters_costs_little():
+    random = np.random.default_rng(2)
+    for step, jitter, tolerance in ((1.5e-3, 0.0, 2e-2), (STEP, 5e-5, 0.1)):
+        time = np.arange(0.0, 1.0, step)
+        time = time + jitter * random.standard_normal(len(time))
+        rows = compensated(PayloadCompensation(payload=PAYLOAD), time, wrench_of(PAYLOAD, time))
+        assert len(rows) > 400
+        np.testing.assert_allclose(rows[:, 1:4] - FORCE, 0.0, atol=tolerance)
+
+
+def test_bad_samples_are_refused_and_change_nothing():
+    time = np.arange(0.0, 0.4, STEP)
+    wrench, (positions, quaternions) = wrench_of(PAYLOAD, time), motion(time)
+    clean, faulty = PayloadCompensation(payload=PAYLOAD), PayloadCompensation(payload=PAYLOAD)
+    nan, huge, before = (np.nan,) * 3, (1e200, 0.0, 0.0), None
+    for sample in zip(positions, quaternions, wrench, time, strict=True):
+        position, orientation, force, now = sample
+        status = clean.update(*sample)
+        if before is not None:
+            for bad, expected in (
+                ((nan, orientation, force, now), Status.NOT_FINITE),
+                ((position, (*nan, 1.0), force, now), Status.NOT_FINITE),
+                ((position, orientation, force, np.inf), Status.NOT_FINITE),
+                ((position, orientation, nan, now), Status.NOT_FINITE),
+                ((huge, orientation, force, now), Status.OUT_OF_RANGE),
+                ((position, (0.0, 0.0, 0.0, 0.0), force, now), Status.OUT_OF_RANGE),
+                ((position, 1.03 * orientation, force, now), Status.OUT_OF_RANGE),
+                ((position, orientation, force, before), Status.INVALID_STEP),
+            ):
+                assert faulty.update(*bad) is expected
+        before = now
+        assert faulty.update(*sample) is status
+    assert faulty.force == clean.force
+    assert faulty.torque == clean.torque
+    for jump in (100.0, -5.0):
+        assert clean.update(*sample[:3], jump) is Status.RESTARTED
+        assert clean.update(*sample[:3], jump + STEP) is Status.WAITING
+
+
+def test_samples_that_arrive_at_less_than_half_the_rate_wait():
+    compensation = PayloadCompensation(payload=PAYLOAD)
+    time = 2.1e-3 * np.arange(500)
+    assert len(compensated(compensation, time, wrench_of(PAYLOAD, time))) == 0
+
+
+def test_a_tare_in_free_air_follows_a_sensor_that_was_zeroed():
+    time = np.arange(0.0, 1.0, STEP)
+    zeroed = np.array([-3.0, 4.0, -8.0, 0.0, 0.1, 0.2])
+    wrench = wrench_of(PAYLOAD, time, np.zeros(3), np.zeros(3)) + zeroed
+    compensation = PayloadCompensation(payload=PAYLOAD)
+    assert not compensation.finish_tare()
+    compensation.start_tare()
+    assert np.abs(compensated(compensation, time[:500], wrench[:500])[:, 1:]).max() > 1.0
+    assert compensation.finish_tare()
+    rows = compensated(compensation, time[500:], wrench[500:])
+    np.testing.assert_allclose(rows[:, 1:4], 0.0, atol=5e-3)
+    np.testing.assert_allclose(rows[:, 4:], 0.0, atol=5e-4)
+
+
+def test_a_restored_compensation_continues_bit_for_bit():
+    time = np.arange(0.0, 0.6, STEP)
+    wrench = wrench_of(PAYLOAD, time)
+    whole = PayloadCompensation(payload=PAYLOAD)
+    compensated(whole, time[:300], wrench[:300])
+    restored = whole.copy(), pickle.loads(pickle.dumps(whole))
+    expected, *rows = (compensated(each, time[300:], wrench[300:]) for each in (whole, *restored))
+    assert len(expected) == 300
+    for each in rows:
+        np.testing.assert_array_equal(each, expected)
+
+
+def test_settings_out_of_range_are_refused_by_name():
+    for settings, name in (
+        ({"payload": None}, "payload"),
+        ({"payload": PAYLOAD, "sample_time": 0.0}, "sample_time"),
+        ({"payload": PAYLOAD, "motion_window": -1.0}, "motion_window"),
+        ({"payload": PAYLOAD, "frame": "tool"}, "frame"),
+        ({"payload": replace(PAYLOAD, delay=1.0)}, "delay"),
+        ({"payload": replace(PAYLOAD, mass=-1.0)}, "mass"),
+        ({"payload": replace(PAYLOAD, sign=0.5)}, "sign"),
+        ({"payload": replace(PAYLOAD, bias=np.full(6, np.nan))}, "bias"),
+    ):
+        with pytest.raises(InvalidParameterError, match=name):
+            PayloadCompensation(**settings)
+    compensation = PayloadCompensation(payload=PAYLOAD)
+    with pytest.raises(TypeError, match="3 numbers"):
+        compensation.update((0.0, 0.0), (0, 0, 0, 1), (0.0,) * 6, 0.0)
+    with pytest.raises(TypeError, match="time"):
+        compensation.update((0.0, 0.0, 0.0), (0, 0, 0, 1), (0.0,) * 6)
