@@ -7,13 +7,16 @@
 // lever d from the origin of the pose to it, sign s, bias b; position p, rotation R of the sensor.
 //
 // The derivatives are those of the least-squares quartic over the latest W poses at its middle,
-// h = (W − 1)/2 samples ago, where q is the quaternion of the sensor:
+// h = (W − 1)/2 steps ago, where q is the quaternion of the sensor:
 //
 //   y⁽ʲ⁾ = Σ_k c_jk y_k, k = −h … h,   ω = 2 vec(q* q'),   α = 2 vec(q* q'')
 //
 // At the end of the window they would be much noisier. Position and wrench are therefore returned
 // of that instant too, as in online_preparation.hpp. The delay of the wrench behind the pose is
 // taken out. W = 1 subtracts the weight only, without delay.
+//
+// Samples of any clock are first interpolated linearly to steps of the sample time, so that
+// neither jitter nor a few lost samples look like an acceleration.
 #pragma once
 
 #include <algorithm>
@@ -88,7 +91,7 @@ constexpr const char* validate(const PayloadCompensationSettings& settings,
 
 struct CompensatedWrench {
   double time;         // s
-  Vector<3> position;  // m, as measured
+  Vector<3> position;  // m
   Vector<6> wrench;    // N and, about the origin of the sensor, N·m
 };
 
@@ -99,6 +102,7 @@ class PayloadCompensation {
 
   // Call validate() first for settings from outside.
   explicit PayloadCompensation(const Settings& settings = {}) noexcept : settings_(settings) {
+    weights_[0][0] = 1.0;
     if (half_ > 0) set_weights();
     const double late = settings.delay / settings.sample_time;
     pose_age_ = std::max(half_, static_cast<std::size_t>(std::ceil(std::max(late, 0.0))));
@@ -111,7 +115,7 @@ class PayloadCompensation {
   // Adds a sample at this time [s]; the orientation is a unit quaternion x, y, z, w. Returns:
   //
   //   updated       taken; output() returns the delayed one
-  //   waiting       taken; no output yet, or the rate is below half of that in the settings
+  //   waiting       taken; no output yet, or none for this sample, as samples are more frequent
   //   restarted     taken as the first of a new window, after a gap or a jump of the clock
   //   not_finite, invalid_step   refused
   //   out_of_range  refused; also if the norm of the orientation differs from 1 by over 2 %
@@ -124,25 +128,35 @@ class PayloadCompensation {
     if (!std::isfinite(sum)) return Status::not_finite;
     const double norm = std::sqrt(detail::dot(orientation, orientation));
     if (sum > 1e100 || std::abs(norm - 1.0) > 0.02) return Status::out_of_range;
-    const double gap = longest_gap * settings_.sample_time, step = time - ago(0).time;
+    const double gap = longest_gap * settings_.sample_time, step = time - latest_.time;
     if (count_ > 0 && step <= 0.0 && step >= -gap) return Status::invalid_step;
     const bool jumped = count_ > 0 && std::abs(step) > gap;
-    if (jumped) count_ = 0;
     Vector<4> q = product(orientation, settings_.mount);
     // q and −q are one rotation: take the sign that does not jump.
-    const auto& before = ago(0).pose;
+    const auto& before = latest_.pose;
     const double along = before[4] * q[0] + before[5] * q[1] + before[6] * q[2] + before[7] * q[3];
-    for (double& part : q) part *= std::copysign(1.0 / norm, count_ > 0 ? along : 1.0);
-    window_[++newest_ & (capacity - 1)] = {
+    for (double& part : q) part *= std::copysign(1.0 / norm, along);
+    const Entry entry = {
         {position[0], position[1], position[2], 0.0, q[0], q[1], q[2], q[3]}, wrench, time};
-    count_ = std::min(count_ + 1, needed_);
+    if (count_ == 0 || jumped) {
+      count_ = steps_ = 0;
+      origin_ = time;
+      latest_ = entry;
+    }
+    const std::uint64_t steps_before = steps_;
+    for (double at; (at = origin_ + static_cast<double>(steps_) * settings_.sample_time) <=
+                    time + rounding * settings_.sample_time;
+         ++steps_) {
+      append(entry, at);
+    }
+    latest_ = entry;
     if (jumped) return Status::restarted;
-    return count_ < needed_ ? Status::waiting : compensate();
+    return count_ < needed_ || steps_ == steps_before ? Status::waiting : compensate();
   }
 
   // The output of the latest update, if it returned Status::updated.
   const CompensatedWrench& output() const noexcept { return output_; }
-  // Delay of the output, s, for an even clock.
+  // Delay of the output, s.
   double delay() const noexcept { return settings_.sample_time * static_cast<double>(pose_age_); }
 
   // Begins a tare in free air; finish_tare() then shifts the bias by the mean of the outputs since,
@@ -167,11 +181,27 @@ class PayloadCompensation {
     double time;
   };
 
-  static constexpr double longest_gap = 10.0;  // samples
+  static constexpr double longest_gap = 10.0;  // steps
+  static constexpr double rounding = 1e-3;     // steps; a sample that is early by less is in time
   static constexpr std::size_t capacity = std::bit_ceil(2 * MaximumSamples);
 
   const Entry& ago(std::size_t age) const noexcept {
     return window_[(newest_ - age) & (capacity - 1)];
+  }
+
+  // Adds the pose and wrench at a time up to that of the newest sample.
+  void append(const Entry& entry, double time) noexcept {
+    Entry& added = window_[++newest_ & (capacity - 1)];
+    const double span = entry.time - latest_.time;
+    const double part = span > 0.0 ? (time - latest_.time) / span : 1.0;
+    for (std::size_t i = 0; i < 8; ++i) {
+      added.pose[i] = latest_.pose[i] + part * (entry.pose[i] - latest_.pose[i]);
+    }
+    for (std::size_t i = 0; i < 6; ++i) {
+      added.wrench[i] = latest_.wrench[i] + part * (entry.wrench[i] - latest_.wrench[i]);
+    }
+    added.time = time;
+    count_ = std::min(count_ + 1, needed_);
   }
 
   static Vector<3> cross(const Vector<3>& a, const Vector<3>& b) noexcept {
@@ -196,6 +226,7 @@ class PayloadCompensation {
     std::array<double, MaximumSamples / 2 + 1> now, before{};
     now.fill(1.0);
     Vector<3> at = {1.0, 0.0, 0.0}, at_before{};
+    weights_[0] = {};
     double norm_before = 1.0;
     for (int degree = 0; degree <= 4; ++degree) {
       double norm = now[0] * now[0];
@@ -219,38 +250,30 @@ class PayloadCompensation {
 
   Status compensate() noexcept {
     const Entry& middle = ago(pose_age_);
-    std::array<double, 8> value{}, first{}, second{};
-    for (std::size_t i = 0; i < 8; ++i) {
-      value[i] = half_ > 0 ? weights_[0][0] * middle.pose[i] : middle.pose[i];
-      second[i] = weights_[0][2] * middle.pose[i];
-    }
+    std::array<double, 8> second{};
+    Vector<4> q{}, first{};
+    for (std::size_t i = 0; i < 8; ++i) second[i] = weights_[0][2] * middle.pose[i];
+    for (std::size_t i = 0; i < 4; ++i) q[i] = weights_[0][0] * middle.pose[i + 4];
     for (std::size_t k = 1; k <= half_; ++k) {
       const auto &later = ago(pose_age_ - k).pose, &earlier = ago(pose_age_ + k).pose;
       const Vector<3>& weight = weights_[k];
-      for (std::size_t i = 0; i < 8; ++i) {
-        const double sum = later[i] + earlier[i];
-        value[i] += weight[0] * sum;
-        first[i] += weight[1] * (later[i] - earlier[i]);
-        second[i] += weight[2] * sum;
+      std::array<double, 8> sum{};
+      for (std::size_t i = 0; i < 8; ++i) sum[i] = later[i] + earlier[i];
+      for (std::size_t i = 0; i < 8; ++i) second[i] += weight[2] * sum[i];
+      for (std::size_t i = 0; i < 4; ++i) {
+        q[i] += weight[0] * sum[i + 4];
+        first[i] += weight[1] * (later[i + 4] - earlier[i + 4]);
       }
     }
-    double pace = 1.0;  // of the clock, relative to the nominal one
-    if (half_ > 0) {
-      const double span = ago(pose_age_ - half_).time - ago(pose_age_ + half_).time;
-      pace = 2.0 * static_cast<double>(half_) * settings_.sample_time / span;
-      if (!(pace > 0.5)) return Status::waiting;
-    }
-    Vector<4> q = {value[4], value[5], value[6], value[7]};
     const double length = std::sqrt(detail::dot(q, q));
     for (double& part : q) part /= length;
     const Vector<4> inverse = {-q[0], -q[1], -q[2], q[3]};
-    const auto spin = product(inverse, {first[4], first[5], first[6], first[7]});
+    const auto spin = product(inverse, first);
     const auto bend = product(inverse, {second[4], second[5], second[6], second[7]});
-    const double square = pace * pace, fast = 2.0 * pace / length, faster = 2.0 * square / length;
-    const Vector<3> w = {fast * spin[0], fast * spin[1], fast * spin[2]};
-    const Vector<3> a = {faster * bend[0], faster * bend[1], faster * bend[2]};
-    const Vector<3> g = rotate(inverse, {-square * second[0], -square * second[1],
-                                         -standard_gravity - square * second[2]});
+    const double twice = 2.0 / length;
+    const Vector<3> w = {twice * spin[0], twice * spin[1], twice * spin[2]};
+    const Vector<3> a = {twice * bend[0], twice * bend[1], twice * bend[2]};
+    const Vector<3> g = rotate(inverse, {-second[0], -second[1], -standard_gravity - second[2]});
     Vector<3> h{}, arm{};
     for (std::size_t i = 0; i < 3; ++i) {
       h[i] = settings_.mass * settings_.centre[i];
@@ -290,6 +313,9 @@ class PayloadCompensation {
   std::array<Vector<3>, MaximumSamples / 2 + 1> weights_{};  // c_jk by k and j
   std::array<Entry, capacity> window_{};
   std::size_t newest_ = 0, count_ = 0;
+  Entry latest_{};       // the newest sample
+  double origin_ = 0.0;  // s, of the first step
+  std::uint64_t steps_ = 0;
   Vector<6> bias_ = settings_.bias, tare_sum_{};
   double tared_ = 0.0;  // outputs since start_tare()
   CompensatedWrench output_{};

@@ -209,9 +209,9 @@ time : float
 Returns
 -------
 Status
-    ``UPDATED``; ``WAITING`` (no sample is ready yet, or samples arrive at less than half the rate
-    of ``sample_time``); ``RESTARTED`` (the first sample of a new window, after a gap or a jump of
-    the clock); ``NOT_FINITE``, ``INVALID_STEP`` or ``OUT_OF_RANGE`` (refused).)";
+    ``UPDATED``; ``WAITING`` (no sample is ready); ``RESTARTED`` (the first sample of a new window,
+    after a gap of ten ``sample_time`` or a jump of the clock); ``NOT_FINITE``, ``INVALID_STEP`` or
+    ``OUT_OF_RANGE`` (refused).)";
 
 bool is_long(PyObject* object, Py_ssize_t size) noexcept {
   const Py_ssize_t length = PySequence_Size(object);
@@ -293,7 +293,7 @@ void bind_payload_compensation(nb::module_& module) {
       .def("finish_tare", &Compensation::finish_tare,
            "Add the mean wrench since :meth:`start_tare` to the bias; return whether there is one.")
       .def("reset", &Compensation::reset, "Forget everything but the settings.")
-      .def_prop_ro("delay", &Compensation::delay, "Delay of the output, s, for an even clock.")
+      .def_prop_ro("delay", &Compensation::delay, "Delay of the output, s.")
       .def_prop_ro("force", part(0), "Force of the environment on the tool, N.")
       .def_prop_ro("torque", part(3), "Torque about the origin of the sensor, N·m.")
       .def_prop_ro(
@@ -302,7 +302,7 @@ void bind_payload_compensation(nb::module_& module) {
             const Vector<3>& position = self.output().position;
             return Three(position[0], position[1], position[2]);
           },
-          "Origin of the pose, m, as measured.")
+          "Origin of the pose, m.")
       .def_prop_ro(
           "time", [](const Compensation& self) { return self.output().time; },
           "Time of the output, s.")

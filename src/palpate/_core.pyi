@@ -303,9 +303,9 @@ class PayloadCompensation:
         Returns
         -------
         Status
-            ``UPDATED``; ``WAITING`` (no sample is ready yet, or samples arrive at less than half the rate
-            of ``sample_time``); ``RESTARTED`` (the first sample of a new window, after a gap or a jump of
-            the clock); ``NOT_FINITE``, ``INVALID_STEP`` or ``OUT_OF_RANGE`` (refused).
+            ``UPDATED``; ``WAITING`` (no sample is ready); ``RESTARTED`` (the first sample of a new window,
+            after a gap of ten ``sample_time`` or a jump of the clock); ``NOT_FINITE``, ``INVALID_STEP`` or
+            ``OUT_OF_RANGE`` (refused).
         """
 
     def start_tare(self) -> None:
@@ -321,7 +321,7 @@ class PayloadCompensation:
 
     @property
     def delay(self) -> float:
-        """Delay of the output, s, for an even clock."""
+        """Delay of the output, s."""
 
     @property
     def force(self) -> tuple[float, float, float]:
@@ -333,7 +333,7 @@ class PayloadCompensation:
 
     @property
     def position(self) -> tuple[float, float, float]:
-        """Origin of the pose, m, as measured."""
+        """Origin of the pose, m."""
 
     @property
     def time(self) -> float:

@@ -122,8 +122,8 @@ def test_outputs_equal_the_formula_with_the_quartic_that_the_filter_states():
         expected = wrench[k - 15] - PAYLOAD.wrench(specific, spin, change)[0] - PAYLOAD.bias
         output = np.array([*compensation.force, *compensation.torque])
         np.testing.assert_allclose(output, expected, atol=1e-8)
-        np.testing.assert_array_equal(compensation.position, position[k - 15])
-        assert compensation.time == time[k - 15]
+        np.testing.assert_allclose(compensation.position, position[k - 15], atol=1e-12)
+        assert compensation.time == pytest.approx(time[k - 15], abs=1e-12)
         count += 1
     assert count == len(time) - 30
     assert compensation.delay == pytest.approx(0.015)
@@ -155,14 +155,21 @@ def test_quaternions_whose_sign_jumps_give_the_same_outputs():
     np.testing.assert_array_equal(rows, expected)
 
 
-def test_a_clock_that_is_not_nominal_or_jitters_costs_little():
+def test_lost_samples_jitter_and_another_rate_are_no_acceleration():
     random = np.random.default_rng(2)
-    for step, jitter, tolerance in ((1.5e-3, 0.0, 2e-2), (STEP, 5e-5, 0.1)):
-        time = np.arange(0.0, 1.0, step)
-        time = time + jitter * random.standard_normal(len(time))
+    even = np.arange(0.0, 1.0, STEP)
+    for time in (
+        np.delete(even, random.integers(200, 800, 60)),
+        np.delete(even, slice(500, 505)),
+        even + 2e-4 * random.standard_normal(len(even)).clip(-2.0, 2.0),
+        np.arange(0.0, 1.0, 2.7e-3),
+        np.arange(0.0, 1.0, 0.31e-3),
+    ):
         rows = compensated(PayloadCompensation(payload=PAYLOAD), time, wrench_of(PAYLOAD, time))
-        assert len(rows) > 400
-        np.testing.assert_allclose(rows[:, 1:4] - FORCE, 0.0, atol=tolerance)
+        assert len(rows) > 320
+        np.testing.assert_allclose(np.diff(rows[:, 0]), STEP, rtol=6.0)
+        # Linear interpolation of a pose over 6 ms is off by 0.1 mm.
+        np.testing.assert_allclose(rows[:, 1:4] - FORCE, 0.0, atol=0.05)
 
 
 def test_bad_samples_are_refused_and_change_nothing():
@@ -194,9 +201,9 @@ def test_bad_samples_are_refused_and_change_nothing():
         assert clean.update(*sample[:3], jump + STEP) is Status.WAITING
 
 
-def test_samples_that_arrive_at_less_than_half_the_rate_wait():
+def test_samples_that_arrive_at_less_than_a_tenth_of_the_rate_have_no_output():
     compensation = PayloadCompensation(payload=PAYLOAD)
-    time = 2.1e-3 * np.arange(500)
+    time = 10.1e-3 * np.arange(500)
     assert len(compensated(compensation, time, wrench_of(PAYLOAD, time))) == 0
 
 

@@ -27,7 +27,8 @@ class PayloadCompensation(Configured, _core.PayloadCompensation):
         Mass, centre of mass, mount, bias and delay, such as ``Payload.load("tool.toml")``. A drift
         of its bias is not continued; :meth:`start_tare` and :meth:`finish_tare` update the bias.
     sample_time : float
-        Nominal time between samples, s, in [1e-6, 1e3].
+        Time between samples, s, in [1e-6, 1e3]. palpate interpolates samples of another clock to
+        these steps.
     motion_window : float
         Length of the window of poses, s, of 7 to 151 samples. Default: 0.1. With 0, palpate
         subtracts the weight but no inertia, without delay.
