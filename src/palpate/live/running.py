@@ -18,7 +18,7 @@ from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, st
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink
 from palpate.live.sources import Source
-from palpate.preparation import OnlinePreparation
+from palpate.preparation import OnlinePreparation, Payload, PayloadCompensation
 from palpate.settings import ChangeDetector, OutlierRejection
 
 ASKED_EVERY = 0.02  # s between reads of commands
@@ -56,6 +56,7 @@ def run(
     sinks: Sequence[Sink] = (),
     *,
     preparation: OnlinePreparation | None = None,
+    payload: Payload | None = None,
     realtime: bool = False,
     seconds: float | None = None,
 ) -> dict[str, Any]:
@@ -71,6 +72,9 @@ def run(
         Consumers of the results, each in a separate process. Default: none.
     preparation : OnlinePreparation, optional
         Default: ``OnlinePreparation(sample_time=source.sample_time)``.
+    payload : Payload, optional
+        Tool whose weight, inertia and bias are subtracted before the preparation, sample by sample;
+        the source delivers orientations. Default: none.
     realtime : bool
         Request a fixed priority and locked memory; refusals are reported. Default: False.
     seconds : float, optional
@@ -106,8 +110,19 @@ def run(
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
             chosen = chosen.replace(sample_time=source.sample_time)
+        compensation = None
+        if payload is not None:
+            compensation = PayloadCompensation(payload=payload, sample_time=source.sample_time)
         every = any(getattr(sink, "every_sample", False) for sink in sinks)
-        loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
+        loop = Loop(
+            source,
+            preparation,
+            chosen,
+            samples,
+            estimates,
+            every_sample=every,
+            compensation=compensation,
+        )
         stops(loop)
         failed: dict[str, int] = {}
         with _started(sinks, session, loop, shared_json, failed) as started, undisturbed():
