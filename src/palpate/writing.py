@@ -7,6 +7,7 @@ follows symbolic links. It writes directly to anything else, such as a device or
 import errno
 import json
 import os
+import re
 import stat
 import sys
 import tempfile
@@ -18,6 +19,8 @@ from typing import IO, Any
 from palpate.errors import RecordingError
 
 _MOST_NAMES = 100_000
+# TOML forbids them, even in a comment, but a file name or a note may contain them.
+_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
 
 
 def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None:
@@ -70,6 +73,36 @@ def abandon_output() -> None:
 def as_json(whole: Mapping[str, Any]) -> str:
     """An object as the text of a JSON file, one field per line."""
     return json.dumps(whole, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
+    """Return options as TOML, with comments below them.
+
+    Parameters
+    ----------
+    options : mapping
+        Values by option name, without leading dashes.
+    comments : iterable of str
+        One line each.
+    """
+    lines = [f"{name} = {_toml_value(value)}" for name, value in options.items()]
+    lines += [""] if lines else []
+    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
+    return "\n".join(lines) + "\n"
+
+
+def _toml_value(value: Any) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name} = {_toml_value(each)}' for name, each in value.items())}}}"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_toml_value(each) for each in value)}]"
+    if isinstance(value, int | float):
+        return repr(value)
+    # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
+    # unescaped. JSON does not escape one control character, U+007F.
+    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def encoded(text: str) -> bytes:

@@ -23,7 +23,7 @@ import palpate
 from palpate.cli.application import COMMANDS
 from palpate.digits import with_error
 from palpate.preparation.settings import turned
-from palpate.results.saved import as_toml
+from palpate.writing import as_toml
 
 
 @pytest.fixture

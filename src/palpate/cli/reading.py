@@ -126,8 +126,8 @@ class ReadingOptions:
 
         contact = joined([self._contact(file) for file in files])
         if self.save_config is not None:
-            from palpate.results.saved import as_toml, how_made
-            from palpate.writing import write_text
+            from palpate.results.saved import how_made
+            from palpate.writing import as_toml, write_text
 
             options = {**(choice or {}), **self.options}
             text = as_toml(options, how_made(contact, files))

@@ -1,14 +1,31 @@
 """The payload of a force-torque sensor: tool, mount, zero and clock, from one log of its wrench."""
 
+import dataclasses
 import math
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from palpate.findings import Finding, Mark, worst
+from palpate.errors import RecordingError
+from palpate.findings import MARKS, Finding, Mark, worst
 from palpate.validation import Floats
+from palpate.writing import as_toml, write_text
 
 GRAVITY = 9.80665  # m/s², along −z of the frame of the pose
+VERSION = 1  # of the fields
+LARGEST = 1_000_000  # bytes; a payload has 2 kB, and 150 bytes for each knot of its drift
+#: Shapes of the arrays; −1 is the number of knots of the drift.
+_SHAPES = {
+    "centre": (3,), "mount": (3, 3), "bias": (6,), "inertia": (6,), "lever": (3,),
+    "bias_times": (-1,), "bias_changes": (-1, 6), "centre_error": (3,), "mount_error": (3,),
+    "lever_error": (3,), "bias_error": (6,), "inertia_error": (6,),
+}  # fmt: skip
+_ERRORS = ("_error", "turn", "share", "free_time")  # ends of the names of what may be unknown
+_MARKS = ("mass_mark", "mount_mark", "delay_mark")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,3 +157,114 @@ class Payload:
             np.interp(time, self.bias_times, column) for column in self.bias_changes.T
         ]
         return bias + np.column_stack(changes)
+
+    def save(self, path: Path, comments: Sequence[str] = (), inputs: Sequence[Path] = ()) -> None:
+        """Write the payload to a TOML file, which :meth:`load` reads, completely or not at all.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        comments : sequence of str
+            Lines for people. Default: none.
+        inputs : sequence of Path
+            Files that must not be overwritten. Default: none.
+        """
+        fields: dict[str, Any] = {}
+        for each in dataclasses.fields(self):
+            value = getattr(self, each.name)
+            if each.name == "findings":
+                value = [
+                    {name: part for name, part in finding.as_dict().items() if part is not None}
+                    for finding in value
+                ]
+            elif isinstance(value, np.ndarray):
+                value = value.tolist()
+            elif isinstance(value, np.generic):
+                value = value.item()
+            if value is not None:
+                fields[each.name] = value
+        comments = ["payload of a force-torque sensor, SI units", *comments]
+        write_text(Path(path), as_toml(fields, comments), inputs)
+
+    @classmethod
+    def load(cls, path: Path) -> "Payload":
+        """Read a payload that :meth:`save` or ``palpate payload LOG --save-config`` wrote.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, or is no payload.
+        """
+        try:
+            with Path(path).open("rb") as file:
+                content = file.read(LARGEST + 1)
+            if len(content) > LARGEST:
+                raise ValueError(f"it has more than {LARGEST} bytes")
+            given = tomllib.loads(content.decode())
+        except OSError as error:
+            raise RecordingError(f"{path}: {error.strerror or 'cannot be read'}") from None
+        except (ValueError, RecursionError) as error:
+            raise RecordingError(f"{path}: not a payload in TOML: {error}") from None
+        try:
+            return _payload_of(given)
+        except ValueError as error:
+            raise RecordingError(
+                f"{path}: not a payload: {error}; palpate payload LOG --save-config FILE writes one"
+            ) from None
+
+
+def _payload_of(given: Mapping[str, Any]) -> Payload:
+    fields = {each.name: each for each in dataclasses.fields(Payload)}
+    if unknown := sorted(given.keys() - fields.keys()):
+        raise ValueError(f"unknown field {unknown[0]!r}")
+    for name, own in fields.items():
+        required = own.default is own.default_factory is dataclasses.MISSING
+        if (required or name == "version") and name not in given:
+            raise ValueError(f"field {name!r} is missing")
+    if given["version"] != VERSION:
+        raise ValueError(f"version {given['version']!r} is not {VERSION}")
+    values = {}
+    for name, value in given.items():
+        try:
+            values[name] = _value(name, value)
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name} is {str(value)[:80]!r}") from None
+    payload = Payload(**values)
+    mount = payload.mount
+    turned = np.abs(mount @ mount.T - np.eye(3)).max() < 1e-6 and np.linalg.det(mount) > 0.0
+    knots = len(payload.bias_times) == len(payload.bias_changes)
+    for name, good in (
+        ("mass", payload.mass >= 0.0),
+        ("mount", turned),
+        ("sign", abs(payload.sign) == 1.0),
+        ("bias_times", knots and bool((np.diff(payload.bias_times) > 0.0).all())),
+    ):
+        if not good:
+            raise ValueError(f"{name} is {str(given.get(name))[:80]!r}")
+    return payload
+
+
+def _value(name: str, value: Any) -> Any:
+    """Return one field as its type; raise if it has another one."""
+    if name == "findings":
+        return tuple(Finding.from_dict(each) for each in value)
+    if name in _MARKS:
+        return MARKS[MARKS.index(value)]
+    if name in ("version", "axes"):
+        return int(value)
+    shape = _SHAPES.get(name, ())
+    array = np.array(value, dtype=np.float64)
+    if name == "bias_changes" and array.size == 0:
+        array = array.reshape(0, 6)
+    fits = len(array.shape) == len(shape) and all(
+        wanted in (-1, size) for wanted, size in zip(shape, array.shape, strict=True)
+    )
+    if not fits or not (name.endswith(_ERRORS) or np.isfinite(array).all()):
+        raise ValueError
+    return array if shape else float(array)

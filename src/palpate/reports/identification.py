@@ -23,7 +23,6 @@ from palpate.results import view
 from palpate.results.saved import (
     RESULT,
     TRACES,
-    as_toml,
     describe_contact,
     how_made,
     toml_text,
@@ -31,7 +30,7 @@ from palpate.results.saved import (
     trace_digest,
 )
 from palpate.stages import timed
-from palpate.writing import check_own, check_writable, make_folder, write_text
+from palpate.writing import as_toml, check_own, check_writable, make_folder, write_text
 
 # Colours that are readable in light and in dark notebooks.
 _COLOURS = {"trust": "#009e73", "with-care": "#d08a00", "do-not-trust": "#d55e00"}

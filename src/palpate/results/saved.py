@@ -5,8 +5,7 @@
 
 import hashlib
 import json
-import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -34,37 +33,6 @@ if TYPE_CHECKING:
     import xarray
 
     from palpate.identification.identified import Identified
-
-# TOML forbids them, even in a comment, but a file name or a note may contain them.
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
-
-
-def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
-    """Return options as TOML, with comments below them.
-
-    Parameters
-    ----------
-    options : mapping
-        Values by option name, without leading dashes.
-    comments : iterable of str
-        One line each.
-    """
-    lines = [f"{name} = {_toml_value(value)}" for name, value in options.items()]
-    lines += [""] if lines else []
-    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
-    return "\n".join(lines) + "\n"
-
-
-def _toml_value(value: Any) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_toml_value(each) for each in value)}]"
-    if isinstance(value, int | float):
-        return repr(value)
-    # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
-    # unescaped. JSON does not escape one control character, U+007F.
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
