@@ -127,7 +127,9 @@ class PayloadCompensation {
     for (const double value : wrench) sum += std::abs(value);
     if (!std::isfinite(sum)) return Status::not_finite;
     const double norm = std::sqrt(detail::dot(orientation, orientation));
-    if (sum > 1e100 || std::abs(norm - 1.0) > 0.02) return Status::out_of_range;
+    // A step must change the time.
+    const bool resolved = std::abs(time) < 1e16 * settings_.sample_time;
+    if (sum > 1e100 || !resolved || std::abs(norm - 1.0) > 0.02) return Status::out_of_range;
     const double gap = longest_gap * settings_.sample_time, step = time - latest_.time;
     if (count_ > 0 && step <= 0.0 && step >= -gap) return Status::invalid_step;
     const bool jumped = count_ > 0 && std::abs(step) > gap;

@@ -141,6 +141,7 @@ def test_bad_samples_are_refused_and_change_nothing():
                 ((position, orientation, force, np.inf), Status.NOT_FINITE),
                 ((position, orientation, nan, now), Status.NOT_FINITE),
                 ((huge, orientation, force, now), Status.OUT_OF_RANGE),
+                ((position, orientation, force, 1e50), Status.OUT_OF_RANGE),
                 ((position, (0.0, 0.0, 0.0, 0.0), force, now), Status.OUT_OF_RANGE),
                 ((position, 1.03 * orientation, force, now), Status.OUT_OF_RANGE),
                 ((position, orientation, force, before), Status.INVALID_STEP),
