@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -101,6 +102,7 @@ def test_a_tare_turns_with_the_sensor():
         expected = force[np.rint(column(rows, "time")[kept] / T).astype(int)]
         assert np.abs(column(rows, "force")[kept] - expected).max() < 0.15
         assert loop.tare_refused == ""
+        assert loop.status()["payload"].endswith("and the bias in free air")
 
 
 def test_a_tare_in_contact_is_refused_and_leaves_the_bias():
@@ -138,9 +140,22 @@ def test_a_source_without_orientations_is_a_clear_line():
 
 def test_a_run_takes_a_payload():
     script, _ = measured_touch(3.0)
-    found = run(Scripted(script), VariableProjection(), preparation=preparation(), payload=PAYLOAD)
+    doubtful = replace(PAYLOAD, mount_mark="with-care")
+    found = run(Scripted(script), VariableProjection(), preparation=preparation(), payload=doubtful)
     assert found["payload"].endswith("0.7 kg")
+    assert any("payload with care" in each for each in found["said"])
     assert found["counts"]["learned"] > 1000
+
+
+def test_what_the_command_cannot_do_is_one_line(refused, tmp_path):
+    path = tmp_path / "tool.toml"
+    PAYLOAD.save(path)
+    robot, bare = "zmq:tcp://127.0.0.1:5999", ("--no-page", "--no-diagnosis")
+    assert "pass --direction" in refused("live", robot, "--payload", path, *bare)
+    words = ("--payload", path, "--direction", "0,0,-1")
+    assert "address of a robot" in refused("live", "lab:ball", *words, *bare)
+    words = ("--payload", tmp_path / "no.toml", "--direction", "0,0,-1")
+    assert "No such file" in refused("live", robot, *words, *bare)
 
 
 # --- orientations on the wire

@@ -346,6 +346,7 @@ class Loop:
     #: Depth and force of each sample of the tare; None if no tare is in progress.
     _resting: deque[tuple[float, float]] | None = None
     _before_tare: OnlinePreparation | None = None
+    _bias_tared: bool = False
     _changed: float = -math.inf
     _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -536,7 +537,7 @@ class Loop:
             if self.compensation is None:
                 return False
             # Its bias turns with the sensor; the preparation's tare would not.
-            self.compensation.finish_tare()
+            self._bias_tared = self.compensation.finish_tare()
             self.preparation = OnlinePreparation(**{**settings, "tare_time": 0.0})
             return True
         words = f"tare refused: {why}; lift the probe out of the material"
@@ -639,6 +640,7 @@ class Loop:
             delay += self.compensation.delay
             mass = self.compensation.settings["payload"].mass
             payload = f"less the weight and inertia of {mass:.4g} kg"
+            payload += ", and the bias in free air" * self._bias_tared
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
         came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}

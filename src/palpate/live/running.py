@@ -12,6 +12,7 @@ from typing import Any
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
+from palpate.findings import spoken
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import ask_for_realtime, end, give_way, show_name, start, undisturbed
@@ -124,6 +125,9 @@ def run(
             compensation=compensation,
         )
         stops(loop)
+        if payload is not None and payload.mark != "trust":
+            reason = f": {payload.findings[0]}" if payload.findings else ""
+            loop.say(f"payload {spoken(payload.mark)}{reason}")
         failed: dict[str, int] = {}
         with _started(sinks, session, loop, shared_json, failed) as started, undisturbed():
             # The sinks are ready before the source opens, so that no sample waits for them.
