@@ -19,7 +19,7 @@ def ros_parameters(
     weight = payload.sign * payload.mass * GRAVITY
     centre = _yaml_list(payload.centre)
     roll, pitch, yaw = roll_pitch_yaw(payload.mount)
-    bias = ", ".join(f"{each:.6g}" for each in payload.bias)
+    bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)
     return f"""\
 # Tool of {payload.mass:.6g} kg. The filters subtract its weight, but neither inertia nor bias.
 # Bias of the sensor: {bias} N and N m.

@@ -158,6 +158,16 @@ class Payload:
         ]
         return bias + np.column_stack(changes)
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as numbers, lists and dictionaries."""
+        found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        for name, value in found.items():
+            if isinstance(value, np.ndarray | np.generic):
+                found[name] = value.tolist()
+        dicts = [each.as_dict() for each in self.findings]
+        findings = [{k: v for k, v in each.items() if v is not None} for each in dicts]
+        return {**found, "findings": findings}
+
     def save(self, path: Path, comments: Sequence[str] = (), inputs: Sequence[Path] = ()) -> None:
         """Write the payload to a TOML file, which :meth:`load` reads, completely or not at all.
 
@@ -170,22 +180,9 @@ class Payload:
         inputs : sequence of Path
             Files that must not be overwritten. Default: none.
         """
-        fields: dict[str, Any] = {}
-        for each in dataclasses.fields(self):
-            value = getattr(self, each.name)
-            if each.name == "findings":
-                value = [
-                    {name: part for name, part in finding.as_dict().items() if part is not None}
-                    for finding in value
-                ]
-            elif isinstance(value, np.ndarray):
-                value = value.tolist()
-            elif isinstance(value, np.generic):
-                value = value.item()
-            if value is not None:
-                fields[each.name] = value
-        comments = ["payload of a force-torque sensor, SI units", *comments]
-        write_text(Path(path), as_toml(fields, comments), inputs)
+        known = {name: value for name, value in self.as_dict().items() if value is not None}
+        lines = ["payload of a force-torque sensor, SI units", *comments]
+        write_text(Path(path), as_toml(known, lines), inputs)
 
     @classmethod
     def load(cls, path: Path) -> "Payload":
