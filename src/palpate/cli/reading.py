@@ -63,6 +63,8 @@ class ReadingOptions:
     "Position channel of the probe, instead of a penetration; or x,y,z channels, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
     "Orientation of the probe, quaternion channels x,y,z,w; or a topic."
+    torque: Annotated[Channels | None, _READ] = None
+    "Torque of the sensor, x,y,z channels, or a topic (default: that of the force's sensor)."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
     "Units, such as penetration=mm,force=mN (default: from the file or channel names, else SI)."
     rate: Annotated[float | None, _READ] = None
@@ -158,7 +160,7 @@ class ReadingOptions:
         named = [self.force, self.position or self.penetration]
         if not all(name.startswith("/") for name in named):
             return None
-        more = (self.orientation, self.velocity, self.time)
+        more = (self.orientation, self.torque, self.velocity, self.time)
         named += [name for name in more if name and name.startswith("/")]
         # Whole topics, because their orientation and time stamps are needed too.
         return [part.strip().partition(".")[0] for name in named for part in name.split(",")]
@@ -168,7 +170,7 @@ class ReadingOptions:
         """The arguments for :func:`palpate.prepare`."""
         from palpate.preparation import Columns
 
-        names = ("time", "penetration", "force", "velocity", "position", "orientation")
+        names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
