@@ -14,7 +14,7 @@ from palpate.preparation.flange_motion import motion_of
 from palpate.preparation.payload import GRAVITY, Payload
 from palpate.preparation.payload_fit import regressors, rotation, skew
 from palpate.preparation.settings import Preparation
-from palpate.preparation.spatial import payload_of
+from palpate.preparation.spatial import compensate_log
 
 
 def without(recording: Recording, word: str) -> Recording:
@@ -108,10 +108,10 @@ def test_a_payload_of_another_log_serves_one_without_turns():
 
 def test_a_log_without_contact_has_a_payload():
     log = simulate(Setup(seed=12, presses=0, **IDEAL))
-    found = payload_of(log.recording, Preparation())
+    found = compensate_log(log.recording, Preparation()).payload
     assert found.mass == pytest.approx(0.4, rel=5e-3)
     with pytest.raises(RecordingError, match="a payload needs a force in space and a pose"):
-        payload_of(without(log.recording, "orientation"), Preparation())
+        compensate_log(without(log.recording, "orientation"), Preparation())
 
 
 def test_a_tools_weight_acts_or_is_refused():

@@ -28,7 +28,7 @@ FULL = replace(
     free_share=0.4,
     free_time=20.0,
     mount_mark="with-care",
-    findings=(Check.TOOL_WEIGHT.finding('one "word"', "turn it", 3.5, mark="with-care"),),
+    findings=(Check.PAYLOAD.finding('one "word"', "turn it", 3.5, mark="with-care"),),
 )
 
 

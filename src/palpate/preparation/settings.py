@@ -95,6 +95,9 @@ class Preparation:
             instance("payload", self.payload, Payload)
             if self.tool_weight is not None:
                 raise InvalidParameterError("payload excludes tool_weight: leave one of them out")
+            if self.force_frame == "base":
+                raise InvalidParameterError("payload is for a force in the frame of the tool")
+            object.__setattr__(self, "force_frame", "tool")
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
         if self.no_time and (self.rate is not None or self.delay):

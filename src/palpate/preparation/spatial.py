@@ -15,11 +15,12 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals, signals_of
 from palpate.preparation.delay import in_step
-from palpate.preparation.flange_motion import INVERSE, motion_of
+from palpate.preparation.flange_motion import INVERSE, FlangeMotion, motion_of
 from palpate.preparation.held import held_channels
 from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import (
     SLOW,
+    PayloadFit,
     external_wrench,
     find_payload,
     idle_weight,
@@ -162,8 +163,8 @@ def along_normal(
     return in_step(contact, late)
 
 
-def payload_of(recording: Recording, settings: Preparation) -> Payload:
-    """Find the payload of a log, which may have no contact.
+def compensate_log(recording: Recording, settings: Preparation) -> "Compensated":
+    """Find the payload of a log, which may have no contact, and take it out.
 
     Raises
     ------
@@ -180,7 +181,7 @@ def payload_of(recording: Recording, settings: Preparation) -> Payload:
     found = compensate(signals, settings, ends, recording.source)
     if found is None:
         raise never_free(recording.source)
-    return found.payload
+    return found
 
 
 @dataclass(slots=True, eq=False)
@@ -195,8 +196,10 @@ class Compensated:
         The samples that have a force.
     baseline : Baseline
         Free air and the bias of the sensor, in its axes.
-    payload : Payload
-        Tool, mount, bias and clock.
+    fit : PayloadFit
+        Tool, mount, bias and clock, and what they were found from.
+    motion : FlangeMotion
+        Motion of the flange.
     delay : Delay or None
         The delay that was taken out.
     wander : float
@@ -206,9 +209,15 @@ class Compensated:
     signals: Signals
     kept: NDArray[np.bool_]
     baseline: Baseline
-    payload: Payload
+    fit: PayloadFit
+    motion: FlangeMotion
     delay: Delay | None
     wander: float
+
+    @property
+    def payload(self) -> Payload:
+        """Tool, mount, bias and clock."""
+        return self.fit.payload
 
     def describe(self, made: dict[str, str], findings: list[Finding]) -> None:
         """Record how the force was obtained."""
@@ -263,8 +272,9 @@ def compensate(
     delay = None
     if isinstance(late, tuple) or (not isinstance(late, str) and late):
         delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
+    motion = motion_of(*pose, SLOW)
     fit = find_payload(
-        motion_of(*pose, SLOW),
+        motion,
         time,
         wrench,
         delay=delay,
@@ -300,7 +310,8 @@ def compensate(
         replace(replace(signals, force=force).taken(kept), orientation=None),
         kept,
         Baseline(free, zero, 0.0, words),
-        payload,
+        fit,
+        motion,
         applied,
         wander,
     )
