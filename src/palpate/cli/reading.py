@@ -116,6 +116,8 @@ class ReadingOptions:
     "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
     tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
+    payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
+    "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
     spot: Annotated[Literal["inf"] | str | None, _signed("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
@@ -168,7 +170,7 @@ class ReadingOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare`."""
-        from palpate.preparation import Columns
+        from palpate.preparation import Columns, Payload
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
@@ -191,6 +193,8 @@ class ReadingOptions:
                 )
             given["delay"] = (0.0, quantity("--skew", self.skew, "time"))
         given |= quantities(self, tool_weight="force")
+        if self.payload is not None:
+            given["payload"] = Payload.load(self.payload)
         if self.spot == "inf":
             return {**given, "spot": 1e6}
         return given | quantities(self, spot="penetration")
