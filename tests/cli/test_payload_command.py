@@ -19,7 +19,11 @@ SETUP = Setup(presses=1)
 @pytest.fixture(scope="module")
 def log(tmp_path_factory):
     """A log as CSV, on one clock; the wrench is 10 ms late."""
-    recording = simulate(SETUP).recording
+    return written_log(SETUP, tmp_path_factory.mktemp("payload") / "turns.csv")
+
+
+def written_log(setup, path):
+    recording = simulate(setup).recording
     channels = dict(recording.channels)
     poses, clock = channels.pop("pose.time"), channels.pop("wrench.time")
     inside = (clock > poses[0]) & (clock < poses[-1])
@@ -27,7 +31,6 @@ def log(tmp_path_factory):
     for name, values in channels.items():
         even = np.interp(clock, poses, values) if name.startswith("/pose") else values
         columns[name.removeprefix("/")] = even[inside]
-    path = tmp_path_factory.mktemp("payload") / "turns.csv"
     header = ",".join(columns)
     rows = np.column_stack(list(columns.values()))[::2]
     np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
@@ -87,6 +90,19 @@ def test_two_outputs_of_one_name_and_logs_without_a_pose_are_refused(log, refuse
     assert "two outputs name this file" in words
     assert "needs a force in space and a pose" in refused("payload", good)
     assert not path.exists()
+
+
+def test_findings_are_short_without_v_and_name_no_option_that_the_command_lacks(printed, tmp_path):
+    reversed_log = written_log(replace(SETUP, sign=-1.0, zeroed=0.5), tmp_path / "log.csv")
+    out = printed("payload", reversed_log)
+    assert len(out.splitlines()) <= 12
+    assert "palpate reversed its sign" in out
+    assert "--flip-force" not in out
+    assert "1 more with -v" in out
+    assert "next:" not in out
+    still = written_log(replace(SETUP, turns=0.0, touch_tilt=0.0), tmp_path / "still.csv")
+    assert "next: turn the tool by 30° about two axes" in printed("payload", still)
+    assert re.search(r"bias +-[23]\.\d+.*, [45]\.\d+", out)  # as the sensor reads it
 
 
 def test_the_file_serves_identify_also_by_a_file_of_options(log, printed, refused, tmp_path):

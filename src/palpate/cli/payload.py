@@ -23,6 +23,7 @@ from palpate.cli.printing import (
     AsJson,
     Cell,
     Terminal,
+    is_verbose,
     opened,
     print_json,
     print_table,
@@ -188,5 +189,11 @@ def _print(log: Path, found: "Payload") -> None:
     ]
     print_table(console, ["", "", ""], cells)
     say(console, f"  {verdict_on(found)}", "bold")
-    for each in found.findings[:2]:
-        say(console, f"  {each}", _STYLES.get(each.severity, "dim"))
+    shown = found.findings if is_verbose() else found.findings[:1]
+    for each in shown:
+        # The remedies are options of identify.
+        say(console, f"  {each.message}", _STYLES.get(each.severity, "dim"))
+    if len(shown) < len(found.findings):
+        say(console, f"  {len(found.findings) - 1} more with -v", "dim")
+    if found.mark != "trust":
+        say(console, "  next: turn the tool by 30° about two axes in free air")
