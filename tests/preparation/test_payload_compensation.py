@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from payloads import (
     FORCE,
     PAYLOAD,
@@ -160,6 +162,19 @@ def test_samples_that_arrive_at_less_than_a_tenth_of_the_rate_have_no_output():
     compensation = PayloadCompensation(payload=PAYLOAD)
     time = 10.1e-3 * np.arange(500)
     assert len(compensated(compensation, time, wrench_of(PAYLOAD, time))) == 0
+
+
+ROWS = st.lists(st.lists(st.floats(), min_size=14, max_size=14), max_size=20)
+
+
+@given(ROWS, st.sampled_from([0.0, 0.02]))
+def test_any_numbers_give_a_status_and_finite_outputs(rows, window):
+    compensation = PayloadCompensation(payload=PAYLOAD, motion_window=window)
+    for row in rows:
+        for orientation in (row[3:7], (0.0, 0.6, 0.0, 0.8)):
+            status = compensation.update(row[:3], orientation, row[7:13], row[13])
+            if status is Status.UPDATED:
+                assert np.isfinite([*compensation.force, *compensation.torque]).all()
 
 
 def test_a_tare_in_free_air_follows_a_sensor_that_was_zeroed():

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import cyclopts
 
 from palpate.cli.options import (
-    KEPT,
     OUTPUT,
     READ,
     SIZES,
@@ -80,7 +79,7 @@ def payload(
     log: Path,
     /,
     *,
-    save_config: Annotated[Path | None, cyclopts.Parameter(group=KEPT)] = None,
+    save_config: Annotated[Path | None, cyclopts.Parameter(group=OUTPUT)] = None,
     ros_parameters: Annotated[Path | None, cyclopts.Parameter(group=OUTPUT)] = None,
     as_json: AsJson = False,
     drawing: FigureOptions = FigureOptions(),
