@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.preparation.payload import GRAVITY
 from palpate.recordings.poses import align_signs, multiply, rotate
@@ -41,26 +42,27 @@ class FlangeMotion:
         """Last time, s."""
         return self.start + self.step * (len(self.values) - 1)
 
-    def mean(self, start: Floats, stop: Floats) -> Floats:
-        """Return the means of the values from each start to each stop, shape (n, 20)."""
-        first, last = (self._integral_at(each) for each in (start, stop))
+    def mean(self, start: Floats, stop: Floats, columns: int = 20) -> Floats:
+        """Return the means of the first columns from each start to each stop."""
+        first, last = (self._integral_at(each, columns) for each in (start, stop))
         means: Floats = (last - first) / ((stop - start) / self.step)[:, None]
         return means
 
-    def _integral_at(self, time: Floats) -> Floats:
-        place = np.clip((time - self.start) / self.step, 0.0, len(self.values) - 1.000001)
-        k = place.astype(np.int64)
-        u = (place - k)[:, None]
-        low, high = self.values[k], self.values[k + 1]
-        return self.integral[k] + u * (low + 0.5 * u * (high - low))
+    def _integral_at(self, time: Floats, columns: int) -> Floats:
+        k, u = self._place(time)
+        low, high = self.values[k, :columns], self.values[k + 1, :columns]
+        return self.integral[k, :columns] + u * (low + 0.5 * u * (high - low))
 
     def at(self, time: Floats) -> Floats:
-        """Return the values at some times, shape (n, 20)."""
+        """Return specific force, angular velocity and acceleration at some times, shape (n, 9)."""
+        k, u = self._place(time)
+        between: Floats = (1.0 - u) * self.values[k, :9] + u * self.values[k + 1, :9]
+        return between
+
+    def _place(self, time: Floats) -> tuple[NDArray[np.int64], Floats]:
         place = np.clip((time - self.start) / self.step, 0.0, len(self.values) - 1.000001)
         k = place.astype(np.int64)
-        u = (place - k)[:, None]
-        between: Floats = (1.0 - u) * self.values[k] + u * self.values[k + 1]
-        return between
+        return k, (place - k)[:, None]
 
 
 def motion_of(

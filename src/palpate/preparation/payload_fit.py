@@ -19,9 +19,9 @@ from palpate.validation import Floats
 
 Mask = NDArray[np.bool_]
 
-BLOCK, MOST_BLOCKS = 0.02, 4000  # s of a mean; longer where a log has more blocks
+BLOCK, MOST_BLOCKS = 0.02, 3000  # s of a mean; longer where a log has more blocks
 SLOW = 0.2  # s of the filter of the motion in free air: noise of α would bias lever and mass
-DRAWS, DRAWN, POINTS = 600, 2000, 5  # of the consensus: hypotheses, blocks scored, blocks of each
+DRAWS, DRAWN, POINTS = 500, 1000, 5  # of the consensus: hypotheses, blocks scored, blocks of each
 # A block is near another until the tool has moved or turned so far, m and rad: a press that is held
 # is one pose, however long. Drawn by time, six holds of 8 s passed for free air.
 MOVED, TURNED = 2e-3, 0.02
@@ -35,7 +35,6 @@ CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
 RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
-WANDER_TIME = 0.5  # s of free air next to a touch
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, TENSOR, LEVER, MOUNT, CLOCK = (
@@ -93,9 +92,9 @@ class Blocks:
         """Least tolerance of a consensus, N."""
         return 3.0 * float(np.linalg.norm(self.noise[:3])) + 0.03
 
-    def seen(self, late: float) -> Floats:
-        """Return the means of the motion some seconds before, shape (k, 20)."""
-        return self.motion.mean(self.start - late, self.stop - late)
+    def seen(self, late: float, columns: int = 20) -> Floats:
+        """Return the means of the first columns of the motion some seconds before."""
+        return self.motion.mean(self.start - late, self.stop - late, columns)
 
     def taken(self, keep: Mask | NDArray[np.int64]) -> "Blocks":
         """Return the selected blocks."""
@@ -161,10 +160,13 @@ def blocks_of(
     keep = (start - LONGEST_DELAY > motion.start) & (stop + LONGEST_DELAY < motion.stop)
     keep &= np.isfinite(means[:, :3]).all(axis=1) & (stop - start < 1.5 * size * step)
     keep &= segment == np.searchsorted(times, stop)
+    blocks = Blocks(start, stop, np.nan_to_num(means), np.zeros(6), segment, motion).taken(keep)
     noise = np.array([noise_of(column) for column in wrench.T]) / math.sqrt(size)
-    noise = np.maximum(noise, 1e-9 + 1e-6 * np.nanmax(np.abs(wrench), axis=0))
-    noise[3:] = np.where(np.ptp(means[keep, 3:], axis=0) > 0.0, noise[3:], np.inf)
-    return Blocks(start, stop, np.nan_to_num(means), noise, segment, motion).taken(keep)
+    repeated = noise == 0.0  # of a coarse or held force
+    noise[repeated] = [noise_of(column) for column in blocks.wrench.T[repeated]]
+    noise = np.maximum(noise, 1e-9 + 1e-6 * np.nanpercentile(np.abs(wrench), 99.0, axis=0))
+    seen = (blocks.wrench[1:] != blocks.wrench[:-1]).any(axis=0)
+    return replace(blocks, noise=np.where((np.arange(6) < 3) | seen, noise, np.inf))
 
 
 def fit_weight(g: Floats, f: Floats, weight: Floats) -> tuple[Floats, Floats, Floats]:
@@ -223,7 +225,7 @@ def largest_consensus(
     best, cost = trials[int(np.argmin(costs))], float(min(costs))
 
     def refit(late: float) -> tuple[float, tuple[float, Floats, Floats], float]:
-        g, own = part.seen(late)[:, :3], best
+        g, own = part.seen(late, 3), best
         for _ in range(3):
             inside = np.clip(1.0 - squares(g, *own) / (3.0 * tolerance) ** 2, 0.0, 1.0) ** 2 + 1e-12
             if known is None:
@@ -472,8 +474,9 @@ def _linearized(
     drift: Floats,
 ) -> _Free:
     """Return residuals and their negative slopes by payload, mount and delay."""
-    seen, ahead, behind = (blocks.seen(theta[CLOCK] - t) for t in (0.0, SHIFT, -SHIFT))
-    rate = (ahead[:, :3] - behind[:, :3]) / (2.0 * SHIFT) @ mount
+    seen = blocks.seen(theta[CLOCK])
+    ahead, behind = (blocks.seen(theta[CLOCK] - t, 3) for t in (SHIFT, -SHIFT))
+    rate = (ahead - behind) / (2.0 * SHIFT) @ mount
     by_force, by_torque = regressors(seen, mount)
     model = np.hstack([by_force @ theta[:13], by_torque @ theta[:13]])
     # A mount turned further by φ changes g to g + g × φ.
@@ -591,7 +594,7 @@ def without_zeroings(time: Floats, wrench: Floats, zeroed: Sequence[Zeroing]) ->
     """Return the wrench without the steps; unknown next to them."""
     wrench, near = wrench.copy(), (STEP_GAP + 0.5) * float(np.median(np.diff(time)))
     for each in zeroed:
-        wrench[time >= each.time] -= each.step
+        wrench[time >= each.time] -= each.step[: wrench.shape[1]]
         wrench[np.abs(time - each.time) < near] = np.nan
     return wrench
 
@@ -798,12 +801,8 @@ def _mark(error: float, limits: tuple[float, float]) -> Mark:
     return MARKS[sum(not error <= limit for limit in limits)]
 
 
-def external_wrench(
-    fit: PayloadFit, motion: FlangeMotion, time: Floats, wrench: Floats
-) -> tuple[Floats, float]:
-    """Return the wrench of the material on the tool, in the axes of the sensor, shape (k, 6).
-
-    The second is the standard deviation of its force by the wander of the sensor in contact, N.
+def external_force(fit: PayloadFit, motion: FlangeMotion, time: Floats, force: Floats) -> Floats:
+    """Return the force of the material on the tool, in the axes of the sensor, shape (k, 3).
 
     The mean of what is left in free air nearby is subtracted too, weighted by exp(−|t − tᵢ|/3 s)
     and drawn to zero by 0.2 s: the sensor wanders faster than the bias of the payload.
@@ -812,54 +811,29 @@ def external_wrench(
     ----------
     motion : FlangeMotion
         Motion of the flange, filtered over 0.1 s: the tool is quicker in contact.
-    time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
-        As recorded.
+    time, force : numpy.ndarray, shapes (k,) and (k, 3)
+        s and N, on the clock of the wrench; with the sign of the payload, without steps.
     """
-    own, blocks = fit.payload, fit.blocks
-    seen = motion.at(time - own.delay)
-    model = own.wrench(seen[:, :3], seen[:, 3:6], seen[:, 6:9])
-    signed = own.sign * without_zeroings(time, wrench, fit.zeroed)
-    rest = signed - model - own.bias_at(time)
-    first = np.searchsorted(time, blocks.start)
-    last = np.searchsorted(time, blocks.stop)
-    sums = np.vstack([np.zeros(6), np.cumsum(np.nan_to_num(rest), axis=0)])
-    means = (sums[last] - sums[first]) / np.maximum(last - first, 1)[:, None]
+    own, blocks, times = fit.payload, fit.blocks, fit.blocks.time
+
+    def rest(force: Floats, time: Floats, seen: Floats) -> Floats:
+        model = own.wrench(seen[:, :3], seen[:, 3:6], seen[:, 6:9]) + own.bias_at(time)
+        remainder: Floats = force - model[:, :3]
+        return remainder
+
+    seen = motion.mean(blocks.start - own.delay, blocks.stop - own.delay)
+    means = rest(blocks.wrench[:, :3], times, seen)
+    left = rest(force, time, motion.at(time - own.delay))
     block = float(np.median(blocks.stop - blocks.start))
-    lags = np.arange(-math.ceil(6.0 * RETARE / block), math.ceil(6.0 * RETARE / block) + 1)
-    kernel = np.exp(-np.abs(lags) * block / RETARE)
+    far = math.ceil(5.0 * RETARE / block)
+    kernel = np.exp(-np.abs(np.arange(-far, far + 1)) * block / RETARE)
+    columns = np.column_stack([fit.free, fit.free[:, None] * means])
     for part in slices_of(blocks.segment):
-        weights = fit.free[part].astype(float)
-        inside = slice(len(lags) // 2, len(lags) // 2 + len(weights))
-        total = np.convolve(weights, kernel)[inside] + RETARE_BLOCKS * BLOCK / block
-        times, own_means = blocks.time[part], weights[:, None] * means[part]
-        there = slice(
-            None if part.start == 0 else int(first[part.start]),
-            None if part.stop == len(fit.free) else int(first[part.stop]),
-        )
-        for k in range(6):
-            local = np.convolve(own_means[:, k], kernel)[inside] / total
-            rest[there, k] -= np.interp(time[there], times, local)
-    return rest, _wander(fit, means[:, :3])
-
-
-def _wander(fit: PayloadFit, means: Floats) -> float:
-    """Return the standard deviation of the bias between two runs in free air, N.
-
-    A random walk that changes by d from one to the other is off the line between them by d/√6.
-    """
-    time, changes = fit.blocks.time, []
-    border = np.flatnonzero(np.diff(time[fit.free]) > SHORTEST_FREE)
-    index = np.flatnonzero(fit.free)
-    for last, first in zip(index[border], index[border + 1], strict=True):
-        if fit.blocks.segment[last] == fit.blocks.segment[first]:
-            near = [
-                means[
-                    fit.free
-                    & (np.abs(time - time[k]) < WANDER_TIME)
-                    & (side * (time - time[k]) >= 0)
-                ]
-                for k, side in ((last, -1.0), (first, 1.0))
-            ]
-            noise = sum(fit.blocks.noise[:3] ** 2 / len(each) for each in near)
-            changes.append((near[1].mean(axis=0) - near[0].mean(axis=0)) ** 2 - noise)
-    return math.sqrt(max(float(np.mean(changes)), 0.0) / 6.0) if changes else 0.0
+        near = [np.convolve(column, kernel)[far:-far] for column in columns[part].T]
+        ends = -np.inf if part.start == 0 else times[part.start]
+        until = np.inf if part.stop == len(times) else times[part.stop]
+        there = slice(*np.searchsorted(time, (ends, until)))
+        for k in range(3):
+            local = near[k + 1] / (near[0] + RETARE_BLOCKS * BLOCK / block)
+            left[there, k] -= np.interp(time[there], times[part], local)
+    return left

@@ -21,10 +21,11 @@ from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import (
     SLOW,
     PayloadFit,
-    external_wrench,
+    external_force,
     find_payload,
     idle_weight,
     mark_payload,
+    without_zeroings,
 )
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.resolution import noise_of
@@ -129,8 +130,6 @@ def along_normal(
     with stage(_LOGGER, "contact normal"):
         whole = on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
-    if left is not None and compensated is not None:
-        left = math.hypot(left, compensated.wander)
     held = (
         None
         if settings.no_time
@@ -202,8 +201,6 @@ class Compensated:
         Motion of the flange.
     delay : Delay or None
         The delay that was taken out.
-    wander : float
-        Standard deviation of the bias in contact, where free air does not show it, N.
     """
 
     signals: Signals
@@ -212,7 +209,6 @@ class Compensated:
     fit: PayloadFit
     motion: FlangeMotion
     delay: Delay | None
-    wander: float
 
     @property
     def payload(self) -> Payload:
@@ -286,20 +282,21 @@ def compensate(
         return None
     payload = mark_payload(fit)
     fit = replace(fit, payload=payload)
-    rest, wander = external_wrench(fit, motion_of(*pose), time, wrench)
     applied = None
     if delay is not None:
         applied = Delay(*delay)
     elif payload.delay_mark != "do-not-trust":
         applied = Delay(payload.delay, payload.delay_error, found=True)
     at = signals.time + (0.0 if applied is None else applied.seconds)
-    size = min(float(np.median(np.diff(signals.time))), LONGEST_MEAN) / float(
-        np.median(np.diff(time))
+    steps = [float(np.median(np.diff(each))) for each in (signals.time, time)]
+    half = round(0.5 * min(steps[0], LONGEST_MEAN) / steps[1])
+    mean = np.full(2 * half + 1, payload.sign / (2 * half + 1))
+    padded = np.pad(
+        without_zeroings(time, wrench[:, :3], fit.zeroed), ((half, half), (0, 0)), "edge"
     )
-    size = 2 * max(round(0.5 * size), 0) + 1
-    padded = np.pad(rest[:, :3], ((size // 2, size // 2), (0, 0)), mode="edge")
-    smooth = np.column_stack([np.convolve(c, np.ones(size) / size, "valid") for c in padded.T])
-    force = turned(_at(at, time, smooth) @ payload.mount.T, signals.orientation, source)
+    smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
+    force = external_force(fit, motion_of(*pose), at, _at(at, time, smooth)) @ payload.mount.T
+    force = turned(force, signals.orientation, source)
     kept = np.isfinite(force).all(axis=1) & (at >= time[0]) & (at <= time[-1])
     blocks = fit.blocks
     k = np.clip(np.searchsorted(blocks.start, at[kept]) - 1, 0, None)
@@ -313,7 +310,6 @@ def compensate(
         fit,
         motion,
         applied,
-        wander,
     )
 
 
