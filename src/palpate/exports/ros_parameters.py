@@ -11,12 +11,11 @@ def ros_parameters(
 ) -> str:
     """Return the weight as parameters of control_toolbox and of mujoco_ros2_control, in YAML.
 
-    The filter ``control_filters/GravityCompensationWrench`` of control_toolbox has the parameters
-    ``CoG`` from version 5.2.0 on, and ``tool`` in the development version after 6.0.0; it ignores
-    the other ones. The plugin ``FtsGravCompPlugin`` of mujoco_ros2_control_plugins is in the
-    development version after 0.1.0. All subtract the weight alone: neither bias nor inertia.
+    The names are those in the public sources of ``control_filters/GravityCompensationWrench``,
+    control_toolbox 5.2.0 and later (its documentation has names from before that release), and of
+    ``FtsGravCompPlugin``, in the development version of mujoco_ros2_control_plugins after 0.1.0.
+    Both subtract the weight alone: neither bias nor inertia.
     """
-    weight = payload.sign * payload.mass * GRAVITY
     centre = _yaml_list(payload.centre)
     roll, pitch, yaw = roll_pitch_yaw(payload.mount)
     bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)
@@ -25,7 +24,7 @@ def ros_parameters(
 # Bias of the sensor: {bias} N and N m.
 # Sensor in the flange, as in URDF: rpy="{roll:.6g} {pitch:.6g} {yaw:.6g}".
 
-# control_toolbox: CoG for 5.2.0 and later, tool for the development version after 6.0.0.
+# control_toolbox 5.2.0 and later.
 /**:
   ros__parameters:
     sensor_filter_chain:
@@ -35,15 +34,12 @@ def ros_parameters(
         params:
           world_frame: {world_frame}
           sensor_frame: {sensor_frame}
-          CoG:
-            pos: {centre}
-            force: [0.0, 0.0, {-weight:.9g}]
           tool:
             CoG: {centre}
             mass: {float(payload.mass)!r}
             gravity_field: [0.0, 0.0, {-payload.sign * GRAVITY!r}]
 
-    # mujoco_ros2_control_plugins, development version after 0.1.0.
+    # mujoco_ros2_control_plugins: the development version after 0.1.0.
     mujoco_plugins:
       fts_grav_comp_plugin:
         type: mujoco_ros2_control_plugins/FtsGravCompPlugin
