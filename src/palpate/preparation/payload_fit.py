@@ -129,10 +129,8 @@ class PayloadFit:
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    x, y, z = np.moveaxis(vectors, -1, 0)
-    o = np.zeros_like(x)
-    rows = [np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))]
-    return np.stack(rows, -2)
+    crossed: Floats = -np.cross(vectors[..., None, :], np.eye(3))
+    return crossed
 
 
 def rotation(vector: Floats) -> Floats:
@@ -270,27 +268,17 @@ def regressors(seen: Floats, mount: Floats) -> tuple[Floats, Floats]:
 
 def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
     """Return the linear bias between knots: its columns, its knots, and differences as rows."""
-    columns, times, changes = [], [], []
-    spacing = max(KNOT, (time[-1] - time[0]) / MOST_KNOTS)
+    spacing, columns, times = max(KNOT, (time[-1] - time[0]) / MOST_KNOTS), [], []
     for part in slices_of(segment):
-        t = time[part]
-        knots = np.linspace(t[0], t[-1], max(math.ceil((t[-1] - t[0]) / spacing), 1) + 1)
-        k = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
-        u = (t - knots[k]) / max(knots[1] - knots[0], 1e-9)
-        own = np.zeros((len(time), len(knots)))
-        rows = np.arange(part.start, part.stop)
-        own[rows, k], own[rows, k + 1] = 1.0 - u, u
+        start, stop = time[part.start], time[part.stop - 1]
+        knots = np.linspace(start, stop, max(math.ceil((stop - start) / spacing), 1) + 1)
+        own = np.zeros((len(knots), len(time)))
+        own[:, part] = [np.interp(time[part], knots, each) for each in np.eye(len(knots))]
         columns.append(own)
         times.append(knots)
-        changes.append(np.diff(np.eye(len(knots)), axis=0))
-    total = sum(each.shape[1] for each in columns)
-    differences, first = np.zeros((total - len(changes), total)), 0
-    for number, each in enumerate(changes):
-        differences[first - number : first - number + len(each), first : first + len(each) + 1] = (
-            each
-        )
-        first += len(each) + 1
-    return np.hstack(columns), np.concatenate(times), differences
+    borders = np.cumsum([len(each) for each in times])
+    differences = np.delete(np.diff(np.eye(borders[-1]), axis=0), borders[:-1] - 1, axis=0)
+    return np.vstack(columns).T, np.concatenate(times), differences
 
 
 def opened(mask: Mask, least: int, margin: int) -> Mask:
@@ -313,7 +301,7 @@ class _Free:
 
     def solve(
         self, prior: Floats, pull: Floats, ties: Sequence[Floats], drift: Floats
-    ) -> tuple[Floats, Floats, Floats, Floats]:
+    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
         """Solve the normal equations; the bias of each axis is eliminated first.
 
         Parameters
@@ -329,10 +317,12 @@ class _Free:
         -------
         tuple
             The moves of parameters and biases, the covariance of the parameters for white noise,
-            and the move of the biases by that of the parameters, shape (6, knots, SIZE).
+            the move of the biases by that of the parameters, shape (6, knots, SIZE), and the
+            variances of the mean biases for known parameters.
         """
         normal, slope = np.diag(prior), pull.copy()
-        couplings, moves = [], []
+        couplings, moves, variances = [], [], []
+        mean = np.full(len(drift), 1.0 / len(drift))
         for k, tie in enumerate(ties):
             x = np.hstack([self.jacobian[:, k], self.columns, self.rest[:, k, None]])
             # In chunks, because on a busy machine threads of BLAS wait for each other.
@@ -342,16 +332,18 @@ class _Free:
             weighted.reshape(-1, x.shape[1])[: len(x)] = self.weight[:, k, None] * x
             products = (weighted.transpose(0, 2, 1) @ chunks).sum(axis=0)
             both, own = products[:SIZE, SIZE:-1], products[SIZE:-1, SIZE:-1] + tie
-            right = np.column_stack([both.T, products[SIZE:-1, -1] - tie @ drift[:, k]])
+            right = np.column_stack([both.T, products[SIZE:-1, -1] - tie @ drift[:, k], mean])
             solved = np.linalg.solve(own, right)
-            couplings.append(solved[:, :-1])
-            moves.append(solved[:, -1])
-            normal += products[:SIZE, :SIZE] - both @ solved[:, :-1]
-            slope += products[:SIZE, -1] - both @ solved[:, -1]
+            couplings.append(solved[:, :SIZE])
+            moves.append(solved[:, SIZE])
+            variances.append(mean @ solved[:, -1])
+            normal += products[:SIZE, :SIZE] - both @ solved[:, :SIZE]
+            slope += products[:SIZE, -1] - both @ solved[:, SIZE]
         unit = 1.0 / np.sqrt(np.diag(normal))
         inverse = np.linalg.inv(normal * unit * unit[:, None]) * unit * unit[:, None]
         move, coupling = inverse @ slope, np.array(couplings)
-        return move, (np.array(moves) - coupling @ move).T, inverse, coupling
+        moved = (np.array(moves) - coupling @ move).T
+        return move, moved, inverse, coupling, np.array(variances)
 
     def covariance(self, inverse: Floats, coupling: Floats, used: Mask) -> Floats:
         """Return the covariance of the parameters, with the correlation of the residuals."""
@@ -429,7 +421,7 @@ def fit_payload(
         tukey = [np.where(inside, (1.0 - size**2) ** 2, 0.0) for size in sizes]
         fit.weight = np.repeat(np.column_stack(tukey), 3, axis=1) / sigma**2
         pull = (expected - theta) / spread**2
-        move, moved, inverse, coupling = fit.solve(spread**-2, pull, ties, drift)
+        move, moved, inverse, coupling, variances = fit.solve(spread**-2, pull, ties, drift)
         move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
         move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
         theta = theta + move
@@ -444,8 +436,10 @@ def fit_payload(
             if (free == before).all() and (move**2 < CONVERGED**2 * np.diag(inverse)).all():
                 break
     covariance = fit.covariance(inverse, coupling, inside)
-    found = _payload_of(theta, mount, covariance, blocks, inside, seen, knots, drift)
-    return found, inside, float(scale[:3].max())
+    means = coupling.mean(axis=1)
+    variances += np.einsum("ki,ij,kj->k", means, covariance, means)
+    found = _payload_of(theta, mount, covariance, blocks, inside, knots, drift)
+    return replace(found, bias_error=np.sqrt(variances)), inside, float(scale[:3].max())
 
 
 def _prior(
@@ -495,7 +489,6 @@ def _payload_of(
     covariance: Floats,
     blocks: Blocks,
     free: Mask,
-    seen: Floats,
     knots: Floats,
     drift: Floats,
 ) -> Payload:
@@ -507,8 +500,7 @@ def _payload_of(
         slopes = np.zeros((3, SIZE))
         slopes[:, own], slopes[:, MASS] = np.eye(3) / heavy, -theta[own] / heavy**2
         arms.append(np.sqrt(np.diag(slopes @ covariance @ slopes.T)))
-    g = seen[free, 17:]
-    around, axes = (0.0, 0) if not len(g) else _turns(g)
+    around, axes = _turns(blocks.seen(theta[CLOCK])[free, 17:]) if free.any() else (0.0, 0)
     bias = drift.mean(axis=0)
     span = blocks.stop - blocks.start
     return Payload(
@@ -529,7 +521,7 @@ def _payload_of(
         delay_error=float(error[CLOCK]),
         turn=around,
         axes=axes,
-        free_share=float(np.mean(free)) if len(free) else 0.0,
+        free_share=float(np.mean(free)),
         free_time=float(span[free].sum()),
     )
 
@@ -662,6 +654,9 @@ def find_payload(
         if delay is None and known.delay_error < DELAY_ERRORS[1]:
             delay = known.delay, max(known.delay_error, 1e-3)
         found = _fit_signed(blocks, zeroed, known, EVERYTHING, delay, (known.sign,))
+        names = "mass_error", "centre_error", "mount_error", "lever_error"
+        errors = {name: np.nan_to_num(getattr(known, name)) for name in names}
+        found = replace(found, payload=replace(found.payload, **errors))
         return found if _is_free(found) else None
     found = _fit_signed(blocks, zeroed, None, (), delay, (1.0, -1.0))
     own = found.payload
