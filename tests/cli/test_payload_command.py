@@ -105,6 +105,20 @@ def test_findings_are_short_without_v_and_name_no_option_that_the_command_lacks(
     assert re.search(r"bias +-[23]\.\d+.*, [45]\.\d+", out)  # as the sensor reads it
 
 
+def test_a_log_without_a_torque_leaves_the_centre_of_mass_unknown(log, printed, tmp_path):
+    header, rows = log.read_text().split("\n", 1)
+    names = header.split(",")
+    keep = [k for k, name in enumerate(names) if "torque" not in name]
+    values = np.loadtxt(rows.splitlines(), delimiter=",")[:, keep]
+    path = tmp_path / "force.csv"
+    header = ",".join(names[k] for k in keep)
+    np.savetxt(path, values, delimiter=",", header=header, comments="", fmt="%.9g")
+    out = printed("payload", path)
+    assert "unknown: the log has no torque" in out
+    assert "mN·m" not in out
+    assert re.search(r"mass +0\.(39|40)\d+ ± \S+ kg +trust", out)
+
+
 def test_the_file_serves_identify_also_by_a_file_of_options(log, printed, refused, tmp_path):
     tool, options = tmp_path / "tool.toml", tmp_path / "run.toml"
     printed("payload", log, "--save-config", tool)

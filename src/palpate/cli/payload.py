@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from palpate.preparation import Payload
 
 _READ = cyclopts.Parameter(group=READ)
+_UNKNOWN_TORQUE = 10.0  # N·m: standard error of the bias without a torque
 _STYLES = {"trust": "green", "with-care": "yellow", "do-not-trust": "red"}
 
 
@@ -162,22 +163,23 @@ def _print(log: Path, found: "Payload") -> None:
 
     def three(values: Any, errors: Any, factor: float, unit: str) -> str:
         pairs = zip(values, errors, strict=True)
-        known = ((factor * a, (factor * b,) if math.isfinite(b) else ()) for a, b in pairs)
-        return ", ".join(with_error(a, *b) if b else f"{a:#.4g}" for a, b in known) + f" {unit}"
+        return ", ".join(with_error(factor * a, factor * b) for a, b in pairs) + f" {unit}"
 
     cosine = float(np.clip(0.5 * (np.trace(found.mount) - 1.0), -1.0, 1.0))
     turned, off = math.degrees(math.acos(cosine)), math.degrees(float(found.mount_error.max()))
     angle = with_error(turned, off, unit="°").replace(" °", "°")
     roll, pitch, yaw = map(math.degrees, roll_pitch_yaw(found.mount))
     bias, error = found.sign * found.bias, found.bias_error
+    torque = float(error[3:].max()) < _UNKNOWN_TORQUE
+    centre = three(found.centre, found.centre_error, 1e3, "mm")
     late = "late" if found.delay >= 0.0 else "early"
     clock = with_error(1e3 * abs(found.delay), 1e3 * found.delay_error, unit="ms")
     rows: list[tuple[str, str, str]] = [
         ("mass", with_error(found.mass, found.mass_error, unit="kg"), found.mass_mark),
-        ("centre of mass", three(found.centre, found.centre_error, 1e3, "mm"), ""),
+        ("centre of mass", centre if torque else "unknown: the log has no torque", ""),
         ("mount", f"turned by {angle}; rpy {roll:.2f}, {pitch:.2f}, {yaw:.2f}°", found.mount_mark),
         ("bias", three(bias[:3], error[:3], 1.0, "N"), ""),
-        ("", three(bias[3:], error[3:], 1e3, "mN·m"), ""),
+        *([("", three(bias[3:], error[3:], 1e3, "mN·m"), "")] if torque else []),
         ("clock", f"force {clock} {late}", found.delay_mark),
     ]
     console = Terminal()

@@ -18,9 +18,11 @@ def ros_parameters(
     """
     centre = _yaml_list(payload.centre)
     roll, pitch, yaw = roll_pitch_yaw(payload.mount)
+    errors = ", ".join(f"{each:.2g}" for each in payload.centre_error)
     bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)
     return f"""\
 # Tool of {payload.mass:.6g} kg. The filters subtract its weight, but neither inertia nor bias.
+# Standard errors: {payload.mass_error:.2g} kg; of the centre of mass {errors} m.
 # Bias of the sensor: {bias} N and N m.
 # Sensor in the flange, as in URDF: rpy="{roll:.6g} {pitch:.6g} {yaw:.6g}".
 
