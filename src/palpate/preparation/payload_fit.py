@@ -35,6 +35,7 @@ CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
 RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
+FILTER_ERROR = 3e-4  # of the mass, by what the filter of the motion attenuates
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, TENSOR, LEVER, MOUNT, CLOCK = (
@@ -115,7 +116,7 @@ class PayloadFit:
     free : numpy.ndarray of bool, shape (k,)
         Blocks in free air.
     scale : float
-        Residual scale of the force in free air, over the white noise of a block.
+        Residual of the force in free air, over the white noise of a block.
     zeroed : sequence of Zeroing
         When the sensor was zeroed.
     """
@@ -125,6 +126,12 @@ class PayloadFit:
     free: Mask
     scale: float
     zeroed: Sequence[Zeroing]
+
+    @property
+    def scatter(self) -> float:
+        """Residual in free air, over the tolerance of a consensus and 1 % of the weight."""
+        tolerable = self.blocks.floor + 0.01 * GRAVITY * self.payload.mass
+        return self.scale * float(self.blocks.noise[:3].max()) / tolerable
 
 
 def skew(vectors: Floats) -> Floats:
@@ -513,7 +520,7 @@ def _payload_of(
         delay=float(theta[CLOCK]),
         bias_times=knots,
         bias_changes=drift - bias,
-        mass_error=float(error[MASS]),
+        mass_error=math.hypot(error[MASS], FILTER_ERROR * mass),
         centre_error=arms[0],
         mount_error=error[MOUNT],
         lever_error=arms[1],
@@ -597,8 +604,8 @@ LEAST_FREE, LEAST_FREE_TIME = 0.05, 1.0  # fraction of the log, s
 MASS_ERRORS = 0.01, 0.05  # relative standard errors: trust, with care
 MOUNT_ERRORS = math.radians(0.5), math.radians(2.0)
 DELAY_ERRORS = 0.5e-3, 2e-3  # s
-SCALES = 3.0, 10.0  # residual in free air over the white noise
-FEW_FREE = 0.2  # of a log whose sign is in doubt
+SCATTERS = 1.0, 5.0  # residual in free air over what is tolerable: trust, with care
+FEW_FREE, FITS = 0.2, 3.0  # share and scale of a log whose sign is in doubt
 NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
 TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
 UNKNOWN_TOOL = Payload(0.0, np.zeros(3), np.eye(3), np.zeros(6))
@@ -686,7 +693,7 @@ def find_payload(
 def _is_free(fit: PayloadFit) -> bool:
     own = fit.payload
     enough = own.free_share > LEAST_FREE and own.free_time > LEAST_FREE_TIME
-    return enough and fit.scale < SCALES[1]
+    return enough and fit.scatter < SCATTERS[1]
 
 
 def _fit_signed(
@@ -708,7 +715,7 @@ def _fit_signed(
             if more < 0.02 and (more < -0.02 or scale > 0.7 * best.scale):
                 continue
         best = fit
-        if own.mass > 0.0 and own.free_share > FEW_FREE and scale < SCALES[0]:
+        if own.mass > 0.0 and own.free_share > FEW_FREE and scale < FITS:
             break
     assert best is not None
     return best
@@ -749,46 +756,43 @@ def idle_weight(weight: float, source: str) -> RecordingError:
     return RecordingError.of(source, f"{words}constant, and the tare removes it; {remedy}")
 
 
+def idle_payload() -> Finding:
+    """Return the finding of a given payload that had no effect."""
+    words = "palpate found no free air in which the tool moves: --payload had no effect"
+    remedy = "move the tool in the air for some seconds before it touches"
+    return Check.PAYLOAD.finding(words, remedy, mark="do-not-trust")
+
+
 def mark_payload(fit: PayloadFit) -> Payload:
     """Return the payload with its marks, and findings that give the reasons."""
     own, findings = fit.payload, list[Finding]()
-    words = f"the tool turns {math.degrees(own.turn):.0f}° about {own.axes} axes in free air"
+    turns = f"the tool turns by {math.degrees(own.turn):.0f}° in free air: palpate cannot identify "
     mass = _mark(own.mass_error / max(own.mass, 1e-9), MASS_ERRORS)
     mount = _mark(float(own.mount_error.max()), MOUNT_ERRORS)
     late = _mark(own.delay_error, DELAY_ERRORS)
-    if mass == "do-not-trust":
-        words += ": palpate cannot identify its weight, and subtracts the mean force in the "
-        words += "axes of the sensor"
-        turns: Mark = "with-care" if own.turn > NO_TURN else "trust"
-        findings.append(Check.PAYLOAD.finding(words, TURN_MORE, mark=turns))
+    if mass == "do-not-trust" and own.mass_error * GRAVITY < fit.blocks.floor:
+        words = "the tool weighs less than the noise of the sensor: palpate takes the axes of the "
+        findings.append(Check.PAYLOAD.finding(f"{words}pose for those of the sensor"))
+    elif mass == "do-not-trust":
+        words = "its weight, and subtracts the mean force in the axes of the sensor"
+        mark: Mark = "with-care" if own.turn > NO_TURN else "trust"
+        findings.append(Check.PAYLOAD.finding(turns + words, TURN_MORE, mark=mark))
     elif mount == "do-not-trust":
-        words += ": palpate cannot identify the mount, and takes the axes of the pose for those "
-        findings.append(Check.PAYLOAD.finding(f"{words}of the sensor", TURN_MORE, mark="with-care"))
-    if fit.scale > SCALES[0]:
-        findings.append(
-            Check.PAYLOAD.finding(
-                f"in free air the force scatters by {fit.scale:.0f} times its noise around the "
-                "weight of the tool",
-                "move more slowly, or check that the z axis of the pose points up",
-                severity="with-care",
-            )
-        )
+        words = "the mount, and takes the axes of the pose for those of the sensor"
+        findings.append(Check.PAYLOAD.finding(turns + words, TURN_MORE, mark="with-care"))
+    if fit.scatter > SCATTERS[0]:
+        words = f"the force in free air fits the weight of the tool {fit.scatter:.1f} times worse "
+        remedy = "move more slowly, or check that the z axis of the pose points up"
+        words += "than its noise explains"
+        findings.append(Check.PAYLOAD.finding(words, remedy, severity="with-care"))
     if own.sign < 0.0:
-        findings.append(
-            Check.PAYLOAD.finding(
-                "by the weight of the tool the sensor reads the force on the material: palpate "
-                "reversed its sign",
-                "pass --flip-force to confirm",
-            )
-        )
+        words = "by the weight of the tool the sensor reads the force on the material"
+        words += ": palpate reversed its sign"
+        findings.append(Check.PAYLOAD.finding(words, "pass --flip-force to confirm"))
     if fit.zeroed:
         times = ", ".join(f"{each.time:.2f} s" for each in fit.zeroed)
-        findings.append(
-            Check.ZEROED.finding(
-                f"the sensor was zeroed during the log, at {times}: palpate took the step out",
-                "zero the sensor before the log begins",
-            )
-        )
+        words = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
+        findings.append(Check.ZEROED.finding(words, "zero the sensor before the log begins"))
     return replace(own, mass_mark=mass, mount_mark=mount, delay_mark=late, findings=tuple(findings))
 
 

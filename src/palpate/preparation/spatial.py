@@ -23,6 +23,7 @@ from palpate.preparation.payload_fit import (
     PayloadFit,
     external_force,
     find_payload,
+    idle_payload,
     idle_weight,
     mark_payload,
     without_zeroings,
@@ -117,9 +118,7 @@ def along_normal(
         late = 0.0 if compensated.delay is not None else late
     else:
         if settings.payload is not None:
-            words = "palpate found no free air in which the tool moves: --payload had no effect"
-            remedy = "move the tool in the air for some seconds before it touches"
-            findings.append(Check.PAYLOAD.finding(words, remedy, mark="do-not-trust"))
+            findings.append(idle_payload())
         if signals.orientation is not None:
             findings += turn_findings(signals.orientation, settings.tool_weight)
         if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
