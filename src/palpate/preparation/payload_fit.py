@@ -25,7 +25,7 @@ DRAWS, DRAWN, POINTS = 500, 1000, 5  # of the consensus: hypotheses, blocks scor
 # A block is near another until the tool has moved or turned so far, m and rad: a press that is held
 # is one pose, however long. Drawn by time, six holds of 8 s passed for free air.
 MOVED, TURNED = 2e-3, 0.02
-LONGEST_DELAY, DELAY_GRID, SHIFT = 0.1, 0.005, 0.005  # s
+LONGEST_DELAY, DELAY_GRID, SHIFT = 0.1, 0.01, 0.005  # s
 CUT = 6.0  # of Tukey's weight, in scales
 ROUNDS, FIRST_ROUNDS, CONVERGED = 14, 4, 0.05  # Gauss–Newton steps; standard errors
 SHORTEST_FREE, MARGIN = 0.16, 0.04  # s of a run in free air, and excluded at each end
