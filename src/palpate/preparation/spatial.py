@@ -222,6 +222,7 @@ class Compensated:
         findings += own.findings
 
 
+FEWEST_TIMES = 20  # samples
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
 
 
@@ -251,7 +252,8 @@ def compensate(
     torque = np.zeros_like(force)
     if "torque" in streams:
         torque = _at(time, *streams["torque"])
-    if any((np.diff(each) <= 0.0).any() for each in (stamps, turns, time)):  # restarts
+    clocks = stamps, turns, time
+    if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
         return None
     pose = stamps, position, _at(stamps, turns, unit_quaternions(orientation, source))
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
@@ -268,6 +270,9 @@ def compensate(
         weight=settings.tool_weight,
         source=source,
     )
+    if fit is None and settings.payload is not None:
+        words = "--payload needs a second of free air, to find the bias of the sensor"
+        raise RecordingError.of(source, f"{words}; record the approach too")
     if fit is None:
         return None
     payload = mark_payload(fit)
@@ -319,7 +324,8 @@ def _framed(
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
     findings += saturated(signals.force)
-    frame = frame_of(recording, roles, settings.force_frame, findings)
+    asked = settings.force_frame or (None if settings.payload is None else "tool")
+    frame = frame_of(recording, roles, asked, findings)
     orientation = signals.orientation
     if orientation is not None and frame == "base":
         findings += turn_findings(orientation, settings.tool_weight)
