@@ -126,7 +126,7 @@ def test_the_file_serves_identify_also_by_a_file_of_options(log, printed, refuse
     assert f'payload = "{tool}"' in options.read_text("utf-8")
     assert printed("identify", log, "--config", options) == out
     words = refused("identify", log, "--payload", tool, "--force-frame", "base")
-    assert "force in the frame of the tool" in words
+    assert "payload excludes force_frame base" in words
     assert "No such file" in refused("identify", log, "--payload", tmp_path / "no.toml")
 
 

@@ -117,8 +117,9 @@ def test_a_payload_of_another_log_serves_one_without_turns():
     found = identify(still, payload=tool)
     assert abs(found.absolute["S, %"]) < 1.0
     assert abs(found.absolute["mount, °"]) < 0.2
-    with pytest.raises(palpate.InvalidParameterError, match="payload excludes tool_weight"):
-        prepare(simulate(still).recording, payload=tool, tool_weight=4.0)
+    for name, value in {"tool_weight": 4.0, "tare": (0.0, 1.0), "no_time": True}.items():
+        with pytest.raises(palpate.InvalidParameterError, match=f"payload excludes .*{name}"):
+            Preparation(payload=tool, **{name: value})
 
 
 def test_a_log_without_contact_has_a_payload():
@@ -157,4 +158,7 @@ def test_a_log_without_free_air_has_no_payload():
     first = pressed[: int(np.argmax(np.diff(pressed) > 1))] / 2000.0
     contact = prepare(log.recording, window=(first[0], first[-1]))
     assert contact.prepared.payload is None
+    tool = Payload(0.4, np.zeros(3), np.eye(3), np.zeros(6))
+    with pytest.raises(RecordingError, match="--payload needs a second of free air"):
+        prepare(log.recording, window=(first[0], first[-1]), payload=tool)
     assert "no tare" in {each.check for each in contact.findings}

@@ -8,7 +8,7 @@ import pytest
 from payloads import PAYLOAD, turn
 from ruamel.yaml import YAML
 
-from palpate import Columns, Payload, Recording, RecordingError, prepare
+from palpate import Payload, RecordingError
 from palpate.exports.ros_parameters import ros_parameters
 from palpate.findings import Check
 from palpate.preparation.payload import LARGEST
@@ -126,27 +126,3 @@ def test_the_parameters_of_ros_give_the_weight_of_the_payload():
             np.testing.assert_array_equal(centre, PAYLOAD.centre)
         assert plugin["CoG"]["mass"] == 0.7
         assert 'rpy="0 0 0.5"' in text.replace("-0 ", "0 ")
-
-
-def test_a_payload_that_had_no_effect_is_not_trusted():
-    """A tool that rests in the air and then presses: no free air is found by its motion."""
-    time = np.arange(0.0, 10.0, 2e-3)
-    press = np.clip(time - 6.0, 0.0, 1.0) * (3.0 + np.sin(9.0 * time))
-    position = np.array([0.4, 0.0, 0.2]) - 1e-3 * np.outer(press, [0.0, 0.0, 1.0])
-    force = np.array([3.0, -5.0, 8.0]) - np.outer(press, [0.0, 0.0, 2.0])
-    noise = np.random.default_rng(1).normal(0.0, 0.02, force.shape)
-    names = [f"{what}.{axis}" for what in ("position", "force") for axis in "xyz"]
-    columns = dict(zip(names, np.hstack([position, force + noise]).T, strict=True))
-    columns |= dict(zip("xyzw", np.outer([1.0, 0.0, 0.0, 0.0], np.ones_like(time)), strict=True))
-    contact = prepare(
-        Recording({"time_s": time, **columns}),
-        columns=Columns(
-            position="position.x,position.y,position.z",
-            force="force.x,force.y,force.z",
-            orientation="x,y,z,w",
-        ),
-        payload=PAYLOAD,
-    )
-    [found] = [each for each in contact.findings if each.check == Check.PAYLOAD]
-    assert "--payload had no effect" in found.message
-    assert found.stiffness == "do-not-trust"

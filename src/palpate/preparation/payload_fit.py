@@ -756,13 +756,6 @@ def idle_weight(weight: float, source: str) -> RecordingError:
     return RecordingError.of(source, f"{words}constant, and the tare removes it; {remedy}")
 
 
-def idle_payload() -> Finding:
-    """Return the finding of a given payload that had no effect."""
-    words = "palpate found no free air in which the tool moves: --payload had no effect"
-    remedy = "move the tool in the air for some seconds before it touches"
-    return Check.PAYLOAD.finding(words, remedy, mark="do-not-trust")
-
-
 def mark_payload(fit: PayloadFit) -> Payload:
     """Return the payload with its marks, and findings that give the reasons."""
     own, findings = fit.payload, list[Finding]()

@@ -93,11 +93,15 @@ class Preparation:
             number_in("tool_weight", self.tool_weight, 0.0, 1e6)
         if self.payload is not None:
             instance("payload", self.payload, Payload)
-            if self.tool_weight is not None:
-                raise InvalidParameterError("payload excludes tool_weight: leave one of them out")
-            if self.force_frame == "base":
-                raise InvalidParameterError("payload is for a force in the frame of the tool")
-            object.__setattr__(self, "force_frame", "tool")
+            others = {
+                "tool_weight": self.tool_weight is not None,
+                "an interval of tare": isinstance(self.tare, tuple),
+                "no_time": self.no_time,
+                "force_frame base": self.force_frame == "base",
+            }
+            for name, given in others.items():
+                if given:
+                    raise InvalidParameterError(f"payload excludes {name}: leave one of them out")
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
         if self.no_time and (self.rate is not None or self.delay):

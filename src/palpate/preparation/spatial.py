@@ -23,7 +23,6 @@ from palpate.preparation.payload_fit import (
     PayloadFit,
     external_force,
     find_payload,
-    idle_payload,
     idle_weight,
     mark_payload,
     without_zeroings,
@@ -118,7 +117,8 @@ def along_normal(
         late = 0.0 if compensated.delay is not None else late
     else:
         if settings.payload is not None:
-            findings.append(idle_payload())
+            words = "--payload needs a pose and a force in space, on clocks that do not restart"
+            raise RecordingError.of(recording.source, words)
         if signals.orientation is not None:
             findings += turn_findings(signals.orientation, settings.tool_weight)
         if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
@@ -234,6 +234,7 @@ class Compensated:
         findings += own.findings
 
 
+FEWEST_TIMES = 20  # samples
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
 
 
@@ -263,7 +264,8 @@ def compensate(
     torque = np.zeros_like(force)
     if "torque" in streams:
         torque = _at(time, *streams["torque"])
-    if any((np.diff(each) <= 0.0).any() for each in (stamps, turns, time)):  # restarts
+    clocks = stamps, turns, time
+    if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
         return None
     pose = stamps, position, _at(stamps, turns, unit_quaternions(orientation, source))
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
@@ -281,6 +283,9 @@ def compensate(
         weight=settings.tool_weight,
         source=source,
     )
+    if fit is None and settings.payload is not None:
+        words = "--payload needs a second of free air, to find the bias of the sensor"
+        raise RecordingError.of(source, f"{words}; record the approach too")
     if fit is None:
         return None
     payload = mark_payload(fit)
@@ -333,7 +338,8 @@ def _framed(
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
     findings += saturated(signals.force)
-    frame = frame_of(recording, roles, settings.force_frame, findings)
+    asked = settings.force_frame or (None if settings.payload is None else "tool")
+    frame = frame_of(recording, roles, asked, findings)
     orientation = signals.orientation
     if orientation is not None and frame == "base":
         findings += turn_findings(orientation, settings.tool_weight)
