@@ -8,7 +8,7 @@ import pytest
 from payloads import PAYLOAD, turn
 from ruamel.yaml import YAML
 
-from palpate import Payload, RecordingError
+from palpate import Columns, Payload, Recording, RecordingError, prepare
 from palpate.exports.ros_parameters import ros_parameters
 from palpate.findings import Check
 from palpate.preparation.payload import LARGEST
@@ -126,3 +126,18 @@ def test_the_parameters_of_ros_give_the_weight_of_the_payload():
             np.testing.assert_array_equal(centre, PAYLOAD.centre)
         assert plugin["CoG"]["mass"] == 0.7
         assert 'rpy="0 0 0.5"' in text.replace("-0 ", "0 ")
+
+
+def test_a_payload_is_refused_for_a_log_whose_clock_restarts():
+    time = np.tile(np.arange(0.0, 5.0, 2e-3), 2)
+    press = np.clip(np.sin(2.0 * time), 0.0, 1.0)
+    channels = {
+        "time_s": time,
+        "z": 0.2 - 1e-3 * press,
+        "Fz": 8.0 - 2.0 * press,
+        "qx": 0.0 * time + 1.0,
+    }
+    channels |= dict.fromkeys(("x", "y", "Fx", "Fy", "qy", "qz", "qw"), 0.0 * time)
+    columns = Columns(position="x,y,z", force="Fx,Fy,Fz", orientation="qx,qy,qz,qw")
+    with pytest.raises(RecordingError, match="clocks that do not restart"):
+        prepare(Recording(channels), columns=columns, payload=PAYLOAD)
