@@ -10,7 +10,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +130,8 @@ def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     sensor = rotation @ mount
 
     def seen(vectors: Floats) -> Floats:
-        return np.einsum("kji,kj->ki", sensor, vectors)
+        turned: Floats = np.einsum("kji,kj->ki", sensor, vectors)
+        return turned
 
     origin = flange + rotation @ np.array(setup.sensor)
     centre = np.array(setup.centre)
@@ -343,7 +344,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
             name, errors, bars, ", ".join(sorted({f"{e.mark}/{e.damping_mark}" for e in rows}))
         )
     console.print(table)
-    log, times = simulate(Setup()), {"tool": math.inf, "base": math.inf}
+    times: dict[Literal["tool", "base"], float] = {"tool": math.inf, "base": math.inf}
+    log = simulate(Setup())
     for _ in range(3):
         for frame in times:
             begun = time.process_time()
