@@ -152,6 +152,19 @@ def test_without_a_torque_the_mass_is_found_and_the_torque_can_be_named():
     assert named.prepared.payload.centre == pytest.approx(Setup().centre, abs=5e-4)
 
 
+def test_bit_errors_in_a_log_do_not_change_its_payload():
+    log = simulate(Setup(seed=13, **IDEAL)).recording
+    found = payload_of(log, Preparation())
+    channels = {name: values.copy() for name, values in log.channels.items()}
+    channels["/ft.force.x"][5000], channels["/ft.torque.y"][6000] = 1e29, np.nan
+    channels["/pose.position.x"][3000] = -1e29
+    for axis in "xyzw":
+        channels[f"/pose.orientation.{axis}"][4000] = 0.0
+    damaged = payload_of(replace(log, channels=channels), Preparation())
+    assert damaged.mass == pytest.approx(found.mass, rel=1e-4)
+    assert damaged.delay == pytest.approx(found.delay, abs=2e-5)
+
+
 def test_a_log_without_free_air_has_no_payload():
     log = simulate(Setup(seed=11, **(IDEAL | STILL)))
     pressed = np.flatnonzero(log.penetration > 2e-4)

@@ -235,6 +235,7 @@ class Compensated:
 
 
 FEWEST_TIMES = 20  # samples
+UNLIKELY = 1e3  # times the 99th percentile of a channel: a bit error
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
 
 
@@ -246,17 +247,16 @@ def compensate(
     None without such a wrench, with a given interval of free air, or where the log has none: then
     the mean force is subtracted as that of a sensor that does not turn.
     """
-    streams = {
-        role: (time[inside], values[inside])
-        for role, (time, values) in signals.clocks.items()
-        if (inside := between(time, *ends, source) & np.isfinite(values.T).all(axis=0)).any()
-    }
-    unsuitable = settings.no_time or isinstance(settings.tare, tuple)
-    if (
-        signals.orientation is None
-        or unsuitable
-        or not {"depth", "orientation", "force"} <= streams.keys()
-    ):
+    if signals.orientation is None or settings.no_time or isinstance(settings.tare, tuple):
+        return None
+    streams = {}
+    for role, (time, values) in signals.clocks.items():
+        values = unit_quaternions(values, source) if role == "orientation" else values
+        known = np.abs(values[np.isfinite(values)])
+        likely = np.abs(values) <= (UNLIKELY * np.percentile(known, 99.0) if known.size else 0.0)
+        if (inside := between(time, *ends, source) & likely.all(axis=1)).any():
+            streams[role] = time[inside], values[inside]
+    if not {"depth", "orientation", "force"} <= streams.keys():
         return None
     (stamps, position), (turns, orientation), (time, force) = (
         streams[role] for role in ("depth", "orientation", "force")
@@ -267,7 +267,7 @@ def compensate(
     clocks = stamps, turns, time
     if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
         return None
-    pose = stamps, position, _at(stamps, turns, unit_quaternions(orientation, source))
+    pose = stamps, position, _at(stamps, turns, orientation)
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
     late = settings.delay
     delay = None
