@@ -154,13 +154,13 @@ def test_without_a_torque_the_mass_is_found_and_the_torque_can_be_named():
 
 def test_bit_errors_in_a_log_do_not_change_its_payload():
     log = simulate(Setup(seed=13, **IDEAL)).recording
-    found = compensate_log(log, Preparation()).payload
+    found = prepare(log).prepared.payload
     channels = {name: values.copy() for name, values in log.channels.items()}
     channels["/ft.force.x"][5000], channels["/ft.torque.y"][6000] = 1e29, np.nan
     channels["/pose.position.x"][3000] = -1e29
     for axis in "xyzw":
         channels[f"/pose.orientation.{axis}"][4000] = 0.0
-    damaged = compensate_log(replace(log, channels=channels), Preparation()).payload
+    damaged = prepare(replace(log, channels=channels)).prepared.payload
     assert damaged.mass == pytest.approx(found.mass, rel=1e-4)
     assert damaged.delay == pytest.approx(found.delay, abs=2e-5)
 
