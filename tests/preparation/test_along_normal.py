@@ -218,6 +218,24 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert prepare(recorded, spot=1.0).prepared.places == ()
 
 
+def test_a_place_where_no_force_exceeds_the_noise_takes_the_normal_of_the_others():
+    firm, lifted = tapping(4.0), Motion(np.full(400, -5e-3), np.zeros(400))
+    light = Motion(np.minimum(firm.x, 1.2e-3), firm.v * (firm.x < 1.2e-3))
+    along, g = np.array([0.6, 0.8, 0.0]), np.random.default_rng(3)
+    felt = [
+        hand(motion=motion, origin=ORIGIN + far * along, seed=k)
+        for k, (motion, far) in enumerate([(firm, 0.0), (lifted, 0.015), (light, 0.03)])
+    ]
+    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
+    force = force + 0.3 * g.normal(size=force.shape)
+    time = 1e-3 * np.arange(len(position))
+    contact = prepare(table_of(Hand(time, position, force, lifted)))
+    assert len(contact.prepared.places) == 2
+    normals = [place.normal.vector for place in contact.prepared.places]
+    assert normals[1] == pytest.approx(contact.prepared.normal.vector)
+    assert normals[1] != pytest.approx(normals[0], abs=1e-6)
+
+
 def test_a_position_along_one_axis_finds_its_sign_and_its_surface():
     motion = tapping(6.0)
     noise = NOISE * np.random.default_rng(5).standard_normal(len(motion))

@@ -378,7 +378,13 @@ def _pressed_there(own: Signals, whole: AlongNormal, settings: Preparation) -> A
         return on_normal(own, settings, "")
     if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
         own = replace(own, force=-own.force)
-    return on_normal(own, replace(settings, flip=(*settings.flip, "force")), "")
+    settings = replace(settings, flip=(*settings.flip, "force"))
+    try:
+        return on_normal(own, settings, "")
+    except RecordingError:  # no force exceeds the noise at this place
+        if whole.normal is None:
+            raise
+        return on_normal(own, replace(settings, normal=whole.normal.vector.tolist()), "")
 
 
 def _travelled(pieces: list[Piece], signals: Signals) -> list[Finding]:
