@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common.report import Row, Section, describe_machine, publish, run_command
+from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from benchmarks.common.timing import (
     PERIOD,
     BuildError,
@@ -19,18 +19,29 @@ from benchmarks.common.timing import (
     clock,
     contact_arrays,
     contact_samples,
+    kept_blocks,
     native_programs,
+    passing_bytes,
     seconds_per_update,
 )
-from palpate import OnlinePreparation, SingleStageRLS, VariableProjection
+from palpate import (
+    OnlinePreparation,
+    Payload,
+    PayloadCompensation,
+    SingleStageRLS,
+    VariableProjection,
+)
 
 PASSES = 5
 UPDATE, TIMED = "OnlinePreparation.update", "OnlinePreparation.update, time given"
+COMPENSATION = "PayloadCompensation.update"
+LIMITS = {COMPENSATION: Limit(1000.0)}  # ns
 LOOP, SINGLE = "OnlinePreparation and SingleStageRLS", "SingleStageRLS.update"
 NATIVE = {
     "even": "VelocityFilter<15>::update",
     "uneven": "VelocityFilter<15>::update, uneven clock",
     "prepared": "OnlinePreparation<15>::update",
+    "compensated": "PayloadCompensation<255>::update, window of 101",
     "KelvinVoigtRLS": "KelvinVoigtRLS::update",
     "SingleStageRLS": "SingleStageRLS::update",
     "VariableProjection": "VariableProjection::update",
@@ -42,7 +53,9 @@ def measure_preparation(clock: Clock, effort: Effort) -> Section:
     samples = contact_samples(PERIOD)
     times = clock.best("preparation", _cases(samples), effort.call_rounds)
     rows = [
-        Row(
+        Row(name, 1e9 * seconds, "ns", limit=LIMITS[name])
+        if name in LIMITS
+        else Row(
             name,
             1e9 * seconds,
             "ns",
@@ -50,6 +63,13 @@ def measure_preparation(clock: Clock, effort: Effort) -> Section:
         )
         for name, seconds in times.items()
     ]
+    poses = _poses(samples)
+    for count, unit in ((passing_bytes, "bytes"), (kept_blocks, "blocks")):
+        update = _compensation().update
+        update(*poses[0])
+        own = count(lambda position, orientation, wrench, time: None, poses[1:])
+        allocated = count(update, poses[1:]) - own
+        rows.append(Row(f"{COMPENSATION}: allocated", allocated, unit, limit=Limit(0)))
     notes = [
         f"{PERIOD} samples of contact; shortest of the rounds, including the loop around the call."
     ]
@@ -68,14 +88,35 @@ def measure_preparation(clock: Clock, effort: Effort) -> Section:
 def _cases(samples: Samples) -> dict[str, Case]:
     measured = [(x, force) for x, _, force in samples]
     stamped = [(*row, 1e-3 * k + 1e-9 * (k % 97)) for k, row in enumerate(measured)]
-    single, projection = SingleStageRLS(), VariableProjection()
+    single, projection, poses = SingleStageRLS(), VariableProjection(), _poses(samples)
     return {
         SINGLE: lambda: seconds_per_update(single, samples),
         "VariableProjection.update": lambda: seconds_per_update(projection, samples),
         UPDATE: lambda: _prepared(measured),
         TIMED: lambda: _prepared(stamped),
         LOOP: lambda: _loop(measured),
+        COMPENSATION: lambda: _compensated(poses),
     }
+
+
+def _compensation() -> PayloadCompensation:
+    payload = Payload(0.5, np.array([0.0, 0.0, 0.05]), np.eye(3), np.ones(6), np.full(6, 1e-4))
+    return PayloadCompensation(payload=payload)
+
+
+def _poses(samples: Samples) -> list[Any]:
+    return [
+        ((0.0, 0.0, -x), (1.0, x, 0.0, 0.0), (0.0, 0.0, force, 0.1, 0.0, 0.0), 1e-3 * k)
+        for k, (x, _, force) in enumerate(samples)
+    ]
+
+
+def _compensated(rows: list[Any]) -> float:
+    update = _compensation().update
+    start = perf_counter()
+    for row in rows:
+        update(*row)
+    return (perf_counter() - start) / len(rows)
 
 
 def _prepared(rows: list[Any]) -> float:

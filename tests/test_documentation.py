@@ -27,7 +27,8 @@ EXAMPLES = sorted(ROOT.glob("examples/*.py"))
 FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
 COMMAND = re.compile(
-    r"(?:^|/)palpate ((?:identify|diagnose|compare|info|fleet|map|design|lab|export) [^#&\n]+)",
+    r"(?:^|/)palpate "
+    r"((?:identify|diagnose|compare|info|payload|fleet|map|design|lab|export) [^#&\n]+)",
     re.M,
 )
 
@@ -145,6 +146,14 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
     command, shown = SNIPPETS[ROOT / "docs" / "designing.md"][:2]
     [words] = command.commands
     assert run(*words)[1].split() == shown.text.split()
+
+
+def test_the_payload_that_is_shown_is_the_payload_that_is_printed(run, at_home):
+    simulation, command, shown = SNIPPETS[ROOT / "docs" / "tool-weight.md"][:3]
+    exec(simulation.compiled(), {"__name__": "snippet"})
+    [words] = command.commands
+    printed = run(*words)[1].split()
+    assert printed[: len(shown.text.split())] == shown.text.split()
 
 
 @pytest.mark.parametrize("page", ["README.md", "docs/identifying.md"])

@@ -160,9 +160,9 @@ def count_allocations(kinds: Sequence[type[ContactEstimator]]) -> Section:
         passing, kept = 0, 0
         for samples in (contact, free):
             # Minus what the counting itself allocates, a number or two.
-            own = _passing_bytes(_nothing, samples), _kept_blocks(_nothing, samples)
-            passing = max(passing, _passing_bytes(update, samples) - own[0])
-            kept = max(kept, _kept_blocks(update, samples) - own[1])
+            own = passing_bytes(_nothing, samples), kept_blocks(_nothing, samples)
+            passing = max(passing, passing_bytes(update, samples) - own[0])
+            kept = max(kept, kept_blocks(update, samples) - own[1])
         name = f"{kind.__name__}.update"
         rows.append(Row(f"{name}: passing", passing, "bytes", limit=Limit(0)))
         rows.append(Row(f"{name}: kept", kept, "blocks", limit=Limit(0)))
@@ -174,22 +174,24 @@ def count_allocations(kinds: Sequence[type[ContactEstimator]]) -> Section:
     return Section("Allocations of update()", rows, notes)
 
 
-def _passing_bytes(update: Update, samples: Samples) -> int:
+def passing_bytes(update: Callable[..., Any], samples: Sequence[Any]) -> int:
     """Return the peak of the bytes held during the calls, minus those held before."""
     tracemalloc.start()
     try:
         before = tracemalloc.get_traced_memory()[0]
         tracemalloc.reset_peak()
-        seconds_per_call(update, samples)
+        for sample in samples:
+            update(*sample)
         return tracemalloc.get_traced_memory()[1] - before
     finally:
         tracemalloc.stop()
 
 
-def _kept_blocks(update: Update, samples: Samples) -> int:
+def kept_blocks(update: Callable[..., Any], samples: Sequence[Any]) -> int:
     """Return the blocks of the interpreter's memory in use after the calls, minus those before."""
     before = sys.getallocatedblocks()
-    seconds_per_call(update, samples)
+    for sample in samples:
+        update(*sample)
     return sys.getallocatedblocks() - before
 
 

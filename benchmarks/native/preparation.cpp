@@ -1,5 +1,6 @@
 // preparation FILE PASSES: the best pass, in seconds per sample, of the velocity filter on an even
-// clock and on an uneven one, of the whole preparation, and of the estimators after it.
+// clock and on an uneven one, of the whole preparation, of the compensation of a payload, and of
+// the estimators after it.
 //
 // FILE holds doubles: all penetrations, all velocities, all forces.
 #include <algorithm>
@@ -65,6 +66,12 @@ int main(int argc, char** argv) {
   });
   run<Preparation>("prepared", count, passes, [&](Preparation& kind, std::size_t k) {
     return velocity(kind, kind.update(x[k], f[k]));
+  });
+  using Compensation = palpate::PayloadCompensation<>;
+  run<Compensation>("compensated", count, passes, [&](Compensation& kind, std::size_t k) {
+    kind.update({0.0, 0.0, -x[k]}, {1.0, x[k], 0.0, 0.0}, {0.0, 0.0, f[k]},
+                1e-3 * static_cast<double>(k));
+    return kind.output().wrench[2];
   });
   run<palpate::KelvinVoigtRLS>("KelvinVoigtRLS", count, passes, learned);
   run<palpate::SingleStageRLS>("SingleStageRLS", count, passes, learned);

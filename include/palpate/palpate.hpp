@@ -4,3 +4,4 @@
 #include "palpate/estimate.hpp"
 #include "palpate/estimators.hpp"
 #include "palpate/online_preparation.hpp"
+#include "palpate/payload_compensation.hpp"

@@ -1,16 +1,20 @@
-// OnlinePreparation, and its samples: tuples that estimator.update takes as arguments.
+// OnlinePreparation, and its samples: tuples that estimator.update takes as arguments; and
+// PayloadCompensation, which may precede it.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/tuple.h>
 
 #include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "conversions.hpp"
 #include "palpate/online_preparation.hpp"
+#include "palpate/payload_compensation.hpp"
 
 namespace palpate::bindings {
 namespace {
@@ -75,7 +79,9 @@ time : float, optional
 
 using bindings::number_of;
 
-bool number_of(PyObject* object, std::array<double, 3>& vector) noexcept {
+// `numbers` gets the numbers of a sequence of this length.
+template <std::size_t Size>
+bool number_of(PyObject* object, std::array<double, Size>& numbers) noexcept {
   PyObject* sequence = PySequence_Tuple(object);
   if (!sequence) {
     if (PyErr_ExceptionMatches(PyExc_TypeError)) {
@@ -83,10 +89,10 @@ bool number_of(PyObject* object, std::array<double, 3>& vector) noexcept {
     }
     return false;
   }
-  bool good = PyTuple_Size(sequence) == 3;
-  if (!good) PyErr_SetString(PyExc_TypeError, "a vector must have 3 numbers");
-  for (std::size_t i = 0; good && i < 3; ++i) {
-    good = number_of(PyTuple_GetItem(sequence, static_cast<Py_ssize_t>(i)), vector[i]);
+  bool good = PyTuple_Size(sequence) == static_cast<Py_ssize_t>(Size);
+  if (!good) PyErr_Format(PyExc_TypeError, "a vector must have %zu numbers", Size);
+  for (std::size_t i = 0; good && i < Size; ++i) {
+    good = number_of(PyTuple_GetItem(sequence, static_cast<Py_ssize_t>(i)), numbers[i]);
   }
   Py_DECREF(sequence);
   return good;
@@ -176,10 +182,141 @@ void make_online(Online* self, double sample_time, std::uint32_t samples, double
   new (self) Online(settings);
 }
 
+// The longest window, in samples: 0.1 s at 1.5 kHz.
+constexpr std::size_t longest_motion = 151;
+using Compensation = PayloadCompensation<longest_motion>;
+
+constexpr const char* compensation_update_doc =
+    R"(update(self, position, orientation, wrench, time)
+--
+
+Take one measured sample. If the result is ``UPDATED``, :attr:`position`, :attr:`force`,
+:attr:`torque` and :attr:`time` are those of :attr:`delay` ago.
+
+Never raises on data; a refused sample changes nothing.
+
+Parameters
+----------
+position : sequence of 3 floats
+    Origin of the pose in the base, m.
+orientation : sequence of 4 floats or of 3 rows
+    Unit quaternion x, y, z, w, or rotation matrix, of the pose in the base.
+wrench : sequence of 6 or 3 floats
+    Force, N, and torque, N·m, as the sensor reads them, in its axes; the torque may be missing.
+time : float
+    s, by any clock.
+
+Returns
+-------
+Status
+    ``UPDATED``; ``WAITING`` (no sample is ready); ``RESTARTED`` (the first sample of a new window,
+    after a gap of ten ``sample_time`` or a jump of the clock); ``NOT_FINITE``, ``INVALID_STEP`` or
+    ``OUT_OF_RANGE`` (refused).)";
+
+bool is_long(PyObject* object, Py_ssize_t size) noexcept {
+  const Py_ssize_t length = PySequence_Size(object);
+  if (length < 0) PyErr_Clear();
+  return length == size;
+}
+
+bool orientation_of(PyObject* object, Vector<4>& orientation) noexcept {
+  if (!is_long(object, 3)) return number_of(object, orientation);
+  Matrix<3> rows{};
+  for (std::size_t i = 0; i < 3; ++i) {
+    PyObject* row = PySequence_GetItem(object, static_cast<Py_ssize_t>(i));
+    const bool good = row && number_of(row, rows[i]);
+    Py_XDECREF(row);
+    if (!good) return false;
+  }
+  orientation = quaternion_of(rows);
+  return true;
+}
+
+bool wrench_of(PyObject* object, Vector<6>& wrench) noexcept {
+  if (!is_long(object, 3)) return number_of(object, wrench);
+  Vector<3> force{};
+  const bool good = number_of(object, force);
+  wrench = {force[0], force[1], force[2], 0.0, 0.0, 0.0};
+  return good;
+}
+
+PyObject* compensation_update(PyObject* self, PyObject* const* args, Py_ssize_t positional,
+                              PyObject* names) noexcept {
+  static constexpr std::array<const char*, 4> parameters{"position", "orientation", "wrench",
+                                                         "time"};
+  std::array<PyObject*, 4> placed{};
+  if (!place_arguments(args, positional, names, parameters, placed)) return nullptr;
+  if (!placed[3] || !nb::inst_ready(self)) {
+    PyErr_SetString(PyExc_TypeError,
+                    placed[3] ? "update() before __init__()" : "update() missing argument 'time'");
+    return nullptr;
+  }
+  Vector<3> position{};
+  Vector<4> orientation{};
+  Vector<6> wrench{};
+  double time = 0.0;
+  if (!number_of(placed[0], position) || !orientation_of(placed[1], orientation) ||
+      !wrench_of(placed[2], wrench) || !number_of(placed[3], time)) {
+    return nullptr;
+  }
+  return member_of(nb::inst_ptr<Compensation>(self)->update(position, orientation, wrench, time));
+}
+
+PyMethodDef compensation_methods[] = {
+    {"update", reinterpret_cast<PyCFunction>(reinterpret_cast<void (*)()>(&compensation_update)),
+     METH_FASTCALL | METH_KEYWORDS, compensation_update_doc},
+    {nullptr, nullptr, 0, nullptr}};
+PyType_Slot compensation_slots[] = {{Py_tp_methods, compensation_methods}, {0, nullptr}};
+
+void make_compensation(Compensation* self, double sample_time, std::uint32_t samples, bool in_base,
+                       double delay, double sign, double mass, const Vector<3>& centre,
+                       const Vector<3>& lever, const Matrix<3>& inertia, const Matrix<3>& mount,
+                       const Vector<6>& bias) {
+  const PayloadCompensationSettings settings{
+      sample_time,          samples, in_base, delay, sign, mass, centre, lever, inertia,
+      quaternion_of(mount), bias};
+  if (const char* fault = validate(settings, longest_motion)) throw nb::value_error(fault);
+  new (self) Compensation(settings);
+}
+
+void bind_payload_compensation(nb::module_& module) {
+  using Three = std::tuple<double, double, double>;
+  const auto part = [](std::size_t first) {
+    return [first](const Compensation& self) {
+      const Vector<6>& wrench = self.output().wrench;
+      return Three(wrench[first], wrench[first + 1], wrench[first + 2]);
+    };
+  };
+  nb::class_<Compensation>(module, "PayloadCompensation", nb::type_slots(compensation_slots))
+      .def("__init__", &make_compensation)
+      .def("start_tare", &Compensation::start_tare, "Begin a tare: keep the tool in free air.")
+      .def("finish_tare", &Compensation::finish_tare,
+           "Add the mean wrench since :meth:`start_tare` to the bias; return whether there is one.")
+      .def("reset", &Compensation::reset, "Forget everything but the settings.")
+      .def_prop_ro("delay", &Compensation::delay, "Delay of the output, s.")
+      .def_prop_ro("force", part(0), "Force of the environment on the tool, N.")
+      .def_prop_ro("torque", part(3), "Torque about the origin of the sensor, N·m.")
+      .def_prop_ro(
+          "position",
+          [](const Compensation& self) {
+            const Vector<3>& position = self.output().position;
+            return Three(position[0], position[1], position[2]);
+          },
+          "Origin of the pose, m.")
+      .def_prop_ro(
+          "time", [](const Compensation& self) { return self.output().time; },
+          "Time of the output, s.")
+      .def("_state", [](const Compensation& self) { return saved(self, "PayloadCompensation"); })
+      .def("_restore", [](Compensation& self, const nb::bytes& state) {
+        restore(self, "PayloadCompensation", state);
+      });
+}
+
 }  // namespace
 
 void bind_online_preparation(nb::module_& module) {
   bind_sample(module);
+  bind_payload_compensation(module);
   nb::class_<Online>(module, "OnlinePreparation", nb::is_weak_referenceable(),
                      nb::type_slots(online_slots))
       .def("__init__", &make_online)

@@ -279,6 +279,70 @@ class PreparedSample(tuple[float, float, float, float]):
     def time(self) -> float:
         """s, when it was: by the times that were given, else since the first call."""
 
+class PayloadCompensation:
+    def __init__(self, arg0: float, arg1: int, arg2: bool, arg3: float, arg4: float, arg5: float, arg6: Sequence[float], arg7: Sequence[float], arg8: Sequence[Sequence[float]], arg9: Sequence[Sequence[float]], arg10: Sequence[float], /) -> None: ...
+
+    def update(self, position: Sequence[float] | NDArray[numpy.float64], orientation: Sequence[float] | Sequence[Sequence[float]] | NDArray[numpy.float64], wrench: Sequence[float] | NDArray[numpy.float64], time: float) -> Status:
+        """
+        Take one measured sample. If the result is ``UPDATED``, :attr:`position`, :attr:`force`,
+        :attr:`torque` and :attr:`time` are those of :attr:`delay` ago.
+
+        Never raises on data; a refused sample changes nothing.
+
+        Parameters
+        ----------
+        position : sequence of 3 floats
+            Origin of the pose in the base, m.
+        orientation : sequence of 4 floats or of 3 rows
+            Unit quaternion x, y, z, w, or rotation matrix, of the pose in the base.
+        wrench : sequence of 6 or 3 floats
+            Force, N, and torque, N·m, as the sensor reads them, in its axes; the torque may be missing.
+        time : float
+            s, by any clock.
+
+        Returns
+        -------
+        Status
+            ``UPDATED``; ``WAITING`` (no sample is ready); ``RESTARTED`` (the first sample of a new window,
+            after a gap of ten ``sample_time`` or a jump of the clock); ``NOT_FINITE``, ``INVALID_STEP`` or
+            ``OUT_OF_RANGE`` (refused).
+        """
+
+    def start_tare(self) -> None:
+        """Begin a tare: keep the tool in free air."""
+
+    def finish_tare(self) -> bool:
+        """
+        Add the mean wrench since :meth:`start_tare` to the bias; return whether there is one.
+        """
+
+    def reset(self) -> None:
+        """Forget everything but the settings."""
+
+    @property
+    def delay(self) -> float:
+        """Delay of the output, s."""
+
+    @property
+    def force(self) -> tuple[float, float, float]:
+        """Force of the environment on the tool, N."""
+
+    @property
+    def torque(self) -> tuple[float, float, float]:
+        """Torque about the origin of the sensor, N·m."""
+
+    @property
+    def position(self) -> tuple[float, float, float]:
+        """Origin of the pose, m."""
+
+    @property
+    def time(self) -> float:
+        """Time of the output, s."""
+
+    def _state(self) -> bytes: ...
+
+    def _restore(self, arg: bytes, /) -> None: ...
+
 class OnlinePreparation:
     def __init__(self, arg0: float, arg1: int, arg2: float, arg3: bool, arg4: float, arg5: float, arg6: float, arg7: bool, arg8: bool, arg9: Sequence[float], /) -> None: ...
 

@@ -47,6 +47,8 @@ from palpate.identifying import diagnose as diagnose
 from palpate.identifying import identify as identify
 from palpate.preparation import Columns as Columns
 from palpate.preparation import OnlinePreparation as OnlinePreparation
+from palpate.preparation import Payload as Payload
+from palpate.preparation import PayloadCompensation as PayloadCompensation
 from palpate.preparation import choose_gate as choose_gate
 from palpate.preparation import prepare as prepare
 from palpate.quantities.derived import QueryOptions as QueryOptions

@@ -75,7 +75,8 @@ class Check(StrEnum):
     FREE_AIR = "free air", "sensor"
     TARE = "tare", "sensor", TIMELESS
     NO_TARE = "no tare", "sensor", TIMELESS
-    TOOL_WEIGHT = "tool weight", "sensor", CAPS | TIMELESS
+    PAYLOAD = "payload", "sensor", CAPS | TIMELESS
+    ZEROED = "zeroed sensor", "sensor", TIMELESS
     FORCE_AXES = "force axes", "sensor", TIMELESS
     FORCE_FRAME = "force frame", "sensor", CAPS | TIMELESS
     VELOCITY_NOISE = "velocity noise", "sensor"

@@ -76,7 +76,7 @@ def as_json(whole: Mapping[str, Any]) -> str:
 
 
 def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
-    """Options as the text of a TOML file, with comments below them.
+    """Return options as the text of a TOML file, with comments below them.
 
     Parameters
     ----------
@@ -94,6 +94,8 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
 def _toml_value(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{name} = {_toml_value(each)}' for name, each in value.items())}}}"
     if isinstance(value, tuple | list):
         return f"[{', '.join(_toml_value(each) for each in value)}]"
     if isinstance(value, int | float):

@@ -6,6 +6,7 @@
 #include "check.hpp"
 #include "estimators.hpp"
 #include "palpate/online_preparation.hpp"
+#include "palpate/payload_compensation.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
 
 namespace {
@@ -117,4 +118,23 @@ TEST("a preparation never allocates") {
   const long after = allocations;
   CHECK(after == before);
   CHECK(used > 0.0);
+}
+
+TEST("a compensation of the payload never allocates") {
+  const long before = allocations;
+  PayloadCompensation<> compensation({.delay = 0.0123, .mass = 0.5});
+  double used = 0.0;
+  for (int k = 0; k < 1000; ++k) {
+    const double x = 1e-5 * static_cast<double>(k);
+    const Status status =
+        compensation.update({x, 0.0, -x}, {0.0, 0.0, 0.0, 1.0}, {0.0, 0.0, -5.0}, 1e-3 * k);
+    if (status == Status::updated) used += compensation.output().wrench[2];
+  }
+  compensation.update({std::nan("")}, {}, {}, 1.0);
+  compensation.start_tare();
+  compensation.finish_tare();
+  compensation.reset();
+  const long after = allocations;
+  CHECK(after == before);
+  CHECK(std::isfinite(used));
 }

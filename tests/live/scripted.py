@@ -93,7 +93,14 @@ def rings(capacity=CAPACITY):
 
 
 def looped(
-    script, preparation=None, estimator=None, commands=(), *, source=None, every_sample=True
+    script,
+    preparation=None,
+    estimator=None,
+    commands=(),
+    *,
+    source=None,
+    every_sample=True,
+    compensation=None,
 ):
     """The loop and the rows that it wrote; ``commands`` are taken after so many samples each."""
     source = source or Scripted(script)
@@ -108,6 +115,7 @@ def looped(
         estimator = estimator or default_estimator()
         loop = Loop(source, preparation or OnlinePreparation(), estimator, samples, estimates)
         loop.commands, loop.every_sample = asked, every_sample
+        loop.compensation = compensation
         loop.run()
         return loop, reader.take().rows
 

@@ -407,13 +407,13 @@ def test_json_is_taken_with_or_without_numbers():
     assert (found.number, found.position) == (None, (0.0, 0.5, -1e-3))
     assert math.isnan(found.force[1])
     found = unpacked(b'{"number": 7, "time": 1, "position": 2, "force": 3e1}', vectors=False)
-    assert found == (7, 1_000 * MS, 2.0, 30.0)
+    assert found == (7, 1_000 * MS, 2.0, 30.0, None)
 
 
 @pytest.mark.parametrize(
     "data, words",
     [
-        (b"", "neither 32, 64 nor JSON"),
+        (b"", "neither 32, 64, 96 nor JSON"),
         (b"{}", "JSON without time"),
         (b"[1, 2]", "JSON that is not an object"),
         (b'{"time": 1, "position": [1, 2, 3], "force": 2}', "are vectors: pass --direction"),

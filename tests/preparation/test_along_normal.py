@@ -124,46 +124,12 @@ def test_an_orientation_that_changes_calls_for_the_tools_weight():
     assert not [r for r in weighed if r.check == "orientation"]
 
 
-def turning(reach: float, *, weight: float = 3.0, sign: float = 1.0) -> Recording:
+def turning(reach: float, *, weight: float = 3.0) -> Recording:
     """A sensor with an offset, on a tool of a weight that swings by so many radians."""
     felt = hand(8.0, bias=np.zeros(3))
     turns = np.array([turn((0.6, 0.8, 0.0), reach * math.sin(1.1 * t + 0.3)) for t in felt.time])
     force = rotate_to_base(felt.force - [0.0, 0.0, weight], turns * BACK) + BIAS
-    return with_turns(replace(felt, force=sign * force), turns)
-
-
-def weighed(recorded: Recording, weight: float | None, **more):
-    result = identify(prepare(recorded, force_frame="tool", tool_weight=weight, **more))
-    return result, [r for r in result.contact.findings if r.check == "tool weight"]
-
-
-def test_only_the_tools_true_weight_leaves_the_offset_constant_in_the_sensors_axes():
-    """The tare is taken in the axes of the sensor, where its offset does not turn."""
-    recorded, residuals = turning(0.5), {}
-    for weight in (1.5, 2.8, 3.0, 3.2, 9.0):
-        result, said = weighed(recorded, weight)
-        residuals[weight] = result.fit_rmse_percent
-        verdict = result.diagnosis.verdict
-        if weight == 3.0:
-            stiffness = result.diagnosis.working_depth.stiffness
-            assert abs(stiffness.value - 2000.0) < 4.0 * stiffness.standard_error
-            assert (verdict.overall, said) == ("trust", [])
-            assert result.contact.prepared.zero == pytest.approx(BIAS, abs=0.01)
-        elif weight in (1.5, 9.0):
-            assert "a tool weight of 3.00" in said[0].message
-            assert {verdict.stiffness, verdict.damping}.isdisjoint({"trust"})
-    assert min(residuals, key=residuals.get) == 3.0
-    assert len(set(residuals.values())) == len(residuals)
-
-
-def test_free_air_tells_the_weight_that_is_not_given_and_the_sign_of_the_force():
-    result, said = weighed(turning(0.5), None)
-    assert said[0].remedy.startswith("pass --tool-weight 3")
-    assert result.diagnosis.verdict.overall != "trust"
-    mirrored = turning(0.5, sign=-1.0)
-    assert weighed(mirrored, 3.0)[1][0].remedy.startswith("pass --flip-force")
-    result, said = weighed(mirrored, 3.0, flip=["force"])
-    assert (result.diagnosis.verdict.overall, said) == ("trust", [])
+    return with_turns(replace(felt, force=force), turns)
 
 
 @pytest.mark.parametrize(
@@ -256,6 +222,24 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert [modulus["tip"]["kind"] for modulus in moduli] == ["punch", "punch"]
     assert moduli[0]["value"] > 4.0 * moduli[1]["value"]  # a ball and a sponge, both of n = 1
     assert prepare(recorded, spot=1.0).prepared.places == ()
+
+
+def test_a_place_where_no_force_exceeds_the_noise_takes_the_normal_of_the_others():
+    firm, lifted = tapping(4.0), Motion(np.full(400, -5e-3), np.zeros(400))
+    light = Motion(np.minimum(firm.x, 1.2e-3), firm.v * (firm.x < 1.2e-3))
+    along, g = np.array([0.6, 0.8, 0.0]), np.random.default_rng(3)
+    felt = [
+        hand(motion=motion, origin=ORIGIN + far * along, seed=k)
+        for k, (motion, far) in enumerate([(firm, 0.0), (lifted, 0.015), (light, 0.03)])
+    ]
+    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
+    force = force + 0.3 * g.normal(size=force.shape)
+    time = 1e-3 * np.arange(len(position))
+    contact = prepare(table_of(Hand(time, position, force, lifted)))
+    assert len(contact.prepared.places) == 2
+    normals = [place.normal.vector for place in contact.prepared.places]
+    assert normals[1] == pytest.approx(contact.prepared.normal.vector)
+    assert normals[1] != pytest.approx(normals[0], abs=1e-6)
 
 
 def test_a_position_along_one_axis_finds_its_sign_and_its_surface():

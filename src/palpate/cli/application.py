@@ -21,7 +21,7 @@ from palpate.writing import write_text
 COMMANDS = {
     "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
-    "live": "live",
+    "live": "live", "payload": "payload",
 }  # fmt: skip
 _NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
@@ -99,9 +99,7 @@ def application(words: Sequence[str] = ()) -> App:
             Print everything, and log each step with its time to standard error; -vv logs more.
         """
         if config is not None:
-            app.config = OptionsFile(
-                config, source=str(config), must_exist=True, use_commands_as_keys=False
-            )
+            app.config = OptionsFile(config, source=str(config), must_exist=True)
         with _print_log(min(verbose, 2)):
             return app(rest)
 
@@ -144,9 +142,11 @@ class OptionsFile(Toml):
             why = "it nests too deeply" if isinstance(error, RecursionError) else error
             raise CycloptsError(msg=f"{self.path}: not TOML of options: {why}") from None
         for key in options:  # cyclopts ignores keys that may be for another command
-            if key in (*COMMANDS, *_NOT_IN_A_FILE):
+            # palpate payload is a command, and --payload an option of others.
+            if key in {*COMMANDS, *_NOT_IN_A_FILE} - {"payload"}:
                 raise CycloptsError(msg=f"{self.path}: {key!r} is no option of a file")
-        return options
+        # The same for each command: cyclopts skips a key of the root that names a command, payload.
+        return dict.fromkeys(COMMANDS, options)
 
 
 def _default(value: Any) -> str | None:

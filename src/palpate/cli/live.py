@@ -31,7 +31,7 @@ from palpate.errors import InvalidParameterError, RecordingError
 if TYPE_CHECKING:
     from palpate.live.sinks import Sink
     from palpate.live.sources import Source
-    from palpate.preparation import OnlinePreparation
+    from palpate.preparation import OnlinePreparation, Payload
 
 # Fraction of a source's initial rest that is certainly without contact.
 _OF_REST = 0.8
@@ -63,6 +63,8 @@ class StreamOptions:
     "Position of the material's surface, such as 0.7mm."
     direction: Annotated[Direction | None, _SIGNED] = None
     "Direction into the material, such as 0,0,-1, for positions and forces that are vectors."
+    payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
+    "Subtract weight and inertia of the tool that palpate payload saved to this file."
     velocity_window: Annotated[float | None, _PREPARED] = None
     "Length of the velocity filter, s (default: 15 samples, at most 15 ms)."
     flip_force: Annotated[bool, _FLAG] = False
@@ -72,22 +74,39 @@ class StreamOptions:
 
     def source(self, address: str) -> "Source":
         """Return the source at an address."""
-        from palpate.live.sources import SourceOptions, open_source
+        from palpate.live.sources import SOURCES, SourceOptions, open_source
         from palpate.preparation import Columns
         from palpate.validation import number_in
 
         rate = None if self.rate is None else number_in("--rate", self.rate, 1e-3, 1e5)
         named = {"position": self.position, "force": self.force}
-        columns = Columns(**{name: each for name, each in named.items() if each is not None})
+        reading: dict[str, Any] = {"units": parse_units("--unit", self.unit)}
+        reading["columns"] = Columns(**{name: each for name, each in named.items() if each})
+        recording = address.partition(":")[0] not in SOURCES
+        if self.payload is not None and recording:
+            reading["payload"] = self.tool
+        elif self.payload is not None and (self.direction is None or address.startswith("lab:")):
+            raise InvalidParameterError(
+                "--payload is for a robot's vectors: pass --direction, into the material, such as "
+                "0,0,-1, and the address of a robot"
+            )
         options = SourceOptions(
             sample_time=None if rate is None else 1.0 / rate,
             vectors=self.direction is not None,
+            orientation=self.payload is not None and not recording,
             speed=number_in("--speed", self.speed, 0.0, 1e6, open_low=True),
-            reading={"columns": columns, "units": parse_units("--unit", self.unit)},
+            reading=reading,
         )
         source = open_source(address, options)
         self._check(address)
         return source
+
+    @property
+    def tool(self) -> "Payload | None":
+        """The payload in the file, if one is named."""
+        from palpate.preparation import Payload
+
+        return None if self.payload is None else Payload.load(self.payload)
 
     def _check(self, address: str) -> None:
         """Raise for an option that would have no effect."""
@@ -188,6 +207,7 @@ def live(
         Show a status line on the console.
     """
     from palpate.live.running import default_estimator, run
+    from palpate.live.sources import Replay
     from palpate.validation import number_in
 
     if looping.seconds is not None:
@@ -196,13 +216,14 @@ def live(
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
         chosen = chosen.replace(exponent=check_fixed_exponent(exponent, type(chosen)))
-    taken = incoming.source(source)
+    tool, taken = incoming.tool, incoming.source(source)
     sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(
         taken,
         chosen,
         sinks,
         preparation=incoming.preparation(taken),
+        payload=None if isinstance(taken, Replay) else tool,
         realtime=looping.realtime,
         seconds=looping.seconds,
     )

@@ -66,6 +66,8 @@ class ReadingOptions:
     "Position channel of the probe, instead of a penetration; or x,y,z channels, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
     "Orientation of the probe, quaternion channels x,y,z,w; or a topic."
+    torque: Annotated[Channels | None, _READ] = None
+    "Torque of the sensor, x,y,z channels, or a topic (default: that of the force's sensor)."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
     "Units, such as penetration=mm,force=mN (default: from the file or channel names, else SI)."
     rate: Annotated[float | None, _READ] = None
@@ -121,6 +123,8 @@ class ReadingOptions:
     "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
     tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
+    payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
+    "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
     spot: Annotated[Literal["inf"] | str | None, _negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
@@ -189,7 +193,7 @@ class ReadingOptions:
         named = [self.force, self.position or self.penetration]
         if self.companion or not all(name.startswith("/") for name in named):
             return None
-        more = (self.orientation, self.velocity, self.time)
+        more = (self.orientation, self.torque, self.velocity, self.time)
         named += [name for name in more if name and name.startswith("/")]
         # Whole topics, because their orientation and time stamps are needed too.
         return [part.strip().partition(".")[0] for name in named for part in name.split(",")]
@@ -197,9 +201,9 @@ class ReadingOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare`."""
-        from palpate.preparation import Columns
+        from palpate.preparation import Columns, Payload
 
-        names = ("time", "penetration", "force", "velocity", "position", "orientation")
+        names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
@@ -222,6 +226,8 @@ class ReadingOptions:
                 )
             given["delay"] = (0.0, quantity("--skew", self.skew, "time"))
         given |= quantities(self, tool_weight="force")
+        if self.payload is not None:
+            given["payload"] = Payload.load(self.payload)
         if self.spot == "inf":
             return {**given, "spot": 1e6}
         return given | quantities(self, spot="penetration")

@@ -24,9 +24,10 @@ from palpate.estimators.law_verdicts import Candidate
 from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
-from palpate.preparation import OnlinePreparation
+from palpate.preparation import OnlinePreparation, PayloadCompensation
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
+from palpate.recordings.poses import UNIT_LENGTH
 from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
@@ -164,6 +165,7 @@ class Fault(Enum):
     CLOCK_BACK = "the source's clock went back by {back:.3g} s"
     CLOCK_AHEAD = "the source's clock went ahead by {ahead:.3g} s in {elapsed:.3g} s"
     NO_NUMBER = "rejecting samples that are NaN, infinite or out of range"
+    NO_ORIENTATION = "rejecting samples whose orientation is not a unit quaternion"
     STARVING = "sample rate too low for the velocity filter: pass --rate"
 
 
@@ -313,6 +315,8 @@ class Loop:
     every_sample : bool
         Whether to compute the estimate at every sample; otherwise every 20 ms of the samples'
         clock, and whenever the state, the law, the material or the estimator changes.
+    compensation : PayloadCompensation, optional
+        Subtracts the tool's weight and inertia before the preparation. Default: none.
     """
 
     source: Source
@@ -322,6 +326,7 @@ class Loop:
     estimates: Writer
     commands: Callable[[], LiveCommand | None] = field(default=lambda: None)
     every_sample: bool = False
+    compensation: PayloadCompensation | None = None
     counts: LoopCounts = field(default_factory=LoopCounts)
     cycle: Histogram = field(default_factory=lambda: Histogram(20e-6))
     lateness: Histogram = field(default_factory=lambda: Histogram(IN_TIME))
@@ -341,6 +346,7 @@ class Loop:
     #: Depth and force of each sample of the tare; None if no tare is in progress.
     _resting: deque[tuple[float, float]] | None = None
     _before_tare: OnlinePreparation | None = None
+    _bias_tared: bool = False
     _changed: float = -math.inf
     _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -352,7 +358,7 @@ class Loop:
         if (gap := settings["longest_gap"]) is None:
             gap = settings["sample_time"] * self.preparation.velocity_filter.samples
         if self._taring:
-            self._resting = deque(maxlen=_MOST_OF_TARE)
+            self._start_tare()
         self.watchdog = Watchdog(gap, self.counts, getattr(self.source, "pace", 1.0))
         self._begin(self.estimator)
 
@@ -392,6 +398,18 @@ class Loop:
             self._check(arrival)
         counts.taken += 1
         fault = self.watchdog.check(arrival)
+        if self.compensation is not None:
+            preparing = self._compensate(arrival)
+            if preparing is not Status.UPDATED:
+                if preparing in _REFUSED and fault is None:
+                    fault = _fault_of_pose(arrival)
+                self._judge(arrival, Status.WAITING, preparing, fault, sampled=False)
+                return
+            arrival = arrival._replace(
+                time=self.compensation.time,
+                position=self.compensation.position,
+                force=self.compensation.force,
+            )
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
         if self._resting is not None and self._refuses_tare(arrival, self._resting):
             sample = None
@@ -407,7 +425,8 @@ class Loop:
             estimator.leave_contact()
         took = time.perf_counter() - began
         self.laws.see(arrival.time, estimator)
-        self._judge(arrival, status, fault, sampled=sample is not None)
+        preparing = self.preparation.status
+        self._judge(arrival, status, preparing, fault, sampled=sample is not None)
         tick = arrival.time // ESTIMATED_EVERY
         moment = (tick, self.state, self.laws.now, counts.changes, self.generation)
         if self.every_sample or moment != self._estimated:
@@ -416,11 +435,19 @@ class Loop:
         position, force = self._axes(arrival.position), self._axes(arrival.force)
         late = time.monotonic() - arrival.there
         came = prepared[0], arrival.time, position[0], force[0]
-        seen = status, self.preparation.status, self.state, took, late, self.estimates.count - 1
+        seen = status, preparing, self.state, took, late, self.estimates.count - 1
         self.samples.write(*came, *prepared[1:], predicted, *seen, *position[1:], *force[1:])
         if sample is not None and not self.held:
             self.cycle.add(took)
         self.lateness.add(late)
+
+    def _compensate(self, arrival: Arrival) -> Status:
+        compensation: Any = (
+            self.compensation
+        )  # the caller and _check know that it and vectors exist
+        pose = arrival.position, arrival.orientation
+        status: Status = compensation.update(*pose, arrival.force, arrival.time)
+        return status
 
     def _estimate(self) -> float:
         """Store the present estimate; return how long it took to compute, s."""
@@ -441,6 +468,10 @@ class Loop:
 
     def _check(self, first: Arrival) -> None:
         """Raise if the source delivers vectors without a direction, or numbers with one."""
+        if self.compensation is not None and first.orientation is None:
+            raise InvalidParameterError(
+                f"{self.source.name} delivers no orientation, which --payload needs"
+            )
         vectors = not isinstance(first.position, float)
         if vectors is not (self._direction == (0.0, 0.0, 0.0)):
             return
@@ -450,11 +481,16 @@ class Loop:
         raise InvalidParameterError(f"{self.source.name} delivers {advice}")
 
     def _judge(
-        self, arrival: Arrival, status: Status, fault: Fault | None, *, sampled: bool
+        self,
+        arrival: Arrival,
+        status: Status,
+        preparing: Status,
+        fault: Fault | None,
+        *,
+        sampled: bool,
     ) -> None:
         """Update the counts and the state after a sample."""
         counts = self.counts
-        preparing = self.preparation.status
         refused = status in _REFUSED or preparing in _REFUSED
         starving = self.watchdog.starving(prepared=sampled or self._taring)
         if refused or fault or starving:
@@ -498,17 +534,28 @@ class Loop:
         self._resting, self._before_tare, before = None, None, self._before_tare
         if not why:
             self.tare_refused = ""
-            return False
+            if self.compensation is None:
+                return False
+            # Its bias turns with the sensor; the preparation's tare would not.
+            self._bias_tared = self.compensation.finish_tare()
+            self.preparation = OnlinePreparation(**{**settings, "tare_time": 0.0})
+            return True
         words = f"tare refused: {why}; lift the probe out of the material"
         if before is None:
             if not self.tare_refused:
                 self.say(f"{words}, and palpate tares then")
-            self.tare_refused, self._resting = words, deque(maxlen=_MOST_OF_TARE)
+            self.tare_refused = words
+            self._start_tare()
             before = OnlinePreparation(**settings)
         else:
             self.say(f"{words} and tare again: the earlier zero holds")
         self.preparation = before
         return True
+
+    def _start_tare(self) -> None:
+        self._resting = deque(maxlen=_MOST_OF_TARE)
+        if self.compensation is not None:
+            self.compensation.start_tare()
 
     @property
     def _taring(self) -> bool:
@@ -549,7 +596,7 @@ class Loop:
             settings = {**self.preparation.settings, "tare_time": seconds}
             if not self._taring:  # a first tare that is refused has no earlier zero
                 self._before_tare = self.preparation
-            self._resting = deque(maxlen=_MOST_OF_TARE)
+            self._start_tare()
             self.preparation = OnlinePreparation(**settings)
             self.estimator.leave_contact()
             self.say(f"taring for {seconds:g} s: keep the probe out of contact")
@@ -588,16 +635,23 @@ class Loop:
     def status(self) -> dict[str, Any]:
         """Return the loop's status as numbers and text, ready for JSON."""
         source, estimator, law = self.source, self.estimator, self.estimator.law_type
+        delay, payload = self.preparation.delay, ""
+        if self.compensation is not None:
+            delay += self.compensation.delay
+            mass = self.compensation.settings["payload"].mass
+            payload = f"less the weight and inertia of {mass:.4g} kg"
+            payload += ", and the bias in free air" * self._bias_tared
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
         came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}
         return {
             "source": source.name,
             "sample_time": source.sample_time,
-            "delay": self.preparation.delay,
+            "delay": delay,
             "tare": finite_or_none(self.preparation.tare),
             "tare_refused": self.tare_refused,
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
+            "payload": payload,
             "velocity_filter": self.preparation.velocity_filter.as_dict(),
             "method": estimator.method,
             "settings": main_settings(estimator),
@@ -630,3 +684,9 @@ class Loop:
             "lateness": self.lateness.as_dict(),
             "said": self.said,
         }
+
+
+def _fault_of_pose(arrival: Arrival) -> Fault:
+    """Return the fault of a sample that the compensation of the payload refused."""
+    length = math.hypot(*(arrival.orientation or ()))
+    return Fault.NO_NUMBER if abs(length - 1.0) <= UNIT_LENGTH else Fault.NO_ORIENTATION

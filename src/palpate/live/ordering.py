@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from urllib.parse import parse_qsl
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.sources import Arrival, Counts, SourceOptions, Value
+from palpate.live.sources import Arrival, Counts, Orientation, SourceOptions, Value
 from palpate.validation import check_choice, number_in, shown, whole_in
 
 # The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
@@ -291,6 +291,7 @@ class WireSource:
     def __init__(self, name: str, options: SourceOptions, streams: int = 1) -> None:
         self.name, self.sample_time = name, options.sample_time or 1e-3
         self.counts, self._vectors = Counts(), options.vectors
+        self._orientation = options.orientation
         self._origin: int | None = None
         self._orders = [Order(self.counts) for _ in range(streams)]
         self._ready: deque[Arrival] = deque()
@@ -319,12 +320,20 @@ class WireSource:
         """Return the error for a source that is read before it is opened."""
         return PalpateError(f"{self.name} is not open")
 
-    def give(self, stamp: int, position: Value, force: Value, there: float) -> None:
+    def give(
+        self,
+        stamp: int,
+        position: Value,
+        force: Value,
+        there: float,
+        orientation: Orientation | None = None,
+    ) -> None:
         """Queue a sample, with its time relative to the origin so that no digits are lost."""
         if self._origin is None:
             # A float of 10⁸ s, three years, resolves 15 ns; smaller times need no origin.
             self._origin = stamp if abs(stamp) > 100_000_000 * NANO else 0
-        self._ready.append(Arrival((stamp - self._origin) / NANO, position, force, there))
+        time = (stamp - self._origin) / NANO
+        self._ready.append(Arrival(time, position, force, there, orientation))
 
     def refuse(self, words: str) -> None:
         """Count a message without a valid sample."""
@@ -344,10 +353,10 @@ WAITING = 1024
 
 
 class Stamped(NamedTuple):
-    """A value of one topic with its timestamp."""
+    """A value of one topic, or a position and an orientation, with its timestamp."""
 
     stamp: int  # ns
-    value: Value
+    value: Value | tuple[float, ...]
     there: float  # s, monotonic
 
 
@@ -355,8 +364,8 @@ class Pair(NamedTuple):
     """The values of both topics at one time."""
 
     stamp: int
-    leader: Value
-    follower: Value
+    leader: Value | tuple[float, ...]
+    follower: Value | tuple[float, ...]
     there: float
 
 
@@ -424,7 +433,7 @@ class Pairing:
                 pairs.append(Pair(stamp, leader.value, value, max(leader.there, other.there)))
         return pairs
 
-    def _interpolate(self, stamp: int) -> Value | None:
+    def _interpolate(self, stamp: int) -> Value | tuple[float, ...] | None:
         before = self._followers[0]
         if before.stamp == stamp:
             return before.value
@@ -434,12 +443,12 @@ class Pairing:
         span = after.stamp - before.stamp
         if span <= 2 * self._tolerance:
             part = (stamp - before.stamp) / span
-            between: Value = _between(before.value, after.value, part)
+            between: Value | tuple[float, ...] = _between(before.value, after.value, part)
             return between
         nearer = before if 2 * (stamp - before.stamp) <= span else after
         return self._near(nearer, stamp)
 
-    def _near(self, sample: Stamped, stamp: int) -> Value | None:
+    def _near(self, sample: Stamped, stamp: int) -> Value | tuple[float, ...] | None:
         away = abs(sample.stamp - stamp)
         if away <= self._tolerance:
             return sample.value
@@ -458,5 +467,8 @@ class Pairing:
 
 def _between(before: Any, after: Any, part: float) -> Any:
     if isinstance(before, tuple):
+        if sum(a * b for a, b in zip(before[3:], after[3:], strict=True)) < 0.0:
+            # q and −q are one rotation; between them there is none.
+            after = (*after[:3], *(-each for each in after[3:]))
         return tuple(a + part * (b - a) for a, b in zip(before, after, strict=True))
     return before + part * (after - before)

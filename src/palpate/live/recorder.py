@@ -78,6 +78,7 @@ def describe_run(status: dict[str, Any]) -> dict[str, str]:
         "parameters": ", ".join(f"{name} [{unit or '1'}]" for name, unit in units),
         "preparation": preparation or "defaults",
         "tare": tared if "tare_time=" in preparation else "none",
+        "payload": str(status.get("payload") or "none"),
         "delay": f"{status.get('delay', 0.0):g} s from a measurement to its estimate",
     }
 

@@ -59,6 +59,8 @@ POSITIONS = {
     "geometry_msgs/msg/TransformStamped": "transform.translation",
     "nav_msgs/msg/Odometry": "pose.pose.position",
 } | _EITHER
+#: Name of the orientation's field beside the position's.
+ORIENTATIONS = {"position": "orientation", "translation": "rotation"}
 #: Field of the force, by message type.
 FORCES = {
     "geometry_msgs/msg/WrenchStamped": "wrench.force",
@@ -74,11 +76,12 @@ class RosReading(NamedTuple):
     stamp : int or None
         Timestamp of the header, ns; None if it is missing or 0, which ROS treats as missing.
     values : tuple of Value
-        Values of the requested fields, in order.
+        Values of the requested fields, in order; with an orientation, the first is the position
+        followed by it, seven numbers.
     """
 
     stamp: int | None
-    values: tuple[Value, ...]
+    values: tuple[Value | tuple[float, ...], ...]
 
 
 class _Places:
@@ -119,6 +122,8 @@ class MessageReader:
         such as ``wrench.force``.
     vectors : bool
         Whether the fields must be vectors.
+    orientation : bool
+        Whether to read the orientation beside the first field. Default: False.
 
     Raises
     ------
@@ -126,8 +131,16 @@ class MessageReader:
         ROS does not define the type, or the type lacks a field.
     """
 
-    def __init__(self, topic: str, type_name: str, paths: Sequence[str], *, vectors: bool) -> None:
-        self._paths, self._vectors = tuple(paths), vectors
+    def __init__(
+        self,
+        topic: str,
+        type_name: str,
+        paths: Sequence[str],
+        *,
+        vectors: bool,
+        orientation: bool = False,
+    ) -> None:
+        self._paths, self._vectors, self._orientation = tuple(paths), vectors, orientation
         self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
         try:
             self._fields = message_fields(type_name, "ros2msg", "")
@@ -141,6 +154,8 @@ class MessageReader:
             for path in paths:
                 if "[" not in path:
                     self._leaves(leaves, path)
+            if orientation:
+                self._orientation_leaves(leaves)
         except InvalidParameterError as error:
             where = f"topic {topic} of type {type_name}"
             raise InvalidParameterError(f"{where}: {error}") from None
@@ -163,9 +178,21 @@ class MessageReader:
         layout = walk_cdr(message, self._fields)
         leaves = layout.entities[0].leaves
         values = [self._leaves(leaves, path) for path in self._paths]
+        if self._orientation:
+            values[0] = values[0] + self._orientation_leaves(leaves)
         places = _Places(len(message), layout, leaves.get(_STAMP), values)
         self._known.append(places)
         return places.read(message)
+
+    def _orientation_leaves(self, leaves: dict[str, MessageNumber]) -> list[MessageNumber]:
+        parent, dot, name = self._paths[0].rpartition(".")
+        path = f"{parent}{dot}{ORIENTATIONS.get(name, 'orientation')}"
+        below = [f"{path}.{axis}" for axis in "xyzw"]
+        if not all(each in leaves for each in below):
+            raise InvalidParameterError(
+                "no orientation, which --payload needs: publish a PoseStamped or TransformStamped"
+            )
+        return [leaves[each] for each in below]
 
     def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
         if path in leaves:
@@ -262,7 +289,10 @@ class RosTopics(WireSource):
                     f"{word}: name a field with {word}=…, or publish one of {types}"
                 )
             paths.append(role[type_name] if path is None else path)
-        topic.reader = MessageReader(topic.name, type_name, paths, vectors=self._vectors)
+        posed = self._orientation and topic.read[0][0] == "position"
+        topic.reader = MessageReader(
+            topic.name, type_name, paths, vectors=self._vectors, orientation=posed
+        )
         topic.type_name = type_name
         self._news.append(f"found topic {topic.name} of type {type_name}")
         return True
@@ -321,14 +351,18 @@ class RosTopics(WireSource):
             return
         there = topic.receipt.there(stamp, waited=waited)
         if len(self.topics) == 1:
-            self.give(stamp, reading.values[0], reading.values[1], there)
+            self._give(stamp, reading.values[0], reading.values[1], there)
             return
         sample, anew = Stamped(stamp, reading.values[0], there), verdict is Succession.ANEW
         leads = index == self._leads
         for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
             first, second = pair.leader, pair.follower
             position, force = (second, first) if self._leads else (first, second)
-            self.give(pair.stamp, position, force, pair.there)
+            self._give(pair.stamp, position, force, pair.there)
+
+    def _give(self, stamp: int, pose: Any, force: Any, there: float) -> None:
+        position, orientation = (pose[:3], pose[3:]) if self._orientation else (pose, None)
+        self.give(stamp, position, force, there, orientation)
 
 
 def ros2_type(dds_name: str) -> str:

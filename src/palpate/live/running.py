@@ -12,6 +12,7 @@ from typing import Any
 
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
+from palpate.findings import spoken
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import (
@@ -25,7 +26,7 @@ from palpate.live.realtime import (
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink
 from palpate.live.sources import Source
-from palpate.preparation import OnlinePreparation
+from palpate.preparation import OnlinePreparation, Payload, PayloadCompensation
 from palpate.settings import ChangeDetector, OutlierRejection
 
 ASKED_EVERY = 0.02  # s between reads of commands
@@ -63,6 +64,7 @@ def run(
     sinks: Sequence[Sink] = (),
     *,
     preparation: OnlinePreparation | None = None,
+    payload: Payload | None = None,
     realtime: bool = False,
     seconds: float | None = None,
 ) -> dict[str, Any]:
@@ -78,6 +80,9 @@ def run(
         Consumers of the results, each in a separate process. Default: none.
     preparation : OnlinePreparation, optional
         Default: ``OnlinePreparation(sample_time=source.sample_time)``.
+    payload : Payload, optional
+        Tool whose weight, inertia and bias are subtracted before the preparation, sample by sample;
+        the source delivers orientations. Default: none.
     realtime : bool
         Request a fixed priority and locked memory; refusals are reported. Default: False.
     seconds : float, optional
@@ -113,9 +118,23 @@ def run(
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
             chosen = chosen.replace(sample_time=source.sample_time)
+        compensation = None
+        if payload is not None:
+            compensation = PayloadCompensation(payload=payload, sample_time=source.sample_time)
         every = any(getattr(sink, "every_sample", False) for sink in sinks)
-        loop = Loop(source, preparation, chosen, samples, estimates, every_sample=every)
+        loop = Loop(
+            source,
+            preparation,
+            chosen,
+            samples,
+            estimates,
+            every_sample=every,
+            compensation=compensation,
+        )
         stops(loop)
+        if payload is not None and payload.mark != "trust":
+            reason = f": {payload.findings[0]}" if payload.findings else ""
+            loop.say(f"payload {spoken(payload.mark)}{reason}")
         failed: dict[str, int] = {}
         with _start_sinks(sinks, session, loop, shared_json, failed) as started, pause_collection():
             # The sinks are ready before the source opens, so that no sample waits for them.

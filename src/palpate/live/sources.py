@@ -12,6 +12,8 @@ from palpate.validation import number_in, shown
 
 #: A number, or a vector in the frame of the source.
 Value: TypeAlias = float | tuple[float, float, float]
+#: Unit quaternion x, y, z, w of the pose.
+Orientation: TypeAlias = tuple[float, float, float, float]
 
 
 class Arrival(NamedTuple):
@@ -28,12 +30,15 @@ class Arrival(NamedTuple):
     there : float
         Time on this machine's monotonic clock at which the measurement became available, s. The
         loop's delay counts from then on.
+    orientation : tuple of 4 float, optional
+        Orientation of the probe, a unit quaternion x, y, z, w, if a payload requires it.
     """
 
     time: float
     position: Value
     force: Value
     there: float
+    orientation: Orientation | None = None
 
 
 @dataclass(slots=True)
@@ -222,6 +227,8 @@ class SourceOptions:
         Nominal time between samples, s. Default: the source's own.
     vectors : bool
         Whether position and force must be vectors, because a direction is given. Default: False.
+    orientation : bool
+        Whether samples must have an orientation, because a payload is given. Default: False.
     speed : float
         Speed of a replay relative to the recording. Default: 1.
     reading : mapping, optional
@@ -232,6 +239,7 @@ class SourceOptions:
 
     sample_time: float | None = None
     vectors: bool = False
+    orientation: bool = False
     speed: float = 1.0
     reading: Mapping[str, Any] | None = None
     seed: int = 0

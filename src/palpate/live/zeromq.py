@@ -1,7 +1,8 @@
 """ZeroMQ: a source of samples from a controller in any language, and a wire for estimates.
 
 A sample is little-endian binary: number uint64, time float64 [s], position 1 or 3 float64 [m],
-force 1 or 3 float64 [N]. Or it is a JSON object with ``time``, ``position``, ``force`` and,
+force 1 or 3 float64 [N], and with a payload the orientation, a quaternion of 4 float64 x, y, z, w.
+Or it is a JSON object with ``time``, ``position``, ``force``, with a payload ``orientation``, and,
 optionally, ``number``.
 """
 
@@ -15,7 +16,7 @@ from palpate.errors import InvalidParameterError, PalpateError, import_extra
 from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parse_address
 from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sources import SourceOptions, Value
+from palpate.live.sources import Orientation, SourceOptions, Value
 from palpate.validation import plain, shown
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 
 NUMBERS = struct.Struct("<Qddd")
 VECTORS = struct.Struct("<Qd3d3d")
-# bytes; JSON of six numbers with all digits has about 300.
+POSES = struct.Struct("<Qd3d3d4d")
+# bytes; JSON of ten numbers with all digits has about 400.
 LONGEST = 4096
 # s: the limit of 2⁶³ ns; a later time is invalid.
 _LATEST = 9e9
@@ -41,16 +43,25 @@ class Packet(NamedTuple):
     stamp: int  # ns
     position: Value
     force: Value
+    orientation: Orientation | None = None
 
 
-def packed(number: int, time: float, position: Value, force: Value) -> bytes:
-    """Return the packet of a sample: its number, time [s], position [m] and force [N]."""
+def packed(
+    number: int,
+    time: float,
+    position: Value,
+    force: Value,
+    orientation: Orientation | None = None,
+) -> bytes:
+    """Return the packet of a sample: number, time [s], position [m], force [N], orientation."""
+    if orientation and isinstance(position, tuple) and isinstance(force, tuple):
+        return POSES.pack(number, time, *position, *force, *orientation)
     if isinstance(position, tuple) and isinstance(force, tuple):
         return VECTORS.pack(number, time, *position, *force)
     return NUMBERS.pack(number, time, position, force)
 
 
-def unpacked(data: bytes, *, vectors: bool) -> Packet:
+def unpacked(data: bytes, *, vectors: bool, orientation: bool = False) -> Packet:
     """Return the sample of a packet.
 
     Raises
@@ -60,9 +71,16 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
     """
     size = len(data)
     # A binary force whose last byte is a brace would be about 10²⁹⁴ N.
-    if size in (NUMBERS.size, VECTORS.size) and not (data[:1] == b"{" and data[-1:] == b"}"):
-        if (size == VECTORS.size) is not vectors:
+    binary = NUMBERS.size, VECTORS.size, POSES.size
+    if size in binary and not (data[:1] == b"{" and data[-1:] == b"}"):
+        if (size != NUMBERS.size) is not vectors:
             raise _other_kind(vectors)
+        if size == POSES.size:
+            number, time, x, y, z, a, b, c, *q = POSES.unpack(data)
+            pose = (q[0], q[1], q[2], q[3]) if orientation else None
+            return Packet(number, _stamp(time), (x, y, z), (a, b, c), pose)
+        if orientation:
+            raise PacketError(_NO_ORIENTATION)
         if vectors:
             number, time, x, y, z, *force = VECTORS.unpack(data)
             return Packet(number, _stamp(time), (x, y, z), (force[0], force[1], force[2]))
@@ -70,15 +88,19 @@ def unpacked(data: bytes, *, vectors: bool) -> Packet:
         return Packet(number, _stamp(time), position, push)
     if size > LONGEST:
         raise PacketError(f"a packet of {size} bytes, the limit is {LONGEST}")
-    return _parse_json(data, vectors)
+    return _parse_json(data, vectors, orientation)
 
 
-def _parse_json(data: bytes, vectors: bool) -> Packet:
+_NO_ORIENTATION = "a packet without orientation, which --payload needs"
+
+
+def _parse_json(data: bytes, vectors: bool, orientation: bool) -> Packet:
     try:
         given = json.loads(data)
     except (ValueError, RecursionError):
         raise PacketError(
-            f"a packet of {len(data)} bytes, neither {NUMBERS.size}, {VECTORS.size} nor JSON"
+            f"a packet of {len(data)} bytes, neither {NUMBERS.size}, {VECTORS.size}, "
+            f"{POSES.size} nor JSON"
         ) from None
     if not isinstance(given, dict):
         raise PacketError("JSON that is not an object")
@@ -89,7 +111,13 @@ def _parse_json(data: bytes, vectors: bool) -> Packet:
         if name not in given:
             raise PacketError(f"JSON without {name}")
     position, force = (_value(given[name], name, vectors) for name in ("position", "force"))
-    return Packet(number, _stamp(_float(given["time"], "time")), position, force)
+    pose: Any = None
+    if orientation:
+        pose = given.get("orientation")
+        if not isinstance(pose, list) or len(pose) != 4:
+            raise PacketError(_NO_ORIENTATION)
+        pose = tuple(_float(each, "orientation") for each in pose)
+    return Packet(number, _stamp(_float(given["time"], "time")), position, force, pose)
 
 
 def _stamp(time: float) -> int:
@@ -218,13 +246,13 @@ class ZeroMQ(Endpoint, WireSource):
         try:
             if len(frames) > 2:
                 raise PacketError(f"a message of {len(frames)} frames, not 1 or 2")
-            packet = unpacked(frames[-1], vectors=self._vectors)
+            packet = unpacked(frames[-1], vectors=self._vectors, orientation=self._orientation)
         except PacketError as fault:
             self.refuse(str(fault))
             return True
         if self._orders[0].admit(packet.stamp, packet.number) is not Succession.REFUSED:
             there = self._receipt.there(packet.stamp, waited=seconds > 0.0)
-            self.give(packet.stamp, packet.position, packet.force, there)
+            self.give(packet.stamp, packet.position, packet.force, there, packet.orientation)
         return True
 
     def close(self) -> None:

@@ -16,7 +16,14 @@ from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
 from palpate.recordings.poses import align_signs, lie_between_samples
-from palpate.recordings.recording import GRAVITY, UNITS, UNSTATED, WEIGHTS, unit_size
+from palpate.recordings.recording import (
+    GRAVITY,
+    TORQUE_UNITS,
+    UNITS,
+    UNSTATED,
+    WEIGHTS,
+    unit_size,
+)
 from palpate.validation import Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late
@@ -325,6 +332,8 @@ class Signals:
         Label in the column of segments.
     fresh : numpy.ndarray of bool, shape (k,), optional
         Samples to keep once the velocity is computed. None: all.
+    clocks : mapping
+        For a probe with an orientation, the times and the values of each role on its own clock.
     made : mapping
         How each channel was obtained, as text.
     findings : tuple of Finding
@@ -341,6 +350,7 @@ class Signals:
     orientation: Floats | None = None
     segment: NDArray[np.generic] | None = None
     fresh: NDArray[np.bool_] | None = None
+    clocks: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
     made: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     stated_units: frozenset[str] = frozenset()
@@ -454,7 +464,8 @@ class _Taking:
             return self._interpolate_streams(streams)
         [stream] = streams
         time, values, part = self._running(stream, "samples")
-        return self._make_signals(stream.seconds(time, origin_of(stream)), values, part)
+        seconds = stream.seconds(time, origin_of(stream))
+        return self._make_signals(seconds, values, part, [(seconds, values)])
 
     def _values(self, roles: Roles) -> Channels:
         """The channels of each role as one array, in SI units."""
@@ -479,6 +490,11 @@ class _Taking:
                     words = f"{listed} is in {own[0]}, a mass: palpate multiplies it by {GRAVITY}"
                     remedy = "pass --unit force=N if the values are forces in N"
                     self.findings.append(Check.UNITS.finding(f"{words} m/s²", remedy))
+            elif role == "torque":
+                sizes = [
+                    TORQUE_UNITS.get(self.recording.unit_of(name) or "", 1.0) for name in names
+                ]
+                columns = [c * size for c, size in zip(columns, sizes, strict=True)]
             lengths = {name: column.size for name, column in zip(names, columns, strict=True)}
             if len({*lengths.values()}) > 1:
                 listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
@@ -656,7 +672,13 @@ class _Taking:
             "time must increase within a segment; drop --strict to skip such samples"
         )
 
-    def _make_signals(self, time: Floats, values: Channels, part: NDArray[np.int64]) -> Signals:
+    def _make_signals(
+        self,
+        time: Floats,
+        values: Channels,
+        part: NDArray[np.int64],
+        streams: Sequence[tuple[Floats, Channels]],
+    ) -> Signals:
         """Make signals from values on one clock; separate them at gaps and report these."""
         breaks = gaps(time, part)
         if breaks.any():
@@ -665,6 +687,15 @@ class _Taking:
             words = f"{many} {longest:.3g} s: contacts are separated there"
             self.findings.append(Check.ROWS.finding(words))
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
+        known.pop("torque", None)
+        if "orientation" in values:
+            roles = "depth", "orientation", "force", "torque"
+            known["clocks"] = {
+                role: (own, np.asarray(channels[role], dtype=np.float64))
+                for own, channels in streams
+                for role in roles
+                if role in channels
+            }
         stated = frozenset(self.stated)
         return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
 
@@ -686,6 +717,7 @@ class _Taking:
                     "palpate cannot match the clocks; record again, or cut the file there"
                 )
             on_time.append((stream.seconds(time, origin), values, stream.clock))
+        recorded = [each[:2] for each in on_time]
         on_time.sort(key=lambda each: _step(each[0]), reverse=True)
         # An orientation changes slowly: its clock never sets the rate.
         first = next(k for k, (_, own, _) in enumerate(on_time) if "depth" in own or "force" in own)
@@ -709,7 +741,9 @@ class _Taking:
                 Check.CLOCK.finding(f"{words}: the other clock has no sample near them")
             )
         taken = {role: channel[keep] for role, channel in values.items()}
-        return self._make_signals(at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64))
+        return self._make_signals(
+            at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64), recorded
+        )
 
 
 def origin_of(*streams: Stream) -> int | float:

@@ -6,6 +6,7 @@ from typing import Any
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
+from palpate.preparation.payload import Payload
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import Surface
 from palpate.recordings import Recording
@@ -62,6 +63,8 @@ class Prepared:
         Contact normal of the whole recording, if the probe moves in space.
     surface : Surface, optional
         The surface found, in the penetration of the recording or along the normal.
+    payload : Payload, optional
+        Tool, mount, bias and clock of a sensor that turns with the tool.
     places : tuple of Place
         For a travelling probe, the place of each segment of the contact.
     way : callable, optional
@@ -74,6 +77,7 @@ class Prepared:
     drift: float = 0.0
     normal: Normal | None = None
     surface: Surface | None = None
+    payload: Payload | None = None
     places: tuple[Place, ...] = ()
     way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
 

@@ -17,6 +17,7 @@ from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
 from palpate.preparation.channel_kinds import is_wanted
 from palpate.preparation.clocks import build_signals
+from palpate.preparation.payload import Payload
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal
@@ -69,6 +70,7 @@ def prepare(
     normal: str | Sequence[float] | None = None,
     force_frame: ForceFrame | None = None,
     tool_weight: float | None = None,
+    payload: Payload | None = None,
     rate: float | None = None,
     no_time: bool = False,
     spot: float = RADIUS,
@@ -135,7 +137,11 @@ def prepare(
         Frame of the force: palpate rotates a force in the tool's frame by the orientation. Default:
         from the recording, else the frame of the position.
     tool_weight : float, optional
-        Weight of the tool to subtract, N, along −z of the position's frame.
+        Weight of the tool to subtract, N, along −z of the position's frame. With an orientation
+        palpate finds the weight itself, and fails if the log contradicts this one.
+    payload : Payload, optional
+        Tool and mount of the sensor, as found from another log; palpate then finds only the bias
+        and the clock.
     rate : float, optional
         Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
@@ -176,6 +182,7 @@ def prepare(
         normal=normal,
         force_frame=force_frame,
         tool_weight=tool_weight,
+        payload=payload,
         rate=rate,
         no_time=no_time,
         spot=spot,
@@ -369,6 +376,7 @@ def _report_unused_settings(
         "--normal": (settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
         "--force-frame": (settings.force_frame, flat),
         "--tool-weight": (settings.tool_weight, flat),
+        "--payload": (settings.payload, flat or not roles.orientation),
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"

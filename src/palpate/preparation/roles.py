@@ -48,6 +48,8 @@ class Columns:
         Position of the probe, m, along one axis or in space, instead of a penetration.
     orientation : str, optional
         Orientation of the probe, a quaternion x, y, z, w; it rotates a force in the tool's frame.
+    torque : str, optional
+        Torque of the sensor, N·m; with it palpate finds the tool's centre of mass.
     """
 
     time: str = "time_s"
@@ -57,6 +59,7 @@ class Columns:
     segment: str = "segment"
     position: str | None = None
     orientation: str | None = None
+    torque: str | None = None
 
     def __repr__(self) -> str:
         named = ((each.name, getattr(self, each.name), each.default) for each in fields(self))
@@ -83,6 +86,8 @@ class Roles:
         Four channels, or none.
     orientation_frame : str or None
         The frame whose orientation it is, if transforms state it.
+    torque : tuple of str
+        Three channels, or none; only with an orientation.
     reasons : mapping
         Role to the reason for its choice, as text.
     findings : tuple of Finding
@@ -99,6 +104,7 @@ class Roles:
     segment: str | None = None
     orientation: tuple[str, ...] = ()
     orientation_frame: str | None = None
+    torque: tuple[str, ...] = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     recording: Recording = field(kw_only=True, repr=False, compare=False)
@@ -108,7 +114,8 @@ class Roles:
         """The channels of each role except the time."""
         single = {"velocity": self.velocity, "segment": self.segment}
         own = {role: () if name is None else (name,) for role, name in single.items()}
-        return {"depth": self.depth, "force": self.force, "orientation": self.orientation, **own}
+        names = "depth", "force", "orientation", "torque"
+        return {**{name: getattr(self, name) for name in names}, **own}
 
 
 def choose_roles(recording: Recording, columns: Columns | None = None) -> Roles:
@@ -193,6 +200,7 @@ _SPOKEN = {
     "stress": "a stress", "strain": "a strain", "orientation": "an orientation",
     "angle": "an angle",
 }  # fmt: skip
+_USUAL_REASONS = {"orientation": "the only quaternion", "torque": "of the sensor of the force"}
 _REMEDIES = {
     "position": "record the position of the probe, or name its channel with --position, or its "
     "file with --with",
@@ -291,6 +299,7 @@ class _Choosing:
             next(iter(self._given("segment")), None),
             orientation,
             frame,
+            self._torque(force) if orientation and len(depth) == len(force) == 3 else (),
             self.reasons,
             (
                 *self._assumptions(depth, force),
@@ -312,7 +321,7 @@ class _Choosing:
             depth = "penetration" if roles.is_penetration else "position"
             for role, names in roles.by_role.items():
                 role = depth if role == "depth" else role
-                usual = "the only quaternion" if role == "orientation" else "has this name"
+                usual = _USUAL_REASONS.get(role, "has this name")
                 uses |= dict.fromkeys(names, (role, self.reasons.get(role, usual)))
                 clocks = {self.recording.clocks.get(name, roles.time) for name in names}
                 reason = self.reasons.get("time", "clock of these channels")
@@ -427,6 +436,18 @@ class _Choosing:
         near = [names for names in found if within(names[0], pose)]
         group = [names for names in found if _group(names[0]) == _group(depth[0])]
         return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
+
+    def _torque(self, force: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the torque: the named one, else the only one of the sensor of the force."""
+        if self.columns.torque is not None:
+            return self._find_named_channels("torque", self.columns.torque)
+        clock = self.recording.clocks.get(force[0])
+        found = [
+            names
+            for names in self._candidates("torque", 3)
+            if _group(names[0]) == _group(force[0]) and self.recording.clocks.get(names[0]) == clock
+        ]
+        return found[0] if len(found) == 1 else ()
 
     def _chain_findings(self, depth: tuple[str, ...], frame: str | None) -> Iterable[Finding]:
         """Report the chains of transforms in use and the rows excluded from them."""
@@ -650,12 +671,13 @@ class _Choosing:
 
     def _is(self, vector: Vector, kind: str) -> bool:
         if vector.second:
-            joints = channel_kind(vector.stem) == "angle"  # seven joints are no pose
-            return kind == "orientation" and len(vector) == 4 and not joints
+            return kind == self._vector_kind(vector)
         return self._vector_kind(vector) == kind and (len(vector) != 4 or kind == "orientation")
 
     def _vector_kind(self, vector: Vector) -> str | None:
         if vector.second:
+            if len(vector) == 4 and channel_kind(vector.stem) == "angle":
+                return "angle"  # seven joints are no pose
             return "orientation" if len(vector) == 4 else "torque"
         name = vector.components[0]
         if channel_kind(name) == "torque":  # the stem of tx, ty and tz is that of a time

@@ -10,6 +10,7 @@ import numpy as np
 
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding
+from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
@@ -45,6 +46,7 @@ class Preparation:
     normal: str | Sequence[float] | None = None
     force_frame: ForceFrame | None = None
     tool_weight: float | None = None
+    payload: Payload | None = None
     rate: float | None = None
     no_time: bool = False
     spot: float = RADIUS
@@ -89,6 +91,17 @@ class Preparation:
             )
         if self.tool_weight is not None:
             number_in("tool_weight", self.tool_weight, 0.0, 1e6)
+        if self.payload is not None:
+            instance("payload", self.payload, Payload)
+            others = {
+                "tool_weight": self.tool_weight is not None,
+                "an interval of tare": isinstance(self.tare, tuple),
+                "no_time": self.no_time,
+                "force_frame base": self.force_frame == "base",
+            }
+            for name, given in others.items():
+                if given:
+                    raise InvalidParameterError(f"payload excludes {name}: leave one of them out")
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
         if self.no_time and (self.rate is not None or self.delay):
@@ -144,6 +157,17 @@ def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floa
     RecordingError
         The orientations are not quaternions: their norm is not 1.
     """
+    return rotate(force, unit_quaternions(orientation, source))
+
+
+def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
+    """Return an orientation with norms of 1.
+
+    Raises
+    ------
+    RecordingError
+        The orientations are not quaternions: their norm is not 1.
+    """
     length = np.linalg.norm(orientation, axis=1)
     wrong = np.abs(length - 1.0) > UNIT_LENGTH
     if wrong.mean() > 0.1:
@@ -153,8 +177,8 @@ def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floa
             f"{float(np.nanmedian(length)):.3g}, not 1; choose its channels with --orientation",
         )
     with np.errstate(invalid="ignore", divide="ignore"):
-        unit = orientation / length[:, None]
-    return rotate(force, unit)
+        unit: Floats = orientation / length[:, None]
+    return unit
 
 
 def largest_turn(orientation: Floats) -> float:

@@ -8,17 +8,28 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, VelocityFilter, between, run_slices
-from palpate.digits import with_error
+from palpate.contact import Contact, Delay, VelocityFilter, between, run_slices
+from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
-from palpate.preparation.clocks import Signals
+from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
+from palpate.preparation.flange_motion import INVERSE, FlangeMotion, motion_of
 from palpate.preparation.held import find_fresh_samples
+from palpate.preparation.payload import Payload
+from palpate.preparation.payload_fit import (
+    SLOW,
+    PayloadFit,
+    external_force,
+    find_payload,
+    idle_weight,
+    mark_payload,
+    without_zeroings,
+)
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.resolution import noise_of
-from palpate.preparation.roles import Roles
+from palpate.preparation.roles import Roles, choose_roles
 from palpate.preparation.settings import (
     Normal,
     Preparation,
@@ -29,6 +40,7 @@ from palpate.preparation.settings import (
     normal_given,
     rotate_to_base,
     turn_findings,
+    unit_quaternions,
 )
 from palpate.preparation.surfaces import (
     Baseline,
@@ -96,15 +108,28 @@ def along_normal(
     signals = signals.taken(between(signals.time, *ends, recording.source))
     recorded, late = signals.force, settings.delay
     signals = _check_orientation(recording, roles, signals, settings, findings)
-    if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
-        add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
-    with stage(_LOGGER, "force offset"):
-        signals, zero, said = tare_force(signals, settings, recording.source)
-    findings += said
-    if zero is not None:
-        zero.say(made, findings)
-    if signals.orientation is not None:
-        add(made, "force", "rotated by the orientation")
+    with stage(_LOGGER, "payload"):
+        compensated = compensate(signals, settings, ends, recording.source)
+    if compensated is not None:
+        signals, recorded = compensated.signals, recorded[compensated.kept]
+        zero: Baseline | None = compensated.baseline
+        compensated.describe(made, findings)
+        late = 0.0 if compensated.delay is not None else late
+    else:
+        if settings.payload is not None:
+            words = "--payload needs a pose and a force in space, on clocks that do not restart"
+            raise RecordingError.of(recording.source, words)
+        if signals.orientation is not None:
+            findings += turn_findings(signals.orientation, settings.tool_weight)
+        if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
+            add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
+        with stage(_LOGGER, "force offset"):
+            signals, zero, said = tare_force(signals, settings, recording.source)
+        findings += said
+        if zero is not None:
+            zero.say(made, findings)
+        if signals.orientation is not None:
+            add(made, "force", "rotated by the orientation")
     with stage(_LOGGER, "contact normal"):
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
@@ -129,12 +154,176 @@ def along_normal(
         settings,
         zero=None if zero is None else zero.mean,
         drift=0.0 if zero is None else zero.drift,
+        payload=None if compensated is None else compensated.payload,
         normal=whole.normal,
         surface=places[0].surface if places else None,
         places=tuple(places) if pieces[0][1] is not None else (),
     )
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
+    if compensated is not None and compensated.delay is not None:
+        contact = replace(contact, delay=compensated.delay)
     return remove_delay(contact, late)
+
+
+def compensate_log(recording: Recording, settings: Preparation) -> "Compensated":
+    """Find the payload of a log, which may have no contact, and take it out.
+
+    Raises
+    ------
+    RecordingError
+        The log has no pose with an orientation and a force in space, or no free air.
+    """
+    roles = choose_roles(recording, settings.columns)
+    signals = build_signals(roles.recording, roles, settings.units, strict=settings.strict)
+    low, high = settings.window or (None, None)
+    ends = -math.inf if low is None else low, math.inf if high is None else high
+    if not {"orientation", "force", "depth"} <= signals.clocks.keys() or signals.force.ndim == 1:
+        words = "a payload needs a force in space and a pose; name the channels with --force, "
+        raise RecordingError.of(recording.source, f"{words}--position and --orientation")
+    found = compensate(signals, settings, ends, recording.source)
+    if found is None:
+        raise never_free(recording.source)
+    return found
+
+
+@dataclass(slots=True, eq=False)
+class Compensated:
+    """The force of the material, from a sensor that turns with the tool.
+
+    Attributes
+    ----------
+    signals : Signals
+        With the force in the axes of the position, on its clock, and without an orientation.
+    kept : numpy.ndarray of bool
+        The samples that have a force.
+    baseline : Baseline
+        Free air and the bias of the sensor, in its axes.
+    fit : PayloadFit
+        Tool, mount, bias and clock, and what they were found from.
+    motion : FlangeMotion
+        Motion of the flange.
+    delay : Delay or None
+        The delay that was taken out.
+    """
+
+    signals: Signals
+    kept: NDArray[np.bool_]
+    baseline: Baseline
+    fit: PayloadFit
+    motion: FlangeMotion
+    delay: Delay | None
+
+    @property
+    def payload(self) -> Payload:
+        """Tool, mount, bias and clock."""
+        return self.fit.payload
+
+    def describe(self, made: dict[str, str], findings: list[Finding]) -> None:
+        """Record how the force was obtained."""
+        own = self.payload
+        if own.mass > 0.0:
+            mass = with_error(own.mass, own.mass_error, unit="kg")
+            centre = ", ".join(rounded(1e3 * each, 3) for each in own.centre.tolist())
+            add(made, "force", f"minus weight and inertia of {mass} at ({centre}) mm")
+        self.baseline.say(made, findings)
+        add(made, "force", "rotated by mount and orientation")
+        if self.delay is not None and self.delay.seconds:
+            late, error = 1e3 * self.delay.seconds, 1e3 * self.delay.standard_error
+            way = "earlier" if late > 0.0 else "later"
+            add(made, "force", f"shifted {with_error(abs(late), error, unit='ms')} {way}")
+        findings += own.findings
+
+
+FEWEST_TIMES = 20  # samples
+UNLIKELY = 1e3  # times the 99th percentile of a channel: a bit error
+LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
+
+
+def compensate(
+    signals: Signals, settings: Preparation, ends: tuple[float, float], source: str
+) -> Compensated | None:
+    """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
+
+    None without such a wrench, with a given interval of free air, or where the log has none: then
+    the mean force is subtracted as that of a sensor that does not turn.
+    """
+    if signals.orientation is None or settings.no_time or isinstance(settings.tare, tuple):
+        return None
+    streams = {}
+    for role, (time, values) in signals.clocks.items():
+        values = unit_quaternions(values, source) if role == "orientation" else values
+        known = np.abs(values[np.isfinite(values)])
+        likely = np.abs(values) <= (UNLIKELY * np.percentile(known, 99.0) if known.size else 0.0)
+        if (inside := between(time, *ends, source) & likely.all(axis=1)).any():
+            streams[role] = time[inside], values[inside]
+    if not {"depth", "orientation", "force"} <= streams.keys():
+        return None
+    (stamps, position), (turns, orientation), (time, force) = (
+        streams[role] for role in ("depth", "orientation", "force")
+    )
+    torque = np.zeros_like(force)
+    if "torque" in streams:
+        torque = _at(time, *streams["torque"])
+    clocks = stamps, turns, time
+    if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
+        return None
+    pose = stamps, position, _at(stamps, turns, orientation)
+    wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
+    late = settings.delay
+    delay = None
+    if isinstance(late, tuple) or (not isinstance(late, str) and late):
+        delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
+    motion = motion_of(*pose, SLOW)
+    fit = find_payload(
+        motion,
+        time,
+        wrench,
+        delay=delay,
+        known=settings.payload,
+        weight=settings.tool_weight,
+        source=source,
+    )
+    if fit is None and settings.payload is not None:
+        words = "--payload needs a second of free air, to find the bias of the sensor"
+        raise RecordingError.of(source, f"{words}; record the approach too")
+    if fit is None:
+        return None
+    payload = mark_payload(fit)
+    fit = replace(fit, payload=payload)
+    applied = None
+    if delay is not None:
+        applied = Delay(*delay)
+    elif payload.delay_mark != "do-not-trust":
+        applied = Delay(payload.delay, payload.delay_error, found=True)
+    at = signals.time + (0.0 if applied is None else applied.seconds)
+    steps = [float(np.median(np.diff(each))) for each in (signals.time, time)]
+    half = round(0.5 * min(steps[0], LONGEST_MEAN) / steps[1])
+    mean = np.full(2 * half + 1, payload.sign / (2 * half + 1))
+    padded = np.pad(
+        without_zeroings(time, wrench[:, :3], fit.zeroed), ((half, half), (0, 0)), "edge"
+    )
+    smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
+    force = external_force(fit, motion_of(*pose), at, _at(at, time, smooth)) @ payload.mount.T
+    force = rotate_to_base(force, signals.orientation, source)
+    kept = np.isfinite(force).all(axis=1) & (at >= time[0]) & (at <= time[-1])
+    blocks = fit.blocks
+    k = np.clip(np.searchsorted(blocks.start, at[kept]) - 1, 0, None)
+    free = fit.free[k] & (at[kept] <= blocks.stop[k])
+    zero = payload.sign * payload.bias_at(at[kept])[:, :3]
+    words = f"over {np.count_nonzero(free)} samples in free air"
+    return Compensated(
+        replace(replace(signals, force=force).taken(kept), orientation=None),
+        kept,
+        Baseline(free, zero, 0.0, words),
+        fit,
+        motion,
+        applied,
+    )
+
+
+def _at(wanted: Floats, time: Floats, values: Floats) -> Floats:
+    """Interpolate columns linearly."""
+    return np.column_stack([np.interp(wanted, time, column) for column in values.T])
 
 
 @log_stage("frame of the force")
@@ -149,9 +338,10 @@ def _check_orientation(
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
         return replace(signals, orientation=None)
     findings += check_saturation(signals.force)
-    frame = choose_frame(recording, roles, settings.force_frame, findings)
+    asked = settings.force_frame or (None if settings.payload is None else "tool")
+    frame = choose_frame(recording, roles, asked, findings)
     orientation = signals.orientation
-    if orientation is not None:
+    if orientation is not None and frame == "base":
         findings += turn_findings(orientation, settings.tool_weight)
     if frame == "tool" and orientation is None:
         raise RecordingError(
@@ -188,7 +378,13 @@ def _project_place(own: Signals, whole: AlongNormal, settings: Preparation) -> A
         return project_on_normal(own, settings, "")
     if whole.normal is not None and whole.normal.turned and "force" not in settings.flip:
         own = replace(own, force=-own.force)
-    return project_on_normal(own, replace(settings, flip=(*settings.flip, "force")), "")
+    settings = replace(settings, flip=(*settings.flip, "force"))
+    try:
+        return project_on_normal(own, settings, "")
+    except RecordingError:  # no force exceeds the noise at this place
+        if whole.normal is None:
+            raise
+        return project_on_normal(own, replace(settings, normal=whole.normal.vector.tolist()), "")
 
 
 def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
@@ -279,10 +475,7 @@ def _say_surface(places: list[Place], made: dict[str, str], findings: list[Findi
 # Projection of a position and a force in space on the contact normal.
 
 WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
-INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
 NOTHING = 1e-3  # fraction of the largest force: no sensor is more linear than that
-SMALL_WEIGHT, LARGE_WEIGHT = 0.01, 0.10  # error of the weight, over the largest force
-ERRORS_OF_WEIGHT, BLOCKS_OF_WEIGHT = 5.0, 8  # standard errors, from the scatter of blocks
 
 
 def project_on_normal(signals: Signals, settings: Preparation, source: str) -> AlongNormal:
@@ -406,8 +599,8 @@ def tare_force(
     findings = [Check.NO_TARE.finding(words, "record a second in free air")]
     if found is not None:
         signals, findings = replace(signals, force=force - found.zero), []
-        if down is not None:
-            findings = _weight_left(signals, down, found, weight, source)
+        if down is not None and weight:
+            _refuse_idle_weight(signals, down, weight, source)
         force = signals.force
     if signals.orientation is not None:
         force = rotate_to_base(force, signals.orientation, source)
@@ -435,41 +628,13 @@ def _zero(signals: Signals, settings: Preparation, source: str) -> Baseline | No
     return None
 
 
-def _weight_left(
-    signals: Signals, down: Floats, found: Baseline, weight: float | None, source: str
-) -> list[Finding]:
-    """Report the error of the weight, from the force in free air; reject an idle weight."""
-    time, force = signals.time, signals.force
-    free = found.free & np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
-    moved = down - down[free].mean(axis=0)
-    peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
-    reach = float(np.nanmax(np.linalg.norm(moved, axis=1)))
-    if weight and weight * reach <= NOTHING * peak:
-        raise RecordingError(
-            f"{source}: --tool-weight {weight:g}N has no effect: in the frame of the force the "
-            "weight is constant, and the tare removes it; drop it, or pass --force-frame tool if "
-            "the sensor rotates with the tool"
-        )
-    m, f = moved[free], force[free]
-    if found.drift:  # the drift contains the part of the weight that is linear in time
-        t = time[free] - time[free].mean()
-        m = m - np.outer(t, t @ m / (t @ t))
-    energy = max(float((m**2).sum()), 1e-300)
-    left = float((m * f).sum()) / energy
-    # The error is from the scatter of blocks, because neighbouring samples of a force correlate.
-    rest = np.array_split((m * (f - left * m)).sum(axis=1), BLOCKS_OF_WEIGHT)
-    error = float(np.linalg.norm([each.sum() for each in rest])) / energy
-    off, whole = abs(left) * reach / peak, (weight or 0.0) + left
-    if abs(left) <= ERRORS_OF_WEIGHT * error or off <= SMALL_WEIGHT:
-        return []
-    words = f"the force in free air fits a tool weight of {with_error(whole, error, unit='N')}"
-    remedy = f"pass --tool-weight {whole:.3g}N if that is plausible"
-    if whole < 0.0:
-        remedy = "pass --flip-force if the sensor measures the force on the material"
-    if weight is not None:
-        words += f", not {weight:g} N"
-    mark: Mark = "do-not-trust" if off > LARGE_WEIGHT else "with-care"
-    return [Check.TOOL_WEIGHT.finding(words, remedy, mark=mark)]
+def _refuse_idle_weight(signals: Signals, down: Floats, weight: float, source: str) -> None:
+    """Reject a weight that is constant in the frame of the force, so that the tare removes it."""
+    known = np.isfinite(signals.force).all(axis=1) & np.isfinite(down).all(axis=1)
+    peak = float(np.nanpercentile(np.linalg.norm(signals.force, axis=1), 99.0))
+    reach = float(np.linalg.norm(np.ptp(down[known], axis=0))) if known.any() else 0.0
+    if weight * reach <= NOTHING * peak:
+        raise idle_weight(weight, source)
 
 
 def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
@@ -492,8 +657,9 @@ def _free(signals: Signals, along: Floats) -> NDArray[np.bool_] | None:
 # Checks of forces in space: agreement with the motion, and saturated axes.
 
 # An error of 5° shortens the depth by 0.4 % and changes the stiffness of a law with exponent 2 by
-# 1 %; 30° give 14 % and 30 %. A tool is aligned with its sensor to better than 3°.
-LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(30.0)
+# 1 %; 20° give 6 % and 13 %. A tool is aligned with its sensor to better than 3°, and friction of
+# 0.3 inclines the force by 17°.
+LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(20.0)
 BLOCKS_OF_DIRECTION = 8  # blocks whose scatter gives the uncertainty of the direction
 ERRORS_OF_DIRECTION = 3.0  # standard errors of the direction
 STRIDE = 5  # samples over which changes are computed; over fewer, noise dominates

@@ -1,0 +1,120 @@
+"""The motion of a flange: specific force, angular velocity and acceleration, from its pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.preparation.payload import GRAVITY
+from palpate.recordings.poses import align_signs, multiply, rotate
+from palpate.validation import Floats
+
+# A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of
+# degree 2 or 3 attenuates it by 9 %, which shifts the stiffness by 0.2 %.
+WINDOW, DEGREE = 0.1, 4
+MOST_SAMPLES = 50  # in a window
+INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
+
+
+@dataclass(slots=True, eq=False)
+class FlangeMotion:
+    """Motion on an even clock, and its integral over time.
+
+    Attributes
+    ----------
+    start, step : float
+        First time and time step, s.
+    values : numpy.ndarray, shape (k, 20)
+        In the axes of the flange: specific force Rᵀ(g₀ − p̈), m/s²; angular velocity ω, rad/s;
+        angular acceleration α, rad/s²; the products ωωᵀ: xx, yy, zz, xy, xz, yz; then the sizes
+        of velocity and acceleration, m/s and m/s²; and the direction of gravity.
+    integral : numpy.ndarray, shape (k, 20)
+        Integral of the values from the first time, in time steps.
+    """
+
+    start: float
+    step: float
+    values: Floats
+    integral: Floats
+
+    @property
+    def stop(self) -> float:
+        """Last time, s."""
+        return self.start + self.step * (len(self.values) - 1)
+
+    def mean(self, start: Floats, stop: Floats, columns: int = 20) -> Floats:
+        """Return the means of the first columns from each start to each stop."""
+        first, last = (self._integral_at(each, columns) for each in (start, stop))
+        means: Floats = (last - first) / ((stop - start) / self.step)[:, None]
+        return means
+
+    def _integral_at(self, time: Floats, columns: int) -> Floats:
+        k, u = self._place(time)
+        low, high = self.values[k, :columns], self.values[k + 1, :columns]
+        return self.integral[k, :columns] + u * (low + 0.5 * u * (high - low))
+
+    def at(self, time: Floats) -> Floats:
+        """Return specific force, angular velocity and acceleration at some times, shape (n, 9)."""
+        k, u = self._place(time)
+        between: Floats = (1.0 - u) * self.values[k, :9] + u * self.values[k + 1, :9]
+        return between
+
+    def _place(self, time: Floats) -> tuple[NDArray[np.int64], Floats]:
+        place = np.clip((time - self.start) / self.step, 0.0, len(self.values) - 1.000001)
+        k = place.astype(np.int64)
+        return k, (place - k)[:, None]
+
+
+def motion_of(
+    time: Floats, position: Floats, orientation: Floats, window: float = WINDOW
+) -> FlangeMotion:
+    """Return the motion of a pose by least-squares polynomials over a window, s.
+
+    Parameters
+    ----------
+    time : numpy.ndarray, shape (k,)
+        s, strictly increasing.
+    position : numpy.ndarray, shape (k, 3)
+        m, with z up.
+    orientation : numpy.ndarray, shape (k, 4)
+        Unit quaternions x, y, z, w.
+    """
+    columns = np.column_stack([position, align_signs(orientation)])
+    step = max(float(np.median(np.diff(time))), window / MOST_SAMPLES)
+    even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
+    if step > 1.5 * float(np.median(np.diff(time))):  # means over each step
+        middles = 0.5 * (columns[1:] + columns[:-1]) * np.diff(time)[:, None]
+        sums = np.vstack([np.zeros(columns.shape[1]), np.cumsum(middles, axis=0)])
+        ends = [np.clip(even + side * step, time[0], time[-1]) for side in (-0.5, 0.5)]
+        first, last = (_interpolate(each, time, sums) for each in ends)
+        columns = (last - first) / (ends[1] - ends[0])[:, None]
+    else:
+        columns = _interpolate(even, time, columns)
+    half = max(round(0.5 * window / step), 3)
+    smooth, first, second = (_slopes(columns, half, order, step) for order in range(3))
+    length = np.linalg.norm(smooth[:, 3:], axis=1, keepdims=True)
+    back = smooth[:, 3:] / length * INVERSE
+    # ω = 2 q⁻¹q̇ and α = 2 q⁻¹q̈ in the axes of the flange: q̇⁻¹q̇ has no vector part.
+    w, a = (2.0 * multiply(back, each[:, 3:] / length)[:, :3] for each in (first, second))
+    down = np.array([0.0, 0.0, -1.0])
+    g, gravity = (rotate(each, back) for each in (GRAVITY * down - second[:, :3], down))
+    products = np.column_stack([w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]])
+    sizes = [np.linalg.norm(each[:, :3], axis=1) for each in (first, second)]
+    values = np.hstack([g, w, a, products, np.column_stack(sizes), gravity])
+    integral = np.zeros_like(values)
+    np.cumsum(0.5 * (values[1:] + values[:-1]), axis=0, out=integral[1:])
+    return FlangeMotion(float(even[0]), step, values, integral)
+
+
+def _interpolate(wanted: Floats, time: Floats, columns: Floats) -> Floats:
+    return np.column_stack([np.interp(wanted, time, column) for column in columns.T])
+
+
+def _slopes(columns: Floats, half: int, order: int, step: float) -> Floats:
+    """Derivatives of the polynomial through 2 · half + 1 samples around each sample."""
+    place = np.arange(-half, half + 1) / half
+    powers = np.linalg.pinv(np.vander(place, DEGREE + 1, increasing=True))
+    weights = powers[order] * (1, 1, 2)[order] / (half * step) ** order
+    padded = np.pad(columns, ((half, half), (0, 0)), mode="edge")
+    filtered = [np.convolve(column, weights[::-1], "valid") for column in padded.T]
+    return np.column_stack(filtered)

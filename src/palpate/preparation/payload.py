@@ -1,0 +1,267 @@
+"""The payload of a force-torque sensor: tool, mount, zero and clock, from one log of its wrench."""
+
+import dataclasses
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from palpate.errors import RecordingError
+from palpate.findings import MARKS, Finding, Mark, worst
+from palpate.validation import Floats
+from palpate.writing import as_toml, write_text
+
+GRAVITY = 9.80665  # m/s², along −z of the frame of the pose
+VERSION = 1  # of the fields
+LARGEST = 1_000_000  # bytes; a payload has 2 kB, and 150 bytes for each knot of its drift
+#: Shapes of the arrays; −1 is the number of knots of the drift.
+_SHAPES = {
+    "centre": (3,), "mount": (3, 3), "bias": (6,), "inertia": (6,), "lever": (3,),
+    "bias_times": (-1,), "bias_changes": (-1, 6), "centre_error": (3,), "mount_error": (3,),
+    "lever_error": (3,), "bias_error": (6,), "inertia_error": (6,),
+}  # fmt: skip
+_ERRORS = ("_error", "turn", "share", "free_time")  # ends of the names of what may be unknown
+_MARKS = ("mass_mark", "mount_mark", "delay_mark")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Payload:
+    """What a wrist sensor carries, how it is mounted, and what it reads without contact.
+
+    With the specific force g = Rᵀ(g₀ − p̈), the angular velocity ω and the angular acceleration α
+    of the pose, turned to the axes of the sensor by the mount, the wrench in free air is
+
+        f = m g − (α× + ω×ω×)(m c + m d) + b_f,   τ = m c × g − (I α + ω × I ω) + b_τ
+
+    with the mass m, the centre of mass c, the lever d, the inertia I and the bias b. ``sign`` times
+    the recorded wrench obeys it; the remainder is the force of the material on the tool.
+
+    Attributes
+    ----------
+    mass : float
+        kg.
+    centre : numpy.ndarray, shape (3,)
+        Centre of mass from the origin of the sensor, in its axes, m.
+    mount : numpy.ndarray, shape (3, 3)
+        Rotation of the sensor in the flange, the frame of the pose: v_flange = mount · v_sensor.
+    bias : numpy.ndarray, shape (6,)
+        Mean wrench of the unloaded sensor, in its axes, N and N·m.
+    inertia : numpy.ndarray, shape (6,), or None
+        xx, yy, zz, xy, xz, yz about the origin of the sensor, in its axes, kg·m²; None if the tool
+        does not turn.
+    lever : numpy.ndarray, shape (3,)
+        From the origin of the pose to that of the sensor, in the axes of the sensor, m.
+    delay : float
+        s, positive if the wrench is late behind the pose.
+    sign : float
+        −1 if the sensor reads the force that the tool exerts, else 1.
+    bias_times : numpy.ndarray, shape (k,)
+        Times of the drift, s, on the clock of the wrench; empty without drift.
+    bias_changes : numpy.ndarray, shape (k, 6)
+        Wrench that is added to the mean bias at these times, N and N·m; linear in between.
+    mass_error, delay_error : float
+        Standard errors, kg and s.
+    centre_error, mount_error, lever_error : numpy.ndarray, shape (3,)
+        Standard errors, m, rad (about the axes of the sensor) and m.
+    bias_error : numpy.ndarray, shape (6,)
+        Standard errors, N and N·m.
+    inertia_error : numpy.ndarray, shape (6,), or None
+        Standard errors, kg·m².
+    turn : float
+        Largest angle between the directions of gravity in free air, in the axes of the sensor, rad.
+    axes : int
+        Number of axes about which gravity turns: 0, 1 or 2.
+    free_share : float
+        Fraction of the log in free air.
+    free_time : float
+        Time in free air, s.
+    mass_mark, mount_mark, delay_mark : str
+        ``"trust"``, ``"with-care"`` or ``"do-not-trust"``.
+    findings : tuple of Finding
+        Reasons for the marks, with the remedy.
+    version : int
+        Version of these fields in a file.
+    """
+
+    mass: float
+    centre: Floats
+    mount: Floats
+    bias: Floats
+    inertia: Floats | None = None
+    lever: Floats = field(default_factory=lambda: np.zeros(3))
+    delay: float = 0.0
+    sign: float = 1.0
+    bias_times: Floats = field(default_factory=lambda: np.zeros(0))
+    bias_changes: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    mass_error: float = math.nan
+    centre_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
+    mount_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
+    lever_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
+    bias_error: Floats = field(default_factory=lambda: np.full(6, math.nan))
+    inertia_error: Floats | None = None
+    delay_error: float = math.nan
+    turn: float = math.nan
+    axes: int = 0
+    free_share: float = math.nan
+    free_time: float = math.nan
+    mass_mark: Mark = "trust"
+    mount_mark: Mark = "trust"
+    delay_mark: Mark = "trust"
+    findings: tuple[Finding, ...] = ()
+    version: int = 1
+
+    @property
+    def mark(self) -> Mark:
+        """The worst of the marks of mass, mount and delay."""
+        return worst(self.mass_mark, self.mount_mark, self.delay_mark)
+
+    def wrench(
+        self, specific_force: Floats, angular_velocity: Floats, angular_acceleration: Floats
+    ) -> Floats:
+        """Return the wrench of weight and inertia in the axes of the sensor, without the bias.
+
+        Parameters
+        ----------
+        specific_force, angular_velocity, angular_acceleration : numpy.ndarray, shape (k, 3)
+            In the axes of the flange: m/s², rad/s and rad/s².
+
+        Returns
+        -------
+        numpy.ndarray, shape (k, 6)
+            N and N·m.
+        """
+        g, w, a = (
+            np.asarray(each) @ self.mount
+            for each in (specific_force, angular_velocity, angular_acceleration)
+        )
+        h = self.mass * self.centre
+        arm = h + self.mass * self.lever
+        force = self.mass * g - np.cross(a, arm) - np.cross(w, np.cross(w, arm))
+        torque = np.cross(h, g)
+        if self.inertia is not None:
+            xx, yy, zz, xy, xz, yz = self.inertia
+            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+            torque = torque - a @ tensor - np.cross(w, w @ tensor)
+        return np.hstack([force, torque])
+
+    def bias_at(self, time: Floats) -> Floats:
+        """Return the bias at some times of the log that it was found from, shape (k, 6)."""
+        bias: Floats = np.tile(self.bias, (len(time), 1))
+        if not len(self.bias_times):
+            return bias
+        changes: list[Floats] = [
+            np.interp(time, self.bias_times, column) for column in self.bias_changes.T
+        ]
+        return bias + np.column_stack(changes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the fields as numbers, lists and dictionaries."""
+        found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
+        for name, value in found.items():
+            if isinstance(value, np.ndarray | np.generic):
+                found[name] = value.tolist()
+        dicts = [each.as_dict() for each in self.findings]
+        findings = [{k: v for k, v in each.items() if v is not None} for each in dicts]
+        return {**found, "findings": findings}
+
+    def save(self, path: Path, comments: Sequence[str] = (), inputs: Sequence[Path] = ()) -> None:
+        """Write the payload to a TOML file, which :meth:`load` reads, completely or not at all.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+        comments : sequence of str
+            Lines for people. Default: none.
+        inputs : sequence of Path
+            Files that must not be overwritten. Default: none.
+        """
+        known = {name: value for name, value in self.as_dict().items() if value is not None}
+        lines = ["payload of a force-torque sensor, SI units", *comments]
+        write_text(Path(path), as_toml(known, lines), inputs)
+
+    @classmethod
+    def load(cls, path: Path) -> "Payload":
+        """Read a payload that :meth:`save` or ``palpate payload LOG --save-config`` wrote.
+
+        Parameters
+        ----------
+        path : Path
+            The file.
+
+        Raises
+        ------
+        RecordingError
+            The file cannot be read, or is no payload.
+        """
+        try:
+            with Path(path).open("rb") as file:
+                content = file.read(LARGEST + 1)
+            if len(content) > LARGEST:
+                raise ValueError(f"it has more than {LARGEST} bytes")
+            given = tomllib.loads(content.decode())
+        except OSError as error:
+            raise RecordingError(f"{path}: {error.strerror or 'cannot be read'}") from None
+        except (ValueError, RecursionError) as error:
+            raise RecordingError(f"{path}: not a payload in TOML: {error}") from None
+        try:
+            return _payload_of(given)
+        except ValueError as error:
+            raise RecordingError(
+                f"{path}: not a payload: {error}; palpate payload LOG --save-config FILE writes one"
+            ) from None
+
+
+def _payload_of(given: Mapping[str, Any]) -> Payload:
+    fields = {each.name: each for each in dataclasses.fields(Payload)}
+    if unknown := sorted(given.keys() - fields.keys()):
+        raise ValueError(f"unknown field {unknown[0]!r}")
+    for name, own in fields.items():
+        required = own.default is own.default_factory is dataclasses.MISSING
+        if (required or name == "version") and name not in given:
+            raise ValueError(f"field {name!r} is missing")
+    if given["version"] != VERSION:
+        raise ValueError(f"version {given['version']!r} is not {VERSION}")
+    values = {}
+    for name, value in given.items():
+        try:
+            values[name] = _value(name, value)
+        except (KeyError, TypeError, ValueError, OverflowError):
+            raise ValueError(f"{name} is {str(value)[:80]!r}") from None
+    payload = Payload(**values)
+    mount = payload.mount
+    turned = np.abs(mount @ mount.T - np.eye(3)).max() < 1e-6 and np.linalg.det(mount) > 0.0
+    knots = len(payload.bias_times) == len(payload.bias_changes)
+    for name, good in (
+        ("mass", payload.mass >= 0.0),
+        ("mount", turned),
+        ("sign", abs(payload.sign) == 1.0),
+        ("bias_times", knots and bool((np.diff(payload.bias_times) > 0.0).all())),
+    ):
+        if not good:
+            raise ValueError(f"{name} is {str(given.get(name))[:80]!r}")
+    return payload
+
+
+def _value(name: str, value: Any) -> Any:
+    """Return one field as its type; raise if it has another one."""
+    if name == "findings":
+        return tuple(Finding.from_dict(each) for each in value)
+    if name in _MARKS:
+        return MARKS[MARKS.index(value)]
+    if name in ("version", "axes"):
+        return int(value)
+    shape = _SHAPES.get(name, ())
+    array = np.array(value, dtype=np.float64)
+    if name == "bias_changes" and array.size == 0:
+        array = array.reshape(0, 6)
+    fits = len(array.shape) == len(shape) and all(
+        wanted in (-1, size) for wanted, size in zip(shape, array.shape, strict=True)
+    )
+    if not fits or not (name.endswith(_ERRORS) or np.isfinite(array).all()):
+        raise ValueError
+    return array if shape else float(array)
