@@ -1,4 +1,4 @@
-"""Finding the payload of a wrist sensor in a log: free air, weight, mount, zero and clock."""
+"""The fit of a payload to free air by Gauss–Newton: weight, inertia, mount, bias and clock."""
 
 import math
 from collections.abc import Sequence
@@ -8,24 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import run_slices
-from palpate.digits import with_error
-from palpate.errors import RecordingError
 from palpate.estimators.least_squares import long_run_covariance
-from palpate.findings import MARKS, Check, Finding, Mark
-from palpate.preparation.flange_motion import FlangeMotion
+from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
 from palpate.preparation.payload import GRAVITY, Payload
-from palpate.preparation.resolution import noise_of
 from palpate.validation import Floats
 
-Mask = NDArray[np.bool_]
-
-BLOCK, MOST_BLOCKS = 0.02, 3000  # s of a mean; longer where a log has more blocks
-SLOW = 0.2  # s of the filter of the motion in free air: noise of α would bias lever and mass
-DRAWS, DRAWN, POINTS = 500, 1000, 5  # of the consensus: hypotheses, blocks scored, blocks of each
-# A block is near another until the tool has moved or turned so far, m and rad: a press that is held
-# is one pose, however long. Drawn by time, six holds of 8 s passed for free air.
-MOVED, TURNED = 2e-3, 0.02
-LONGEST_DELAY, DELAY_GRID, SHIFT = 0.1, 0.01, 0.005  # s
+SHIFT = 5e-3  # s, of the difference for the clock
 CUT = 6.0  # of Tukey's weight, in scales
 ROUNDS, FIRST_ROUNDS, CONVERGED = 14, 4, 0.05  # Gauss–Newton steps; standard errors
 SHORTEST_FREE, MARGIN = 0.16, 0.04  # s of a run in free air, and excluded at each end
@@ -34,7 +22,6 @@ KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in 
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
-RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
 FILTER_ERROR = 3e-4  # of the mass, by what the filter of the motion attenuates
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
@@ -50,90 +37,6 @@ SIZE = 17
 OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Zeroing:
-    """A zeroing of the sensor: its time, s, and the step of the wrench there, shape (6,)."""
-
-    time: float
-    step: Floats
-
-
-@dataclass(slots=True, eq=False)
-class Blocks:
-    """Means of the wrench over blocks of samples.
-
-    Attributes
-    ----------
-    start, stop : numpy.ndarray, shape (k,)
-        s.
-    wrench : numpy.ndarray, shape (k, 6)
-        N and N·m.
-    noise : numpy.ndarray, shape (6,)
-        Standard deviation of a mean by white noise; infinite without a torque.
-    segment : numpy.ndarray of int, shape (k,)
-        Number of zeroings of the sensor before the block.
-    motion : FlangeMotion
-        Motion of the flange.
-    """
-
-    start: Floats
-    stop: Floats
-    wrench: Floats
-    noise: Floats
-    segment: NDArray[np.int64]
-    motion: FlangeMotion
-
-    @property
-    def time(self) -> Floats:
-        """Centre of each block, s."""
-        return 0.5 * (self.start + self.stop)
-
-    @property
-    def floor(self) -> float:
-        """Least tolerance of a consensus, N."""
-        return 3.0 * float(np.linalg.norm(self.noise[:3])) + 0.03
-
-    def seen(self, late: float, columns: int = 20) -> Floats:
-        """Return the means of the first columns of the motion some seconds before."""
-        return self.motion.mean(self.start - late, self.stop - late, columns)
-
-    def taken(self, keep: Mask | NDArray[np.int64]) -> "Blocks":
-        """Return the selected blocks."""
-        names = "start", "stop", "wrench", "segment"
-        return replace(self, **{name: getattr(self, name)[keep] for name in names})
-
-
-@dataclass(slots=True, eq=False)
-class PayloadFit:
-    """A payload, and what it was found from.
-
-    Attributes
-    ----------
-    payload : Payload
-        The payload.
-    blocks : Blocks
-        Means of the wrench times the sign of the payload, without the steps of zeroing.
-    free : numpy.ndarray of bool, shape (k,)
-        Blocks in free air.
-    scale : float
-        Residual of the force in free air, over the white noise of a block.
-    zeroed : sequence of Zeroing
-        When the sensor was zeroed.
-    """
-
-    payload: Payload
-    blocks: Blocks
-    free: Mask
-    scale: float
-    zeroed: Sequence[Zeroing]
-
-    @property
-    def scatter(self) -> float:
-        """Residual in free air, over the tolerance of a consensus and 1 % of the weight."""
-        tolerable = self.blocks.floor + 0.01 * GRAVITY * self.payload.mass
-        return self.scale * float(self.blocks.noise[:3].max()) / tolerable
-
-
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
     crossed: Floats = -np.cross(vectors[..., None, :], np.eye(3))
@@ -147,107 +50,6 @@ def rotation(vector: Floats) -> Floats:
     first, second = np.sinc(angle / math.pi), 0.5 * np.sinc(0.5 * angle / math.pi) ** 2
     turned: Floats = np.eye(3) + first * cross + second * cross @ cross
     return turned
-
-
-def blocks_of(
-    time: Floats, wrench: Floats, motion: FlangeMotion, zeroed: Sequence[Zeroing] = ()
-) -> Blocks:
-    """Return the means of a wrench, shape (k, 6), inside the motion and between the zeroings."""
-    step = float(np.median(np.diff(time)))
-    span = min(time[-1], motion.stop) - max(time[0], motion.start)
-    size = max(round(max(BLOCK, span / MOST_BLOCKS) / step), 1)
-    count = len(time) // size
-    times = time[: count * size].reshape(count, size)
-    start, stop = times[:, 0] - 0.5 * step, times[:, -1] + 0.5 * step
-    means = wrench[: count * size].reshape(count, size, 6).mean(axis=1)
-    times = np.array([each.time for each in zeroed])
-    segment = np.searchsorted(times, start)
-    keep = (start - LONGEST_DELAY > motion.start) & (stop + LONGEST_DELAY < motion.stop)
-    keep &= np.isfinite(means[:, :3]).all(axis=1) & (stop - start < 1.5 * size * step)
-    keep &= segment == np.searchsorted(times, stop)
-    blocks = Blocks(start, stop, np.nan_to_num(means), np.zeros(6), segment, motion).taken(keep)
-    noise = np.array([noise_of(column) for column in wrench.T]) / math.sqrt(size)
-    repeated = noise == 0.0  # of a coarse or held force
-    noise[repeated] = [noise_of(column) for column in blocks.wrench.T[repeated]]
-    noise = np.maximum(noise, 1e-9 + 1e-6 * np.nanpercentile(np.abs(wrench), 99.0, axis=0))
-    seen = (blocks.wrench[1:] != blocks.wrench[:-1]).any(axis=0)
-    return replace(blocks, noise=np.where((np.arange(6) < 3) | seen, noise, np.inf))
-
-
-def fit_weight(g: Floats, f: Floats, weight: Floats) -> tuple[Floats, Floats, Floats]:
-    """Fit f = m Qᵀ g + b by weighted Procrustes, for a batch of sets (..., n, 3).
-
-    Q is the identity where gravity does not turn.
-
-    Returns
-    -------
-    tuple
-        m, Q and b.
-    """
-    total = weight.sum(axis=-1)[..., None]
-    mean_g, mean_f = ((weight[..., None] * each).sum(axis=-2) / total for each in (g, f))
-    dg, df = g - mean_g[..., None, :], f - mean_f[..., None, :]
-    moments = np.swapaxes(weight[..., None] * dg, -1, -2) @ df
-    energy = (weight * (dg**2).sum(axis=-1)).sum(axis=-1)
-    prior = 1e-3 * np.linalg.norm(moments, axis=(-2, -1)) + 1e-12
-    u, _, vt = np.linalg.svd(moments + prior[..., None, None] * np.eye(3))
-    u[..., 2] *= np.sign(np.linalg.det(u @ vt))[..., None]
-    q = u @ vt
-    mass = np.maximum((q * moments).sum(axis=(-2, -1)) / np.maximum(energy, 1e-12), 0.0)
-    return mass, q, mean_f - mass[..., None] * (mean_g[..., None, :] @ q)[..., 0, :]
-
-
-def largest_consensus(
-    blocks: Blocks, known: Payload | None = None, delay: tuple[float, float] | None = None
-) -> tuple[float, float, Floats, Floats, float]:
-    """Return a cost, and the mass, mount, bias and delay that explain the most blocks.
-
-    Random sample consensus (Fischler & Bolles 1981) with the truncated squares of Torr & Zisserman
-    (2000); then a grid of delays, because Gauss–Newton from zero ends in a local minimum.
-    """
-    random, floor = np.random.default_rng(0), blocks.floor
-    clock = 0.0 if delay is None else delay[0]
-    seen = blocks.seen(clock)
-    rate = np.linalg.norm(seen[:, 3:6], axis=1)
-    way = np.cumsum((seen[:, 15] / MOVED + rate / TURNED + 0.05) * (blocks.stop - blocks.start))
-    few = np.unique(np.searchsorted(way, np.linspace(way[0], way[-1], DRAWN)))
-    part, f, g = blocks.taken(few), blocks.wrench[few, :3], seen[few, :3]
-    # A clock that is 50 ms off, and the lever of a tool that turns, must not exclude free air.
-    tolerance = floor + 0.02 * GRAVITY * rate[few] + 0.05 * seen[few, 16]
-    picks = random.integers(len(few), size=(DRAWS, POINTS))
-    if known is None:
-        masses, mounts, biases = fit_weight(g[picks], f[picks], np.ones(picks.shape))
-    else:
-        masses, mounts = np.full(DRAWS, known.mass), np.tile(known.mount, (DRAWS, 1, 1))
-        biases = (f - known.mass * g @ known.mount)[picks].mean(axis=1)
-
-    def squares(g: Floats, mass: float, mount: Floats, bias: Floats) -> Floats:
-        total: Floats = ((f - mass * g @ mount - bias) ** 2).sum(axis=1)
-        return total
-
-    trials = list(zip(masses.tolist(), mounts, biases, strict=True))
-    costs = [np.minimum(squares(g, *each) / tolerance**2, 9.0).mean() for each in trials]
-    best, cost = trials[int(np.argmin(costs))], float(min(costs))
-
-    def refit(late: float) -> tuple[float, tuple[float, Floats, Floats], float]:
-        g, own = part.seen(late, 3), best
-        for _ in range(3):
-            inside = np.clip(1.0 - squares(g, *own) / (3.0 * tolerance) ** 2, 0.0, 1.0) ** 2 + 1e-12
-            if known is None:
-                mass, mount, bias = fit_weight(g, f, inside)
-            else:
-                mass, mount = best[:2]
-                bias = inside @ (f - mass * g @ mount) / inside.sum()
-            own = float(mass), mount, bias
-        rest = np.minimum(np.sqrt(squares(g, *own)) / floor, 10.0)
-        return float(rest.sum()), own, late
-
-    if best[0] == 0.0 or delay is not None:
-        return cost, *refit(clock)[1], clock
-    steps = round(LONGEST_DELAY / DELAY_GRID) - 1
-    grid = (DELAY_GRID * np.arange(-steps, steps + 1)).tolist()
-    _, own, late = min(map(refit, grid), key=lambda each: each[0])
-    return cost, *own, late
 
 
 def regressors(seen: Floats, mount: Floats) -> tuple[Floats, Floats]:
@@ -507,7 +309,7 @@ def _payload_of(
         slopes = np.zeros((3, SIZE))
         slopes[:, own], slopes[:, MASS] = np.eye(3) / heavy, -theta[own] / heavy**2
         arms.append(np.sqrt(np.diag(slopes @ covariance @ slopes.T)))
-    around, axes = _turns(blocks.seen(theta[CLOCK])[free, 17:]) if free.any() else (0.0, 0)
+    around, axes = turns_of(blocks.seen(theta[CLOCK])[free, 17:]) if free.any() else (0.0, 0)
     bias = drift.mean(axis=0)
     span = blocks.stop - blocks.start
     return Payload(
@@ -533,299 +335,10 @@ def _payload_of(
     )
 
 
-def _turns(directions: Floats) -> tuple[float, int]:
+def turns_of(directions: Floats) -> tuple[float, int]:
     """Return the largest angle between directions, rad, and about how many axes they turn."""
     far = directions[int(np.argmin(directions @ directions.mean(axis=0)))]
     largest = math.acos(float(np.clip((directions @ far).min(), -1.0, 1.0)))
     # Turns about one axis keep gravity in a plane.
     spread = np.linalg.svd(directions, compute_uv=False) / math.sqrt(len(directions))
     return largest, int(np.count_nonzero(spread[1:] > LEAST_TURN))
-
-
-# A sensor that is zeroed during the log: all axes step to zero at once, while the probe moves on.
-
-STEP_WINDOW, STEP_GAP = 0.01, 2  # s of a mean on either side, and samples between the two
-STEP_NOISES, LEAST_STEP = 12.0, 0.2  # of the step: standard errors, N
-AFTER_STEP = 0.5  # fraction of the force before that may be left after
-EXPLAINED = 0.9  # cost of the consensus without the step, over that with it
-MOST_ZEROINGS = 3
-
-
-def zeroings_of(time: Floats, wrench: Floats) -> list[Zeroing]:
-    """Return where a wrench may have been zeroed: steps of the force to nearly zero.
-
-    The step is between lines through the means before and after, so that a force that grows is
-    none.
-    """
-    step = float(np.median(np.diff(time)))
-    size = max(round(STEP_WINDOW / step), 3)
-    reach = 2 * size + STEP_GAP
-    if len(time) < 2 * reach + 2:
-        return []
-    known = np.nan_to_num(wrench)
-    sums = np.vstack([np.zeros(known.shape[1]), np.cumsum(known, axis=0)])
-    middle = np.arange(reach, len(time) - reach)
-
-    def mean(offset: int) -> Floats:
-        first = middle + offset
-        means: Floats = (sums[first + size] - sums[first]) / size
-        return means
-
-    near, far = mean(-STEP_GAP - size), mean(-STEP_GAP - 2 * size)
-    after, later = mean(STEP_GAP), mean(STEP_GAP + size)
-    ahead = 0.5 + STEP_GAP / size
-    before, behind = near + ahead * (near - far), after - ahead * (later - after)
-    steps = behind - before
-    noise = np.array([noise_of(column) for column in known.T]) * math.sqrt(2.0 * 5.0 / size)
-    force = np.linalg.norm(steps[:, :3], axis=1)
-    large = force > np.maximum(STEP_NOISES * np.linalg.norm(noise[:3]), LEAST_STEP)
-    large &= np.linalg.norm(behind[:, :3], axis=1) < AFTER_STEP * force
-    found: list[Zeroing] = []
-    for run in run_slices(large):
-        if large[run.start]:
-            k = run.start + int(np.argmax(force[run]))
-            found.append(Zeroing(float(time[middle[k]]), steps[k]))
-    found.sort(key=lambda each: -float(np.linalg.norm(each.step[:3])))
-    return sorted(found[:MOST_ZEROINGS], key=lambda each: each.time)
-
-
-def without_zeroings(time: Floats, wrench: Floats, zeroed: Sequence[Zeroing]) -> Floats:
-    """Return the wrench without the steps; unknown next to them."""
-    wrench, near = wrench.copy(), (STEP_GAP + 0.5) * float(np.median(np.diff(time)))
-    for each in zeroed:
-        wrench[time >= each.time] -= each.step[: wrench.shape[1]]
-        wrench[np.abs(time - each.time) < near] = np.nan
-    return wrench
-
-
-# The whole search: signs, zeroings, and what to do where a part is not identified.
-
-LEAST_FREE, LEAST_FREE_TIME = 0.05, 1.0  # fraction of the log, s
-MASS_ERRORS = 0.01, 0.05  # relative standard errors: trust, with care
-MOUNT_ERRORS = math.radians(0.5), math.radians(2.0)
-DELAY_ERRORS = 0.5e-3, 2e-3  # s
-SCATTERS = 1.0, 5.0  # residual in free air over what is tolerable: trust, with care
-FEW_FREE, FITS = 0.2, 3.0  # share and scale of a log whose sign is in doubt
-NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
-TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
-UNKNOWN_TOOL = Payload(0.0, np.zeros(3), np.eye(3), np.zeros(6))
-
-
-def find_payload(
-    motion: FlangeMotion,
-    time: Floats,
-    wrench: Floats,
-    *,
-    delay: tuple[float, float] | None = None,
-    known: Payload | None = None,
-    weight: float | None = None,
-    source: str = "",
-) -> PayloadFit | None:
-    """Find the payload of a log, with the sign of its wrench and the zeroings of its sensor.
-
-    Where the log does not identify the mass, the payload has none: then its bias is the mean wrench
-    in the axes of the sensor. Where it does not identify the mount, the axes are those of the pose.
-
-    Parameters
-    ----------
-    motion : FlangeMotion
-        Motion of the flange, filtered over 0.2 s.
-    time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
-        s, N and N·m, as recorded; a torque of NaN is ignored.
-    delay : tuple of float, optional
-        Delay of the wrench and its standard error, s.
-    known : Payload, optional
-        Tool and mount; then only bias and clock are found.
-    weight : float, optional
-        Weight of the tool, N, for a log that does not identify it.
-    source : str
-        Name of the file for messages.
-
-    Returns
-    -------
-    PayloadFit or None
-        None if the log is short, or has no free air.
-
-    Raises
-    ------
-    RecordingError
-        The log contradicts the weight, or does not depend on it.
-    """
-    blocks = blocks_of(time, wrench, motion)
-    if len(blocks.start) < FEWEST_FREE:
-        return None
-    if weight and _turns(motion.values[:, 17:])[0] < NO_TURN:
-        raise idle_weight(weight, source)
-    blocks, zeroed = _without_zeroings(time, wrench, blocks, known, delay)
-    if known is not None:
-        if delay is None and known.delay_error < DELAY_ERRORS[1]:
-            delay = known.delay, max(known.delay_error, 1e-3)
-        found = _fit_signed(blocks, zeroed, known, EVERYTHING, delay, (known.sign,))
-        names = "mass_error", "centre_error", "mount_error", "lever_error"
-        errors = {name: np.nan_to_num(getattr(known, name)) for name in names}
-        found = replace(found, payload=replace(found.payload, **errors))
-        return found if _is_free(found) else None
-    found = _fit_signed(blocks, zeroed, None, (), delay, (1.0, -1.0))
-    own = found.payload
-    if _is_free(found) and own.mass_error <= MASS_ERRORS[1] * own.mass:
-        if weight is not None:
-            _check_weight(own, weight, source)
-        if own.mount_error.max() > MOUNT_ERRORS[1]:
-            aligned = replace(own, mount=np.eye(3))
-            other = _fit_signed(blocks, zeroed, aligned, OF_MOUNT, delay, (own.sign,))
-            found = other if other.scale < 1.5 * found.scale else found
-    else:
-        fixed: Sequence[int] = EVERYTHING
-        tool = UNKNOWN_TOOL
-        if weight:
-            tool, fixed = replace(tool, mass=weight / GRAVITY), (MASS, *OF_MOUNT)
-        found = _fit_signed(blocks, zeroed, tool, fixed, delay, (1.0,))
-        if not _is_free(found):
-            return None
-        turn = replace(found.payload, mass_error=own.mass_error, mount_error=own.mount_error)
-        found = replace(found, payload=turn)
-    late = found.payload.delay_error
-    if delay is None and not late <= DELAY_ERRORS[1]:
-        found = replace(found, payload=replace(found.payload, delay=0.0, delay_error=late))
-    return found
-
-
-def _is_free(fit: PayloadFit) -> bool:
-    own = fit.payload
-    enough = own.free_share > LEAST_FREE and own.free_time > LEAST_FREE_TIME
-    return enough and fit.scatter < SCATTERS[1]
-
-
-def _fit_signed(
-    blocks: Blocks,
-    zeroed: Sequence[Zeroing],
-    known: Payload | None,
-    fixed: Sequence[int],
-    delay: tuple[float, float] | None,
-    signs: Sequence[float],
-) -> PayloadFit:
-    """Fit with the sign that explains more blocks; in doubt with the first."""
-    best: PayloadFit | None = None
-    for sign in signs:
-        signed = replace(blocks, wrench=sign * blocks.wrench)
-        own, free, scale = fit_payload(signed, known=known, fixed=fixed, delay=delay)
-        fit = PayloadFit(replace(own, sign=sign), signed, free, scale, zeroed)
-        if best is not None:
-            more = fit.payload.free_share - best.payload.free_share
-            if more < 0.02 and (more < -0.02 or scale > 0.7 * best.scale):
-                continue
-        best = fit
-        if own.mass > 0.0 and own.free_share > FEW_FREE and scale < FITS:
-            break
-    assert best is not None
-    return best
-
-
-def _without_zeroings(
-    time: Floats,
-    wrench: Floats,
-    blocks: Blocks,
-    known: Payload | None,
-    delay: tuple[float, float] | None,
-) -> tuple[Blocks, list[Zeroing]]:
-    """Take out the steps after which one payload explains more of the log."""
-    zeroed: list[Zeroing] = []
-    candidates = zeroings_of(time, wrench)
-    cost = largest_consensus(blocks, known, delay)[0] if candidates else 0.0
-    for each in candidates:
-        trial = sorted([*zeroed, each], key=lambda zeroing: zeroing.time)
-        cut = blocks_of(time, without_zeroings(time, wrench, trial), blocks.motion, trial)
-        less = largest_consensus(cut, known, delay)[0]
-        if less < EXPLAINED * cost:
-            zeroed, cost, blocks = trial, less, cut
-    return blocks, zeroed
-
-
-def _check_weight(own: Payload, weight: float, source: str) -> None:
-    off, error = abs(own.mass * GRAVITY - weight), own.mass_error * GRAVITY
-    if off > max(3.0 * error, 0.02 * weight):
-        fits = with_error(own.mass * GRAVITY, error, unit="N")
-        words = f"the force in free air fits a tool weight of {fits}, not --tool-weight {weight:g}N"
-        raise RecordingError.of(source, f"{words}; drop it")
-
-
-def idle_weight(weight: float, source: str) -> RecordingError:
-    """Return the error for a weight that the tare removes."""
-    words = f"--tool-weight {weight:g}N has no effect: in the frame of the force the weight is "
-    remedy = "drop it, or pass --force-frame tool if the sensor rotates with the tool"
-    return RecordingError.of(source, f"{words}constant, and the tare removes it; {remedy}")
-
-
-def mark_payload(fit: PayloadFit) -> Payload:
-    """Return the payload with its marks, and findings that give the reasons."""
-    own, findings = fit.payload, list[Finding]()
-    turns = f"the tool turns by {math.degrees(own.turn):.0f}° in free air: palpate cannot identify "
-    mass = _mark(own.mass_error / max(own.mass, 1e-9), MASS_ERRORS)
-    mount = _mark(float(own.mount_error.max()), MOUNT_ERRORS)
-    late = _mark(own.delay_error, DELAY_ERRORS)
-    if mass == "do-not-trust" and own.mass_error * GRAVITY < fit.blocks.floor:
-        words = "the tool weighs less than the noise of the sensor: palpate takes the axes of the "
-        findings.append(Check.PAYLOAD.finding(f"{words}pose for those of the sensor"))
-    elif mass == "do-not-trust":
-        words = "its weight, and subtracts the mean force in the axes of the sensor"
-        mark: Mark = "with-care" if own.turn > NO_TURN else "trust"
-        findings.append(Check.PAYLOAD.finding(turns + words, TURN_MORE, mark=mark))
-    elif mount == "do-not-trust":
-        words = "the mount, and takes the axes of the pose for those of the sensor"
-        findings.append(Check.PAYLOAD.finding(turns + words, TURN_MORE, mark="with-care"))
-    if fit.scatter > SCATTERS[0]:
-        words = f"the force in free air fits the weight of the tool {fit.scatter:.1f} times worse "
-        remedy = "move more slowly, or check that the z axis of the pose points up"
-        words += "than its noise explains"
-        findings.append(Check.PAYLOAD.finding(words, remedy, severity="with-care"))
-    if own.sign < 0.0:
-        words = "by the weight of the tool the sensor reads the force on the material"
-        words += ": palpate reversed its sign"
-        findings.append(Check.PAYLOAD.finding(words, "pass --flip-force to confirm"))
-    if fit.zeroed:
-        times = ", ".join(f"{each.time:.2f} s" for each in fit.zeroed)
-        words = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
-        findings.append(Check.ZEROED.finding(words, "zero the sensor before the log begins"))
-    return replace(own, mass_mark=mass, mount_mark=mount, delay_mark=late, findings=tuple(findings))
-
-
-def _mark(error: float, limits: tuple[float, float]) -> Mark:
-    return MARKS[sum(not error <= limit for limit in limits)]
-
-
-def external_force(fit: PayloadFit, motion: FlangeMotion, time: Floats, force: Floats) -> Floats:
-    """Return the force of the material on the tool, in the axes of the sensor, shape (k, 3).
-
-    The mean of what is left in free air nearby is subtracted too, weighted by exp(−|t − tᵢ|/3 s)
-    and drawn to zero by 0.2 s: the sensor wanders faster than the bias of the payload.
-
-    Parameters
-    ----------
-    motion : FlangeMotion
-        Motion of the flange, filtered over 0.1 s: the tool is quicker in contact.
-    time, force : numpy.ndarray, shapes (k,) and (k, 3)
-        s and N, on the clock of the wrench; with the sign of the payload, without steps.
-    """
-    own, blocks, times = fit.payload, fit.blocks, fit.blocks.time
-
-    def rest(force: Floats, time: Floats, seen: Floats) -> Floats:
-        model = own.wrench(seen[:, :3], seen[:, 3:6], seen[:, 6:9]) + own.bias_at(time)
-        remainder: Floats = force - model[:, :3]
-        return remainder
-
-    seen = motion.mean(blocks.start - own.delay, blocks.stop - own.delay)
-    means = rest(blocks.wrench[:, :3], times, seen)
-    left = rest(force, time, motion.at(time - own.delay))
-    block = float(np.median(blocks.stop - blocks.start))
-    far = math.ceil(5.0 * RETARE / block)
-    kernel = np.exp(-np.abs(np.arange(-far, far + 1)) * block / RETARE)
-    columns = np.column_stack([fit.free, fit.free[:, None] * means])
-    for part in run_slices(blocks.segment):
-        near = [np.convolve(column, kernel)[far:-far] for column in columns[part].T]
-        ends = -np.inf if part.start == 0 else times[part.start]
-        until = np.inf if part.stop == len(times) else times[part.stop]
-        there = slice(*np.searchsorted(time, (ends, until)))
-        for k in range(3):
-            local = near[k + 1] / (near[0] + RETARE_BLOCKS * BLOCK / block)
-            left[there, k] -= np.interp(time[there], times[part], local)
-    return left

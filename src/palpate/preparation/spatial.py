@@ -16,16 +16,16 @@ from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
 from palpate.preparation.flange_motion import INVERSE, FlangeMotion, motion_of
+from palpate.preparation.free_air import without_zeroings
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.payload import Payload
-from palpate.preparation.payload_fit import (
+from palpate.preparation.payload_search import (
     SLOW,
     PayloadFit,
     external_force,
     find_payload,
     idle_weight,
     mark_payload,
-    without_zeroings,
 )
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.resolution import noise_of

@@ -1,0 +1,267 @@
+"""The payload of a log: signs, zeroings, what to do where a part is not identified, and marks."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from palpate.contact import run_slices
+from palpate.digits import with_error
+from palpate.errors import RecordingError
+from palpate.findings import MARKS, Check, Finding, Mark
+from palpate.preparation.flange_motion import FlangeMotion
+from palpate.preparation.free_air import BLOCK, Blocks, Mask, Zeroing, blocks_of, remove_zeroings
+from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload_fit import (
+    EVERYTHING,
+    FEWEST_FREE,
+    MASS,
+    OF_MOUNT,
+    fit_payload,
+    turns_of,
+)
+from palpate.validation import Floats
+
+SLOW = 0.2  # s of the filter of the motion in free air: noise of α would bias lever and mass
+RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
+LEAST_FREE, LEAST_FREE_TIME = 0.05, 1.0  # fraction of the log, s
+MASS_ERRORS = 0.01, 0.05  # relative standard errors: trust, with care
+MOUNT_ERRORS = math.radians(0.5), math.radians(2.0)
+DELAY_ERRORS = 0.5e-3, 2e-3  # s
+SCATTERS = 1.0, 5.0  # residual in free air over what is tolerable: trust, with care
+FEW_FREE, FITS = 0.2, 3.0  # share and scale of a log whose sign is in doubt
+NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
+TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
+UNKNOWN_TOOL = Payload(0.0, np.zeros(3), np.eye(3), np.zeros(6))
+
+
+@dataclass(slots=True, eq=False)
+class PayloadFit:
+    """A payload, and what it was found from.
+
+    Attributes
+    ----------
+    payload : Payload
+        The payload.
+    blocks : Blocks
+        Means of the wrench times the sign of the payload, without the steps of zeroing.
+    free : numpy.ndarray of bool, shape (k,)
+        Blocks in free air.
+    scale : float
+        Residual of the force in free air, over the white noise of a block.
+    zeroed : sequence of Zeroing
+        When the sensor was zeroed.
+    """
+
+    payload: Payload
+    blocks: Blocks
+    free: Mask
+    scale: float
+    zeroed: Sequence[Zeroing]
+
+    @property
+    def scatter(self) -> float:
+        """Residual in free air, over the tolerance of a consensus and 1 % of the weight."""
+        tolerable = self.blocks.floor + 0.01 * GRAVITY * self.payload.mass
+        return self.scale * float(self.blocks.noise[:3].max()) / tolerable
+
+
+def find_payload(
+    motion: FlangeMotion,
+    time: Floats,
+    wrench: Floats,
+    *,
+    delay: tuple[float, float] | None = None,
+    known: Payload | None = None,
+    weight: float | None = None,
+    source: str = "",
+) -> PayloadFit | None:
+    """Find the payload of a log, with the sign of its wrench and the zeroings of its sensor.
+
+    Where the log does not identify the mass, the payload has none: then its bias is the mean wrench
+    in the axes of the sensor. Where it does not identify the mount, the axes are those of the pose.
+
+    Parameters
+    ----------
+    motion : FlangeMotion
+        Motion of the flange, filtered over 0.2 s.
+    time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
+        s, N and N·m, as recorded; a torque of NaN is ignored.
+    delay : tuple of float, optional
+        Delay of the wrench and its standard error, s.
+    known : Payload, optional
+        Tool and mount; then only bias and clock are found.
+    weight : float, optional
+        Weight of the tool, N, for a log that does not identify it.
+    source : str
+        Name of the file for messages.
+
+    Returns
+    -------
+    PayloadFit or None
+        None if the log is short, or has no free air.
+
+    Raises
+    ------
+    RecordingError
+        The log contradicts the weight, or does not depend on it.
+    """
+    blocks = blocks_of(time, wrench, motion)
+    if len(blocks.start) < FEWEST_FREE:
+        return None
+    if weight and turns_of(motion.values[:, 17:])[0] < NO_TURN:
+        raise idle_weight(weight, source)
+    blocks, zeroed = remove_zeroings(time, wrench, blocks, known, delay)
+    if known is not None:
+        if delay is None and known.delay_error < DELAY_ERRORS[1]:
+            delay = known.delay, max(known.delay_error, 1e-3)
+        found = _fit_signed(blocks, zeroed, known, EVERYTHING, delay, (known.sign,))
+        names = "mass_error", "centre_error", "mount_error", "lever_error"
+        errors = {name: np.nan_to_num(getattr(known, name)) for name in names}
+        found = replace(found, payload=replace(found.payload, **errors))
+        return found if _is_free(found) else None
+    found = _fit_signed(blocks, zeroed, None, (), delay, (1.0, -1.0))
+    own = found.payload
+    if _is_free(found) and own.mass_error <= MASS_ERRORS[1] * own.mass:
+        if weight is not None:
+            _check_weight(own, weight, source)
+        if own.mount_error.max() > MOUNT_ERRORS[1]:
+            aligned = replace(own, mount=np.eye(3))
+            other = _fit_signed(blocks, zeroed, aligned, OF_MOUNT, delay, (own.sign,))
+            found = other if other.scale < 1.5 * found.scale else found
+    else:
+        fixed: Sequence[int] = EVERYTHING
+        tool = UNKNOWN_TOOL
+        if weight:
+            tool, fixed = replace(tool, mass=weight / GRAVITY), (MASS, *OF_MOUNT)
+        found = _fit_signed(blocks, zeroed, tool, fixed, delay, (1.0,))
+        if not _is_free(found):
+            return None
+        turn = replace(found.payload, mass_error=own.mass_error, mount_error=own.mount_error)
+        found = replace(found, payload=turn)
+    late = found.payload.delay_error
+    if delay is None and not late <= DELAY_ERRORS[1]:
+        found = replace(found, payload=replace(found.payload, delay=0.0, delay_error=late))
+    return found
+
+
+def _is_free(fit: PayloadFit) -> bool:
+    own = fit.payload
+    enough = own.free_share > LEAST_FREE and own.free_time > LEAST_FREE_TIME
+    return enough and fit.scatter < SCATTERS[1]
+
+
+def _fit_signed(
+    blocks: Blocks,
+    zeroed: Sequence[Zeroing],
+    known: Payload | None,
+    fixed: Sequence[int],
+    delay: tuple[float, float] | None,
+    signs: Sequence[float],
+) -> PayloadFit:
+    """Fit with the sign that explains more blocks; in doubt with the first."""
+    best: PayloadFit | None = None
+    for sign in signs:
+        signed = replace(blocks, wrench=sign * blocks.wrench)
+        own, free, scale = fit_payload(signed, known=known, fixed=fixed, delay=delay)
+        fit = PayloadFit(replace(own, sign=sign), signed, free, scale, zeroed)
+        if best is not None:
+            more = fit.payload.free_share - best.payload.free_share
+            if more < 0.02 and (more < -0.02 or scale > 0.7 * best.scale):
+                continue
+        best = fit
+        if own.mass > 0.0 and own.free_share > FEW_FREE and scale < FITS:
+            break
+    assert best is not None
+    return best
+
+
+def _check_weight(own: Payload, weight: float, source: str) -> None:
+    off, error = abs(own.mass * GRAVITY - weight), own.mass_error * GRAVITY
+    if off > max(3.0 * error, 0.02 * weight):
+        fits = with_error(own.mass * GRAVITY, error, unit="N")
+        words = f"the force in free air fits a tool weight of {fits}, not --tool-weight {weight:g}N"
+        raise RecordingError.of(source, f"{words}; drop it")
+
+
+def idle_weight(weight: float, source: str) -> RecordingError:
+    """Return the error for a weight that the tare removes."""
+    words = f"--tool-weight {weight:g}N has no effect: in the frame of the force the weight is "
+    remedy = "drop it, or pass --force-frame tool if the sensor rotates with the tool"
+    return RecordingError.of(source, f"{words}constant, and the tare removes it; {remedy}")
+
+
+def mark_payload(fit: PayloadFit) -> Payload:
+    """Return the payload with its marks, and findings that give the reasons."""
+    own, findings = fit.payload, list[Finding]()
+    turns = f"the tool turns by {math.degrees(own.turn):.0f}° in free air: palpate cannot identify "
+    mass = _mark(own.mass_error / max(own.mass, 1e-9), MASS_ERRORS)
+    mount = _mark(float(own.mount_error.max()), MOUNT_ERRORS)
+    late = _mark(own.delay_error, DELAY_ERRORS)
+    if mass == "do-not-trust" and own.mass_error * GRAVITY < fit.blocks.floor:
+        words = "the tool weighs less than the noise of the sensor: palpate takes the axes of the "
+        findings.append(Check.PAYLOAD.finding(f"{words}pose for those of the sensor"))
+    elif mass == "do-not-trust":
+        words = "its weight, and subtracts the mean force in the axes of the sensor"
+        mark: Mark = "with-care" if own.turn > NO_TURN else "trust"
+        findings.append(Check.PAYLOAD.finding(turns + words, TURN_MORE, mark=mark))
+    elif mount == "do-not-trust":
+        words = "the mount, and takes the axes of the pose for those of the sensor"
+        findings.append(Check.PAYLOAD.finding(turns + words, TURN_MORE, mark="with-care"))
+    if fit.scatter > SCATTERS[0]:
+        words = f"the force in free air fits the weight of the tool {fit.scatter:.1f} times worse "
+        remedy = "move more slowly, or check that the z axis of the pose points up"
+        words += "than its noise explains"
+        findings.append(Check.PAYLOAD.finding(words, remedy, severity="with-care"))
+    if own.sign < 0.0:
+        words = "by the weight of the tool the sensor reads the force on the material"
+        words += ": palpate reversed its sign"
+        findings.append(Check.PAYLOAD.finding(words, "pass --flip-force to confirm"))
+    if fit.zeroed:
+        times = ", ".join(f"{each.time:.2f} s" for each in fit.zeroed)
+        words = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
+        findings.append(Check.ZEROED.finding(words, "zero the sensor before the log begins"))
+    return replace(own, mass_mark=mass, mount_mark=mount, delay_mark=late, findings=tuple(findings))
+
+
+def _mark(error: float, limits: tuple[float, float]) -> Mark:
+    return MARKS[sum(not error <= limit for limit in limits)]
+
+
+def external_force(fit: PayloadFit, motion: FlangeMotion, time: Floats, force: Floats) -> Floats:
+    """Return the force of the material on the tool, in the axes of the sensor, shape (k, 3).
+
+    The mean of what is left in free air nearby is subtracted too, weighted by exp(−|t − tᵢ|/3 s)
+    and drawn to zero by 0.2 s: the sensor wanders faster than the bias of the payload.
+
+    Parameters
+    ----------
+    motion : FlangeMotion
+        Motion of the flange, filtered over 0.1 s: the tool is quicker in contact.
+    time, force : numpy.ndarray, shapes (k,) and (k, 3)
+        s and N, on the clock of the wrench; with the sign of the payload, without steps.
+    """
+    own, blocks, times = fit.payload, fit.blocks, fit.blocks.time
+
+    def rest(force: Floats, time: Floats, seen: Floats) -> Floats:
+        model = own.wrench(seen[:, :3], seen[:, 3:6], seen[:, 6:9]) + own.bias_at(time)
+        remainder: Floats = force - model[:, :3]
+        return remainder
+
+    seen = motion.mean(blocks.start - own.delay, blocks.stop - own.delay)
+    means = rest(blocks.wrench[:, :3], times, seen)
+    left = rest(force, time, motion.at(time - own.delay))
+    block = float(np.median(blocks.stop - blocks.start))
+    far = math.ceil(5.0 * RETARE / block)
+    kernel = np.exp(-np.abs(np.arange(-far, far + 1)) * block / RETARE)
+    columns = np.column_stack([fit.free, fit.free[:, None] * means])
+    for part in run_slices(blocks.segment):
+        near = [np.convolve(column, kernel)[far:-far] for column in columns[part].T]
+        ends = -np.inf if part.start == 0 else times[part.start]
+        until = np.inf if part.stop == len(times) else times[part.stop]
+        there = slice(*np.searchsorted(time, (ends, until)))
+        for k in range(3):
+            local = near[k + 1] / (near[0] + RETARE_BLOCKS * BLOCK / block)
+            left[there, k] -= np.interp(time[there], times[part], local)
+    return left
