@@ -22,7 +22,8 @@ KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in 
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
-FILTER_ERROR = 3e-4  # of the mass, by what the filter of the motion attenuates
+# Of the mass, by what the filter of the motion attenuates; 0.8 % at 2.4 Hz by inertia alone.
+FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, TENSOR, LEVER, MOUNT, CLOCK = (
@@ -322,7 +323,7 @@ def _payload_of(
         delay=float(theta[CLOCK]),
         bias_times=knots,
         bias_changes=drift - bias,
-        mass_error=math.hypot(error[MASS], FILTER_ERROR * mass),
+        mass_error=math.hypot(error[MASS], (FILTER_ERROR if axes else BY_INERTIA) * mass),
         centre_error=arms[0],
         mount_error=error[MOUNT],
         lever_error=arms[1],

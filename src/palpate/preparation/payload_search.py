@@ -129,7 +129,9 @@ def find_payload(
         if own.mount_error.max() > MOUNT_ERRORS[1]:
             aligned = replace(own, mount=np.eye(3))
             other = _fit_signed(blocks, zeroed, aligned, OF_MOUNT, delay, (own.sign,))
-            found = other if other.scale < 1.5 * found.scale else found
+            if other.scale < 1.5 * found.scale:  # assumed, not found: it is no more certain
+                assumed = replace(other.payload, mount_error=own.mount_error)
+                found = replace(other, payload=assumed)
     else:
         fixed: Sequence[int] = EVERYTHING
         tool = UNKNOWN_TOOL
