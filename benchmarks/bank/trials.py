@@ -145,7 +145,9 @@ class Trial:
             near = np.abs(penetration - depth) < 0.3 * depth
             x, v = penetration[near] - depth, velocity[near]
             columns = np.stack([x**0, x, x**2, v], axis=1)
-            found = np.linalg.lstsq(columns / (size := np.abs(columns).max(0)), extra[near])[0]
+            found = np.linalg.lstsq(
+                columns / (size := np.abs(columns).max(0)), extra[near], rcond=None
+            )[0]
             stiffness, damping = self.of_the_law(depth)
             return stiffness + float(found[1] / size[1]), damping + float(found[3] / size[3])
 

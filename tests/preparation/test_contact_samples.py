@@ -138,7 +138,7 @@ def test_touches_in_correlated_noise_lose_nothing_to_plain_least_squares():
         ours.append([*(estimate.parameters - law.parameters), estimate.offset - zero])
         inside_bars.append(np.abs(ours[-1]) < 1.96 * np.array(bars))
         # Of all samples, with free air; to first order, which such errors are small enough for.
-        plain.append(np.linalg.lstsq(slopes / sizes, noise)[0] / sizes)
+        plain.append(np.linalg.lstsq(slopes / sizes, noise, rcond=None)[0] / sizes)
     ratio = np.linalg.norm(ours, axis=0) / np.linalg.norm(plain, axis=0)
     # Selected by neighbours, and judged by white errors, n had 1.4 and the offset 2.1.
     assert (ratio[2:] < 1.2).all()

@@ -159,7 +159,9 @@ def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:
         return math.nan, math.nan
     own, (slope, residual) = rows[:, :-2], rows[:, -2:].T
     own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-    left, after = ((each - own @ np.linalg.lstsq(own, each)[0]) for each in (slope, residual))
+    left, after = (
+        (each - own @ np.linalg.lstsq(own, each, rcond=None)[0]) for each in (slope, residual)
+    )
     rest = float(left @ after / max(left @ left, 1e-300))
     variance = robust_covariance(left[:, None], after - rest * left, (), own.shape[1])[0, 0]
     return rest, math.sqrt(variance)
