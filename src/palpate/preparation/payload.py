@@ -30,7 +30,7 @@ _MARKS = ("mass_mark", "mount_mark", "delay_mark")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Payload:
-    """What a wrist sensor carries, how it is mounted, and what it reads without contact.
+    """The tool on a wrist sensor, the mount of the sensor, and its reading without contact.
 
     With the specific force g = Rᵀ(g₀ − p̈), the angular velocity ω and the angular acceleration α
     of the pose, turned to the axes of the sensor by the mount, the wrench in free air is

@@ -22,7 +22,8 @@ KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in 
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
-# Of the mass, by what the filter of the motion attenuates; 0.8 % at 2.4 Hz by inertia alone.
+# The filter of the motion attenuates the acceleration, which raises the mass: by 0.2 % at 2.4 and
+# 3.5 Hz and 0.9 % at 5 Hz where inertia alone tells it.
 FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.

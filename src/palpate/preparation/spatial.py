@@ -22,6 +22,7 @@ from palpate.preparation.payload import Payload
 from palpate.preparation.payload_search import (
     SLOW,
     PayloadFit,
+    does_turn,
     external_force,
     find_payload,
     idle_weight,
@@ -273,7 +274,8 @@ def compensate(
     delay = None
     if isinstance(late, tuple) or (not isinstance(late, str) and late):
         delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
-    motion = motion_of(*pose, SLOW)
+    quick, slow = motion_of(*pose), motion_of(*pose, SLOW)
+    motion = slow if does_turn(slow) else quick
     fit = find_payload(
         motion,
         time,
@@ -303,7 +305,7 @@ def compensate(
         without_zeroings(time, wrench[:, :3], fit.zeroed), ((half, half), (0, 0)), "edge"
     )
     smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
-    force = external_force(fit, motion_of(*pose), at, _at(at, time, smooth)) @ payload.mount.T
+    force = external_force(fit, quick, at, _at(at, time, smooth)) @ payload.mount.T
     force = rotate_to_base(force, signals.orientation, source)
     kept = np.isfinite(force).all(axis=1) & (at >= time[0]) & (at <= time[-1])
     blocks = fit.blocks
