@@ -9,8 +9,9 @@ from scipy.optimize import nnls
 
 import palpate
 from palpate.contact import Delay
+from palpate.estimators.least_squares import nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.preparation.clock_offset import nonnegative, rough_offset
+from palpate.preparation.clock_offset import rough_offset
 from palpate.recordings import Recording
 
 LAWS = {

@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
@@ -148,6 +148,33 @@ def least_squares(
         if gained < enough * (energy + gained):
             break
     return best
+
+
+def nonnegative(
+    gram: Floats, moment: Floats, free: NDArray[np.bool_], used: NDArray[np.bool_]
+) -> Floats:
+    """Return the factors ≥ 0, or of any sign where free, of a least squares; 0 where not used.
+
+    Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23, on the normal equations.
+    """
+    gram = gram + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
+    active, factors = free & used, np.zeros(len(moment))
+    for _ in range(3 * len(moment)):
+        best = np.zeros_like(factors)
+        best[active] = np.linalg.solve(gram[np.ix_(active, active)], moment[active])
+        low = active & ~free & (best <= 0.0)
+        if low.any():
+            part = np.min(factors[low] / np.maximum(factors[low] - best[low], 1e-300))
+            factors = factors + part * (best - factors)
+            active &= free | (factors > 1e-14)
+            continue
+        factors = best
+        slope = np.where(active | ~used, -np.inf, moment - gram @ factors)
+        place = int(np.argmax(slope))
+        if not slope[place] > 1e-9 * np.abs(moment).max():
+            break
+        active[place] = True
+    return factors
 
 
 def mean_error(values: Floats) -> float:

@@ -5,11 +5,11 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.contact import Contact, Delay
 from palpate.errors import RecordingError
+from palpate.estimators.least_squares import nonnegative
 from palpate.force_laws import steps_over_breaks
 from palpate.preparation.delay import LONGEST_FOUND, MOST_SAMPLES, find_delay, motion_period
 from palpate.preparation.resolution import noise_of
@@ -326,30 +326,3 @@ class _AnyLaw:
         scale = float(shape @ force) / max(float(shape @ shape), 1e-300)
         by_n, by_surface = change[1:3] / sizes[1:3] / (scale or math.inf)
         return rest, force, (float(by_n), float(-by_surface / n))
-
-
-def nonnegative(
-    gram: Floats, moment: Floats, free: NDArray[np.bool_], used: NDArray[np.bool_]
-) -> Floats:
-    """Return the factors ≥ 0, or of any sign where free, of a least squares; 0 where not used.
-
-    Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23, on the normal equations.
-    """
-    gram = gram + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
-    active, factors = free & used, np.zeros(len(moment))
-    for _ in range(3 * len(moment)):
-        best = np.zeros_like(factors)
-        best[active] = np.linalg.solve(gram[np.ix_(active, active)], moment[active])
-        low = active & ~free & (best <= 0.0)
-        if low.any():
-            part = np.min(factors[low] / np.maximum(factors[low] - best[low], 1e-300))
-            factors = factors + part * (best - factors)
-            active &= free | (factors > 1e-14)
-            continue
-        factors = best
-        slope = np.where(active | ~used, -np.inf, moment - gram @ factors)
-        place = int(np.argmax(slope))
-        if not slope[place] > 1e-9 * np.abs(moment).max():
-            break
-        active[place] = True
-    return factors

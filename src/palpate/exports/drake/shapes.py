@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.estimators.least_squares import nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -103,20 +104,11 @@ def _samples(penetration: Floats, velocity: Floats) -> tuple[Floats, Floats]:
 
 
 def _not_negative(columns: Floats, wanted: Floats) -> Floats:
-    """Solve least squares with coefficients ≥ 0, repeatedly removing the most negative one.
-
-    Not the exact optimum in general, but close to it where, as here, few would be negative.
-    """
-    size = np.sqrt(np.einsum("ij,ij->j", columns, columns))
-    kept = size > 0.0
-    found = np.zeros(kept.size)
-    while kept.any():
-        part = np.linalg.lstsq(columns[:, kept] / size[kept], wanted, rcond=None)[0]
-        found[kept] = part / size[kept]
-        if (part >= 0.0).all():
-            break
-        kept[np.flatnonzero(kept)[np.argmin(part)]] = False
-        found[:] = 0.0
+    """Solve least squares with coefficients ≥ 0."""
+    size = np.maximum(np.sqrt(np.einsum("ij,ij->j", columns, columns)), 1e-300)
+    scaled = columns / size
+    free = np.zeros(size.size, dtype=np.bool_)
+    found: Floats = nonnegative(scaled.T @ scaled, scaled.T @ wanted, free, ~free) / size
     return found
 
 
