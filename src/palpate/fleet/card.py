@@ -195,7 +195,7 @@ def _percent(share: float) -> str:
 
 def _cautions(table: Table) -> Iterator[str]:
     rate = maps.numbers(table, "rate")
-    (stiffness, _), (damping, error) = (_at_depth(table, name) for name in maps.JUDGED)
+    stiffness, damping = (maps.numbers(table, f"{name}_at_depth") for name in maps.JUDGED)
     turns = maps.numbers(table, "frequency") / math.tau
     known = np.isfinite(stiffness) & np.isfinite(damping) & np.isfinite(rate)
     if not known.any():
@@ -204,14 +204,14 @@ def _cautions(table: Table) -> Iterator[str]:
     step = 1.0 / float(np.min(rate[known]))
     with np.errstate(all="ignore"):
         share = float(np.median(np.abs(stiffness / damping / rate)[known]))
-        relative = float(np.median(np.abs(error / damping)[known]))
         samples = float(np.nanmedian((rate / turns)[known]))
     rated = f"{rounded(1.0 / step, 3)} Hz"
     if _LARGE < share < math.inf:
+        change = "more than itself" if share > 1.0 else _percent(share)
         yield (
             f"Damping at {rated}: a force that is one sample ({rounded(1e3 * step, 3)} ms) late or "
-            f"early changes it by {_percent(share)} (median). The standard errors of "
-            f"{_percent(relative)} hold where force and position were read within 1 ms."
+            f"early changes it by {change} (median). Its standard errors hold where force and "
+            "position were read within 1 ms."
         )
     yield (
         f"Touches shorter than {rounded(4e3 * step, 3)} ms have fewer than four samples: their "

@@ -198,7 +198,7 @@ def _histogram(
     if missing and not title:
         title = f"{missing} without a known error"
     axes.set(xlabel=label, ylabel="contacts")
-    axes.locator_params(axis="y", nbins=5)
+    axes.locator_params(axis="y", nbins=5, integer=True)
     head(axes, title, legend=False)
 
 
