@@ -340,9 +340,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
         rows = [identify(Setup(seed=seed, **fault)) for seed in range(options.faults)]
         errors = " ".join(f"{each.absolute['S, %']:+.2f}" for each in rows)
         bars = " ".join(f"{each.in_errors['C']:+.1f}" for each in rows)
-        table.add_row(
-            name, errors, bars, ", ".join(sorted({f"{e.mark}/{e.damping_mark}" for e in rows}))
-        )
+        marks = [f"{each.mark}/{each.damping_mark}" for each in rows]
+        same = len({*marks}) == 1
+        table.add_row(name, errors, bars, marks[0] if same else ", ".join(marks))
     console.print(table)
     times: dict[Literal["tool", "base"], float] = {"tool": math.inf, "base": math.inf}
     log = simulate(Setup())
