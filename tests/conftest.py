@@ -4,6 +4,7 @@ import gc
 import os
 import signal
 import sys
+from contextlib import contextmanager
 
 import hypothesis
 import pytest
@@ -77,6 +78,24 @@ def broken(material) -> Signals:
 def undrawn(monkeypatch):
     """Reports of identifications have no drawings, which take seconds; other tests look at them."""
     monkeypatch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
+
+
+@pytest.fixture
+def threaded(monkeypatch):
+    """Fleets run on a thread of this process: to start a worker process takes seconds."""
+    distributed = pytest.importorskip("distributed")
+
+    @contextmanager
+    def open_client(**_):
+        with (
+            distributed.LocalCluster(
+                n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
+            ) as cluster,
+            distributed.Client(cluster, set_as_default=False) as client,
+        ):
+            yield client
+
+    monkeypatch.setattr("palpate.fleet.running.open_client", open_client)
 
 
 @pytest.fixture

@@ -99,7 +99,7 @@ LONG |= {ROOT / "docs" / name for name in ("exports.md", "exports-tutorial.md")}
     [pytest.param(p, marks=pytest.mark.slow) if p in LONG else p for p in PAGES if SNIPPETS[p]],
     ids=lambda page: str(page.relative_to(ROOT)),
 )
-def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys):
+def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threaded):
     names = {"__name__": "snippet"}
     for snippet in SNIPPETS[page]:
         if snippet.language == "python":

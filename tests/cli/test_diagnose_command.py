@@ -192,7 +192,6 @@ def test_options_in_a_file_hold_the_law(run, tmp_path):
     assert result["law"]["damping_exponent"] == result["law"]["exponent"] - 1.0
 
 
-@pytest.mark.slow  # processes of its own
-def test_a_fleet_takes_the_law_too(printed, tmp_path):
+def test_a_fleet_takes_the_law_too(printed, tmp_path, threaded):
     out = printed("fleet", BALL, "-o", tmp_path / "out", "--law", "auto", "--json")
     assert json.loads(out)["identified"] == 1

@@ -16,7 +16,9 @@ from palpate.fleet.tasks import MOST_DIAGNOSED, ContactSource, Settings, batches
 SIX = episodes()
 
 
-def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(run, tmp_path):
+def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(
+    run, tmp_path, threaded
+):
     write_lerobot_3(tmp_path / "set", SIX, in_a_file=4)
     folder = tmp_path / "rows"
     status, out, _ = run("fleet", tmp_path / "set", "-o", folder, "--workers", 1)

@@ -82,8 +82,9 @@ def finished(run, most=None, *, seconds=10.0, workers=1):
     return [k for batch in waiting for k in range(batch.first, batch.end)]
 
 
-@pytest.mark.slow
-def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(printed, tmp_path):
+def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(
+    printed, tmp_path, threaded
+):
     folder = tmp_path / "all"
     write_recordings(folder, 2)
     (folder / "touch-001.csv").rename(folder / os.fsdecode(b"touch-\xff\xe9.csv"))

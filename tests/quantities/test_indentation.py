@@ -136,7 +136,7 @@ def map_file(tmp_path_factory):
     return write_jpk(tmp_path_factory.mktemp("afm") / "map.jpk-force-map", curves)
 
 
-def test_identify_fleet_and_map_give_the_same_modulus(map_file, run, tmp_path):
+def test_identify_fleet_and_map_give_the_same_modulus(map_file, run, tmp_path, threaded):
     from palpate.fleet.files import read_results
     from palpate.fleet.maps import map_of
 
