@@ -3,6 +3,7 @@
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from test_diagnosis import CAUSES, INPUTS
 
 import palpate
 from palpate import ESTIMATORS, GeneralisedHuntCrossley, SingleRelaxation
+from palpate.cli.printing import print_identifications
 from palpate.cli.reading import ReadingOptions
 from palpate.findings import MARKS, MAY_CAP, worst
 
@@ -70,25 +72,10 @@ def results_of(contact: palpate.Contact) -> list[palpate.Identification]:
     return [palpate.identify(contact, law=law, trace=False) for law in ("hunt-crossley", None)]
 
 
-@pytest.mark.parametrize("name", FAULTS)
-def test_the_next_steps_of_a_fault_can_be_followed(name):
-    try:
-        results = results_of(FAULTS[name])
-    except palpate.RecordingError:  # such as a force that pulls: the error says what to do
-        return
-    assert [faults_of(each) for each in results] == [[], []]
-
-
 @pytest.mark.parametrize("name", ["memory", "delay", "surface", "friction"])
 def test_no_method_recommends_itself(name):
     for result in palpate.compare(FAULTS[name], trace=False).values():
         assert faults_of(result) == [], result.method
-
-
-@pytest.mark.parametrize("path", files("*.csv"))
-def test_the_next_steps_of_a_recording_can_be_followed(path):
-    if path is not None and has_penetration(path):
-        assert [faults_of(each) for each in results_of(palpate.prepare(path))] == [[], []]
 
 
 @pytest.mark.slow
@@ -107,22 +94,6 @@ def test_the_next_step_of_a_late_force_leads_to_trust(tmp_path, run):
     status, out, _ = run("identify", file, *step.split())
     assert status == 0
     assert len(re.findall(r"^(?:stiffness|damping) .* trust", out, re.MULTILINE)) == 2
-
-
-def test_an_answer_is_short(monkeypatch, run):
-    """Lines that are not blank at 80 columns, of one contact each."""
-    monkeypatch.setenv("COLUMNS", "80")
-    counts = {}
-    for parameter in files("*.csv"):
-        path = parameter.values[0]
-        if path is None:
-            pytest.skip("no recordings beside the checkout, and PALPATE_DATA is not set")
-        if has_penetration(path):
-            monkeypatch.chdir(path.parent)
-            out = run("identify", path.name)[1]
-            assert max(map(len, out.splitlines())) <= 80
-            counts[path.name] = sum(1 for line in out.splitlines() if line.strip())
-    assert max(counts.values()) <= 12, max(counts, key=counts.__getitem__)
 
 
 @pytest.mark.slow
@@ -221,15 +192,25 @@ def contradictions(result: palpate.Identification) -> list[str]:
 
 
 @pytest.mark.parametrize("name", FAULTS)
-def test_no_mark_contradicts_its_bar_and_overall_is_the_worse(name):
+def test_the_next_steps_of_a_fault_can_be_followed_and_no_mark_contradicts_its_bar(name):
     try:
-        result = palpate.identify(FAULTS[name], trace=False)
-    except palpate.RecordingError:
+        results = results_of(FAULTS[name])
+    except palpate.RecordingError:  # such as a force that pulls: the error says what to do
         return
-    assert contradictions(result) == []
+    assert [faults_of(each) for each in results] == [[], []]
+    assert contradictions(results[1]) == []
 
 
 @pytest.mark.parametrize("path", files("*.csv"))
-def test_no_mark_of_a_recording_contradicts_its_bar(path):
-    if path is not None and has_penetration(path):
-        assert contradictions(palpate.identify(path, trace=False)) == []
+def test_the_answer_to_a_recording_is_short_and_holds_the_same(path, monkeypatch, capsys):
+    """Lines that are not blank at 80 columns, of one contact each."""
+    if not has_penetration(path):
+        return
+    results = results_of(palpate.prepare(path))
+    assert [faults_of(each) for each in results] == [[], []]
+    assert contradictions(results[1]) == []
+    monkeypatch.setenv("COLUMNS", "80")
+    print_identifications([Path(path.name)], results[1:], None, as_json=False)
+    lines = [line for line in capsys.readouterr().out.splitlines() if line.strip()]
+    assert max(map(len, lines)) <= 80
+    assert len(lines) <= 12
