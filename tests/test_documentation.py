@@ -89,14 +89,12 @@ def briefly(monkeypatch):
     monkeypatch.setattr(lab.Bench, "run", short)
 
 
-# They draw, or start processes, which takes long; other tests do the same.
-LONG = {ROOT / "docs" / name for name in ("results.md", "figures.md", "fleet.md")}
-LONG |= {ROOT / "docs" / name for name in ("exports.md", "exports-tutorial.md")}
+FIRST = ROOT / "README.md", ROOT / "docs" / "identifying.md"
 
 
 @pytest.mark.parametrize(
     "page",
-    [pytest.param(p, marks=pytest.mark.slow) if p in LONG else p for p in PAGES if SNIPPETS[p]],
+    [p if p in FIRST else pytest.param(p, marks=pytest.mark.long) for p in PAGES if SNIPPETS[p]],
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threaded):

@@ -7,6 +7,8 @@ from cases import KINDS, ONE_SINE, OWN_MATERIAL, exciting
 import palpate
 from palpate import ConstantForgetting
 
+pytestmark = pytest.mark.long
+
 CHUNK = 1_000_000
 NOISE = 1e-3  # of each signal's size
 

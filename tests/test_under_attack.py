@@ -55,6 +55,7 @@ def test_a_fleet_that_is_interrupted_while_it_starts_ends_and_continues(tmp_path
     assert subprocess.run([*PALPATE, *map(str, command)], check=False).returncode == 0
 
 
+@pytest.mark.long
 @POSIX
 def test_an_interrupt_is_held_until_the_end_of_the_block_and_hidden_from_processes():
     children = []
@@ -75,6 +76,7 @@ def test_an_interrupt_is_held_until_the_end_of_the_block_and_hidden_from_process
     assert children[1] is None
 
 
+@pytest.mark.long
 @POSIX
 def test_an_interrupt_during_an_import_waits_for_its_end(tmp_path):
     (tmp_path / "slow_module.py").write_text(
@@ -137,6 +139,7 @@ main()
 """
 
 
+@pytest.mark.long
 @POSIX
 @pytest.mark.parametrize("program, lines", [(EARLY, 0), (AT_THE_END, 0), (ENDLESS, 1)])
 def test_an_interrupt_ends_the_first_imports_and_an_exit_that_waits_for_a_thread(program, lines):
@@ -146,6 +149,7 @@ def test_an_interrupt_ends_the_first_imports_and_an_exit_that_waits_for_a_thread
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (130, "", lines)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_no_other_process_can_use_a_fleet_on_this_machine():
     pytest.importorskip("distributed")
@@ -231,6 +235,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="/dev/shm is Linux's")
 @pytest.mark.parametrize("killed", ["tracker", "loop"])
 def test_a_killed_loop_or_tracker_leaves_no_memory_and_no_message(tmp_path, killed):

@@ -218,6 +218,7 @@ def home(tmp_path, monkeypatch):
     return tmp_path / "home"
 
 
+@pytest.mark.long
 @pytest.mark.skipif(shutil.which("bash") is None, reason="no bash here")
 def test_bash_completes_commands_options_and_their_values(run, tmp_path, home):
     script = tmp_path / "palpate.bash"

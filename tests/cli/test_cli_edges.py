@@ -57,6 +57,7 @@ def test_any_encoding_carries_the_tables(printing, good, words, encoding, errors
     assert encoding != "ascii" or "--" in words or " +- " in printed
 
 
+@pytest.mark.long
 def test_the_c_locale_carries_what_is_printed_and_written(good):
     locale = {**os.environ, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": ""}
     written = ["--figure", "probe.svg", "--save-config", "run.toml"]
@@ -104,6 +105,7 @@ def test_a_reader_that_has_gone_ends_it_quietly(printing, good, words):
         assert printing(stream, words) == (141, "")
 
 
+@pytest.mark.long
 def test_a_process_whose_reader_has_gone_says_nothing_on_its_way_out(good):
     with subprocess.Popen(
         [*PALPATE, "info", good], stdout=subprocess.PIPE, stderr=subprocess.PIPE
@@ -135,6 +137,7 @@ def test_a_figure_never_replaces_the_recording(refused, tmp_path, monkeypatch, c
     assert file.read_bytes() == before
 
 
+@pytest.mark.long
 def test_a_recording_goes_to_standard_output_without_words_in_it(run, tmp_path):
     whole, piped = tmp_path / "whole.csv", tmp_path / "piped.csv"
     with piped.open("wb") as stream:
@@ -160,6 +163,7 @@ def test_an_interrupt_while_importing_ends_quietly(run, monkeypatch):
     assert run("--help") == (130, "", "")
 
 
+@pytest.mark.long
 @pytest.mark.skipif(sys.platform == "win32", reason="a shell of POSIX closes the streams")
 @pytest.mark.parametrize("closed", ["2>&-", "0<&- 1>&- 2>&-"])
 def test_a_closed_stream_ends_nothing(run, tmp_path, closed):

@@ -87,6 +87,7 @@ def test_what_cannot_be_done_is_one_line(arguments, words, refused):
     assert words in refused("live", *arguments.split(), *BARE)
 
 
+@pytest.mark.long
 def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     copy = tmp_path / "copy.mcap"
     process = piped(recording, "--record", copy, "--speed", 1.6)  # a line at once and one later
@@ -102,6 +103,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
     assert f"recorded 2000 rows to {copy}" in out
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("output", [pytest.param("closed", marks=pytest.mark.slow), "full"])
 def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path, output):
     copy = tmp_path / "copy.mcap"
@@ -115,6 +117,7 @@ def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path,
     assert len(palpate.open_recording(copy).numbers("/input.force")) == 2000
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="no children are listed there")
 def test_a_recorder_that_is_killed_ends_in_an_error(recording, tmp_path):
     copy = tmp_path / "copy.mcap"
@@ -199,6 +202,7 @@ print(run(Endless(), None, [Looking(Path({str(path)!r}))])["counts"]["taken"])
     return in_a_process(code, stdout=pipe, stderr=pipe, start_new_session=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
 )
@@ -228,6 +232,7 @@ def ended_by_ctrl_c(process):
 
 
 # An interrupted import is in tests/test_under_attack.py too.
+@pytest.mark.long
 @pytest.mark.parametrize("wait", [pytest.param(0.4, marks=pytest.mark.slow), 0.7])
 def test_ctrl_c_while_the_sinks_begin_is_quiet_too(tmp_path, wait):
     """Ctrl-C comes while the process imports, or while it starts the sinks."""
@@ -249,6 +254,7 @@ class Interrupting(Looking):
         os.kill(os.getpid(), signal.SIGINT)
 
 
+@pytest.mark.long
 def test_ctrl_c_between_two_sinks_that_are_started_leaves_nobody_behind(tmp_path):
     before = signal.getsignal(signal.SIGINT)
     sinks = [Interrupting(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
@@ -488,6 +494,7 @@ def killed(folder, seconds):
     return lost
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="of Linux: its table of processes")
 def test_of_a_recording_that_is_killed_all_but_the_last_second_is_there(tmp_path):
     assert max(killed(tmp_path, [0.31])) < 1.0

@@ -30,9 +30,10 @@ QUICKEST = ("fig06", "fig07")
 _outcomes: dict[str, Outcome] = {}
 
 
-def marked(quick: tuple[str, ...]) -> list:
-    slow = pytest.mark.slow
-    return [pytest.param(n, marks=() if n in quick else slow) for n in EXPERIMENTS]
+ALL = [
+    pytest.param(name, marks=pytest.mark.long if name in QUICK else pytest.mark.slow)
+    for name in EXPERIMENTS
+]
 
 
 def outcome_of(name: str) -> Outcome:
@@ -54,7 +55,7 @@ def test_every_claim_has_an_experiment_and_a_judge_and_none_is_left_over():
             assert "{" not in claim.reading + claim.depends
 
 
-@pytest.mark.parametrize("name", marked(QUICK))
+@pytest.mark.parametrize("name", ALL)
 def test_what_was_measured_can_be_written_down_judged_and_drawn(name, tmp_path):
     experiment, outcome = EXPERIMENTS[name], outcome_of(name)
     (tmp_path / "outcomes").mkdir()
@@ -138,7 +139,7 @@ RISING = {
 }
 
 
-@pytest.mark.parametrize("name", marked(QUICK))
+@pytest.mark.parametrize("name", ALL)
 def test_an_experiment_finds_what_physics_says(name):
     findings = EXPERIMENTS[name].findings(outcome_of(name))
     for keys, holds in ((HOLD, True), (DO_NOT, False)):

@@ -198,6 +198,7 @@ def test_a_bad_option_is_refused_in_a_line_and_nothing_is_written(
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
+@pytest.mark.long
 def test_the_module_runs_and_shows_its_help():
     module = [sys.executable, "-m", "paper", "--help"]
     root = Path(__file__).parents[2]
@@ -373,6 +374,7 @@ def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(st
     assert all((beside[name.split("/")[0]] / name).exists() for name in running.NOT_MEASURING)
 
 
+@pytest.mark.long
 def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_reworded(
     tmp_path, monkeypatch
 ):
