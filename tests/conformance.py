@@ -197,14 +197,14 @@ def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:
 def saved_and_restored_is_never_stopped(kind: Kind, settings: dict[str, Any]) -> None:
     """A copy, a deep copy and a pickle continue exactly, independent of the original."""
     pickled: Callable[[ContactEstimator], Any] = lambda one: pickle.loads(pickle.dumps(one))  # noqa: E731
-    for copied in (methodcaller("copy"), copy.deepcopy, pickled):
-        estimator = _halfway(kind, settings)
-        before = _knowledge(estimator)
-        other = copied(estimator)
-        rest = [channel[350:] for channel in _tapping()]
-        trace = other.replay(*rest)
-        _hold(_knowledge(estimator) == before, "the original changed with its copy")
-        _hold(_bits(trace) == _bits(estimator.replay(*rest)), "the copy continues differently")
+    estimator, rest = _halfway(kind, settings), [channel[350:] for channel in _tapping()]
+    before = _knowledge(estimator)
+    others = [copied(estimator) for copied in (methodcaller("copy"), copy.deepcopy, pickled)]
+    traces = [_bits(other.replay(*rest)) for other in others]
+    _hold(_knowledge(estimator) == before, "the original changed with its copy")
+    expected = _bits(estimator.replay(*rest))
+    _hold(all(trace == expected for trace in traces), "the copy continues differently")
+    for other in others:
         _hold(type(other) is kind and repr(other) == repr(estimator), "another class or settings")
 
 

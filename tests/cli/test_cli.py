@@ -234,6 +234,7 @@ def test_bash_completes_commands_options_and_their_values(run, tmp_path, home):
     assert [line.split() for line in done.stdout.splitlines()] == list(COMPLETED.values())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_each_shell_gets_its_completion_where_it_looks_for_it(printed, home, shell):
     out = printed("--install-completion", "--shell", shell)

@@ -214,6 +214,7 @@ for command in ("--version", "", *{COMMANDS}):
 """
 
 
+@pytest.mark.long
 def test_help_and_version_import_nothing_that_takes_long():
     """The version needs no library of the command line at all."""
     done = subprocess.run([sys.executable, "-c", HELPED], capture_output=True, text=True)
@@ -453,7 +454,7 @@ def check_some(folder, monkeypatch, run, seed: int, count: int) -> None:
 
 
 def test_a_word_in_the_wrong_place_ends_in_a_line(folder, monkeypatch, run):
-    check_some(folder, monkeypatch, run, seed=0, count=50)
+    check_some(folder, monkeypatch, run, seed=0, count=30)
 
 
 @pytest.mark.slow

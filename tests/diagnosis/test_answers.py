@@ -201,6 +201,7 @@ def test_the_next_steps_of_a_fault_can_be_followed_and_no_mark_contradicts_its_b
     assert contradictions(results[1]) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", files("*.csv"))
 def test_the_answer_to_a_recording_is_short_and_holds_the_same(path, monkeypatch, capsys):
     """Lines that are not blank at 80 columns, of one contact each."""

@@ -134,7 +134,7 @@ def fuzz(estimator: ContactEstimator, data: list[tuple]) -> list[Status]:
 # Some hundreds of samples that an estimator takes, in each run the same, see what is wrong of any
 # floats: a wrong guard is found within the first twenty. The slow test looks for what is rare.
 @pytest.mark.parametrize("name", ESTIMATORS)
-@settings(max_examples=100)
+@settings(max_examples=50)
 @given(drawn=st.data())
 def test_any_floats_leave_an_estimate_sound_and_replay_is_update(name, drawn):
     looped, given_samples = drawn.draw(ESTIMATORS[name]), drawn.draw(samples)

@@ -211,12 +211,13 @@ def test_the_bars_of_a_law_of_ones_own_hold_and_are_at_the_bound(registered):
     assert ((np.abs(errors) < 1.96 * bars).mean(axis=0) > 0.88).all()
 
 
+@pytest.mark.long
 def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_exported(
     run, tmp_path, registered, undrawn
 ):
     file, folder = tmp_path / "pressed.csv", tmp_path / "result"
     numbers = [f"--{name}={value}" for name, value in FUNG.as_dict().items()]
-    quick = ("--probe", "ideal", "--seconds", 4, "-o", file)
+    quick = ("--probe", "ideal", "--seconds", 3, "-o", file)
     assert run("lab", "fung", *numbers, *quick)[0] == 0
     status, out, _ = run("identify", file, "--law", "fung", "-o", folder, "-v")
     assert status == 0

@@ -506,7 +506,9 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
     assert spheres.dissipation == pytest.approx(2.0)
     # So few are enough.
     assert len(spheres.gaps) <= 8
-    # A damper of another power is carried by each with its own dissipation.
+
+
+def test_a_damper_of_another_power_is_carried_by_each_sphere_with_its_own_dissipation() -> None:
     fragment = fitted("drake", GeneralisedHuntCrossley(1e5, 2.0, 3000.0, 1.0))
     assert predicted_percent(fragment) < 0.5
     assert np.ptp(fragment.contact.dissipation) > 0.0

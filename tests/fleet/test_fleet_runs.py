@@ -39,7 +39,7 @@ def recordings(tmp_path_factory):
 
 
 def test_a_folder_of_all_kinds_becomes_a_row_each(
-    printed, refused, recordings, tmp_path, monkeypatch
+    printed, refused, recordings, tmp_path, monkeypatch, threaded
 ):
     monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
@@ -82,9 +82,8 @@ def finished(run, most=None, *, seconds=10.0, workers=1):
     return [k for batch in waiting for k in range(batch.first, batch.end)]
 
 
-def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(
-    printed, tmp_path, threaded
-):
+@pytest.mark.long  # in a worker process
+def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(printed, tmp_path):
     folder = tmp_path / "all"
     write_recordings(folder, 2)
     (folder / "touch-001.csv").rename(folder / os.fsdecode(b"touch-\xff\xe9.csv"))

@@ -2,8 +2,6 @@
 
 import gc
 import math
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -378,16 +376,13 @@ def test_a_command_to_tare_in_contact_leaves_the_earlier_zero_and_the_estimate()
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
 
 
-def test_a_run_whose_tare_was_refused_to_the_end_fails_with_the_reason(tmp_path):
+def test_a_run_whose_tare_was_refused_to_the_end_fails_with_the_reason(run, tmp_path):
     palpate.write_contact(touch(), tmp_path / "pressing.csv")
-    words = ["live", str(tmp_path / "pressing.csv"), "--tare", "1s", "--no-page", "--no-diagnosis"]
-    done = subprocess.run(
-        [sys.executable, "-c", "from palpate.cli import main; main()", *words, "--speed", "20"],
-        capture_output=True, text=True, timeout=60, check=False,
-    )  # fmt: skip
-    assert done.returncode == 2
-    assert "tare refused: the probe is" in done.stderr
-    assert "or omit --tare" in done.stderr
+    words = [tmp_path / "pressing.csv", "--tare", "1s", "--no-page", "--no-diagnosis"]
+    status, _, err = run("live", *words, "--speed", "20")
+    assert status == 2
+    assert "tare refused: the probe is" in err
+    assert "or omit --tare" in err
 
 
 def test_another_estimator_and_what_there_is_not():
@@ -446,6 +441,7 @@ def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():
     loop, _ = looped([*SCRIPT[:100], bad, *SCRIPT[101:300], SCRIPT[299], *SCRIPT[300:500]])
     with rings() as (loop.samples, loop.estimates, _):
         gc.collect()
+        gc.freeze()  # to look through all tests again and again takes a second
         gc.disable()
         collected = []
         try:
@@ -457,3 +453,4 @@ def test_the_loop_makes_no_cycles_so_that_it_needs_no_collector():
             assert min(collected) == 0
         finally:
             gc.enable()
+            gc.unfreeze()

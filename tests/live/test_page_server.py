@@ -379,6 +379,7 @@ def test_what_cannot_be_done_is_refused_in_words(page, text, words):
     assert not page.commands.poll(0)
 
 
+@pytest.mark.long
 def test_the_loop_is_asked_for_no_more_than_a_person_would():
     with served(seconds=0.1) as page, page.socket() as client:
         for _ in range(300):
@@ -414,6 +415,7 @@ def test_a_loop_that_does_not_answer_holds_up_no_page(monkeypatch):
 # --- what it withstands
 
 
+@pytest.mark.long
 def test_there_is_room_for_so_many_browsers_and_no_more(page):
     with ExitStack() as open_ones:
         clients = [open_ones.enter_context(page.socket()) for _ in range(server.MOST_CLIENTS)]
@@ -425,6 +427,7 @@ def test_there_is_room_for_so_many_browsers_and_no_more(page):
         assert page.counts()["turned_away"] >= 1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [600, pytest.param(10_000, marks=pytest.mark.slow)])
 def test_malformed_messages_are_counted_and_take_no_memory(count):
     with served(seconds=0.5) as page, page.socket() as client:
@@ -470,6 +473,7 @@ MALFORMED = {
 NO_REQUESTS = [b"\x00\xff\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b"A" * 100_000]
 
 
+@pytest.mark.long
 def test_malformed_frames_and_requests_end_their_connections_and_are_counted(page):
     before = page.counts()["malformed"]
     sent = [(handshaken, each) for each in MALFORMED.values()]
@@ -485,6 +489,7 @@ def test_malformed_frames_and_requests_end_their_connections_and_are_counted(pag
     assert page.get()[0].status == 200
 
 
+@pytest.mark.long
 def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkeypatch):
     monkeypatch.setattr(server, "PATIENCE", 0.5)
     with served(seconds=0.1) as page, ExitStack() as idle, page.socket() as client:
@@ -498,6 +503,7 @@ def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkey
         received(client, dict)  # it is not idle
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_who_asks_for_answers_and_never_reads_them_is_cut_off():
     with served(seconds=0.1) as page:
@@ -511,6 +517,7 @@ def test_who_asks_for_answers_and_never_reads_them_is_cut_off():
         assert resident() - before < 2e7
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_browser_that_takes_nothing_holds_up_nobody_and_is_closed(monkeypatch):
     monkeypatch.setattr(server, "STALLED", 0.7)

@@ -102,6 +102,7 @@ def test_a_robot_that_starts_again_is_followed(robot, source):
     assert (source.counts.lost, source.counts.disordered) == (0, 0)
 
 
+@pytest.mark.long
 def test_a_robot_that_goes_away_and_comes_back_is_heard_again(robot, source):
     robot.send(1)
     assert len(collect(source, 1)) == 1
@@ -214,6 +215,7 @@ def test_a_topic_of_the_wrong_type_is_one_clear_line(wire, types):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.long
 def test_connections_that_do_not_speak_the_protocol_do_no_harm():
     port, chance = free_port(), random.Random(8)
     address = f"zmq:tcp://127.0.0.1:{port}?socket=pull&bind=yes"

@@ -291,6 +291,7 @@ SEEDS = [("ball", range(30)), ("pvc", range(30))]
 MANY = [pytest.param(name, range(1000, 1600), marks=pytest.mark.slow) for name in MATERIALS]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name, seeds", SEEDS + MANY)
 def test_the_error_bar_of_the_surface_is_true(name, seeds):
     law, inside, laws = MATERIALS[name], 0, np.zeros(3)

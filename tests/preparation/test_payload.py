@@ -65,7 +65,10 @@ def assert_found(setup: Setup) -> None:
     assert found.mark != "do-not-trust"
 
 
-@pytest.mark.parametrize("seed", [3, 4, 9])
+LONG = pytest.mark.long
+
+
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=LONG), pytest.param(9, marks=LONG)])
 def test_payload_clock_and_stiffness_are_those_of_the_simulator(seed):
     assert_found(random_setup(seed, touch_tilt=0.0, friction=0.0))
 
@@ -77,7 +80,7 @@ def test_payload_clock_and_stiffness_are_those_of_the_simulator_for_more_seeds(s
 
 
 #: The others differ from these in one number, or are of the edge of what is identified.
-FAST = (
+TYPICAL = (
     "mount 30° about x, no weight",
     "weight 4 N, tool never turns",
     "drift 0.2 N, wander 0.05 N",
@@ -87,7 +90,7 @@ FAST = (
 
 
 @pytest.mark.parametrize(
-    "name", [n if n in FAST else pytest.param(n, marks=pytest.mark.slow) for n in FAULTS]
+    "name", [pytest.param(n, marks=LONG if n in TYPICAL else pytest.mark.slow) for n in FAULTS]
 )
 def test_a_fault_is_taken_out_or_not_trusted(name):
     found = identify(Setup(seed=5, **FAULTS[name]))
@@ -104,8 +107,18 @@ def test_a_zeroed_sensor_is_reported(name):
     assert f"at {FAULTS[name]['zeroed'] * log.duration:.1f}" in said[0]
 
 
-def test_a_payload_of_another_log_serves_one_without_turns():
-    turning = prepare(simulate(Setup(seed=7, **IDEAL)).recording)
+@pytest.fixture(scope="module")
+def ideal():
+    """A log without a fault."""
+    return simulate(Setup(seed=7, presses=2, **IDEAL)).recording
+
+
+@pytest.fixture(scope="module")
+def turning(ideal):
+    return prepare(ideal)
+
+
+def test_a_payload_of_another_log_serves_one_without_turns(turning):
     assert "zeroed sensor" not in {each.check for each in turning.findings}
     tool = turning.prepared.payload
     assert tool.mark == "trust"
@@ -153,37 +166,34 @@ def test_a_tool_that_moves_along_gravity_tells_its_mass_but_not_its_mount(freque
     assert found.mount_error.max() > 0.1
 
 
-def test_a_tools_weight_acts_or_is_refused():
-    log = simulate(Setup(seed=9, **IDEAL))
+def test_a_tools_weight_acts_or_is_refused(ideal):
     with pytest.raises(RecordingError, match=r"fits a tool weight of 3\.92.* not --tool-weight 5N"):
-        prepare(log.recording, tool_weight=5.0)
-    assert prepare(log.recording, tool_weight=3.92).prepared.payload.mass_mark == "trust"
+        prepare(ideal, tool_weight=5.0)
+    assert prepare(ideal, tool_weight=3.92).prepared.payload.mass_mark == "trust"
     still = simulate(Setup(seed=9, **(IDEAL | STILL)))
     with pytest.raises(RecordingError, match=r"--tool-weight 3\.92N has no effect: in the frame"):
         prepare(still.recording, tool_weight=3.92)
 
 
-def test_without_a_torque_the_mass_is_found_and_the_torque_can_be_named():
-    log = simulate(Setup(seed=10, **IDEAL))
-    tool = prepare(without(log.recording, "torque")).prepared.payload
+def test_without_a_torque_the_mass_is_found_and_the_torque_can_be_named(ideal):
+    tool = prepare(without(ideal, "torque")).prepared.payload
     assert tool.mass == pytest.approx(0.4, rel=5e-3)
     assert (
         math.degrees(float(np.linalg.norm(tool.centre_error))) > 1.0
         or tool.centre_error.min() > 0.01
     )
-    named = prepare(log.recording, columns=palpate.Columns(torque="/ft.torque"))
+    named = prepare(ideal, columns=palpate.Columns(torque="/ft.torque"))
     assert named.prepared.payload.centre == pytest.approx(Setup().centre, abs=5e-4)
 
 
-def test_bit_errors_in_a_log_do_not_change_its_payload():
-    log = simulate(Setup(seed=13, **IDEAL)).recording
-    found = prepare(log).prepared.payload
-    channels = {name: values.copy() for name, values in log.channels.items()}
+def test_bit_errors_in_a_log_do_not_change_its_payload(ideal, turning):
+    found = turning.prepared.payload
+    channels = {name: values.copy() for name, values in ideal.channels.items()}
     channels["/ft.force.x"][5000], channels["/ft.torque.y"][6000] = 1e29, np.nan
     channels["/pose.position.x"][3000] = -1e29
     for axis in "xyzw":
         channels[f"/pose.orientation.{axis}"][4000] = 0.0
-    damaged = prepare(replace(log, channels=channels)).prepared.payload
+    damaged = prepare(replace(ideal, channels=channels)).prepared.payload
     assert damaged.mass == pytest.approx(found.mass, rel=1e-4)
     assert damaged.delay == pytest.approx(found.delay, abs=2e-5)
 

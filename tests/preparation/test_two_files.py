@@ -118,7 +118,7 @@ def test_a_drift_of_the_clock_is_reported_with_a_remedy_and_widens_the_bar():
 @pytest.fixture
 def files(tmp_path):
     """A pose in space as an NPZ file and a wrench in HDF5, the force on an oblique normal."""
-    at, depth, later, force = touched()
+    at, depth, later, force = touched(pose=250.0, push=500.0)
     normal = np.array([0.48, -0.36, 0.8])
     position = np.array([0.41, -0.12, 0.233]) - depth[:, None] * normal
     wrench = np.array([0.3, -0.2, 0.6]) + force[:, None] * normal

@@ -85,6 +85,7 @@ BOMBS = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", BOMBS)
 def test_a_file_beyond_the_cap_is_refused_or_reported_with_the_option_that_raises_it(
     name, tmp_path
@@ -142,6 +143,7 @@ def test_constants_that_compress_a_hundredfold_and_more_are_read_whole(name, tmp
     assert size > 100 * path.stat().st_size or name == "a.mcap"
 
 
+@pytest.mark.long
 def test_a_chunk_of_endless_descriptions_ends(tmp_path):
     """A chunk that alternates a channel and a message took a second a hundred kilobytes."""
     record = lambda kind, body: bytes([kind]) + struct.pack("<Q", len(body)) + body  # noqa: E731

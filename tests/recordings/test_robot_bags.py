@@ -328,6 +328,7 @@ def test_what_is_late_or_no_rotation_is_excluded_and_said(tmp_path):
     assert said.severity == "with-care"
 
 
+@pytest.mark.long
 def test_two_thousand_frames_are_one_chain():
     force = {f"/ft.wrench.force.{a}": np.arange(40.0) for a in "xyz"}
     channels = dict(force)

@@ -265,7 +265,7 @@ def assert_legible(figure) -> None:
     assert drawn.cut() == []
 
 
-# The others are drawn by the slow tests.
+# CI draws these, and the others are slow.
 QUICKLY = {(name, COLUMN) for name in ("a sponge", "outliers", "a change", "a comparison")}
 QUICKLY |= {("a design", COLUMN), ("a sponge", None)}
 
@@ -273,7 +273,7 @@ QUICKLY |= {("a design", COLUMN), ("a sponge", None)}
 @pytest.mark.parametrize(
     "name, width",
     [
-        pytest.param(*each, marks=() if each in QUICKLY else pytest.mark.slow)
+        pytest.param(*each, marks=pytest.mark.long if each in QUICKLY else pytest.mark.slow)
         for each in itertools.product(DRAWINGS, (60e-3, COLUMN, 180e-3, None))
     ],
 )
@@ -381,7 +381,9 @@ QUICK = ("of one sample", "that never moves")
 @pytest.mark.parametrize(
     "contact",
     [
-        pytest.param(contact, id=name, marks=() if name in QUICK else pytest.mark.slow)
+        pytest.param(
+            contact, id=name, marks=pytest.mark.long if name in QUICK else pytest.mark.slow
+        )
         for name, contact in AWKWARD.items()
     ],
 )

@@ -170,6 +170,7 @@ def test_a_contact_that_says_nothing_has_no_error_bars():
     assert Reading(shown).open == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("law", [None, "auto"])
 def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
     run, tmp_path, monkeypatch, law

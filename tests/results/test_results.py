@@ -213,6 +213,7 @@ main()
 """
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("option, extra", [("--figure", "figures"), ("-o", "report")])
 def test_without_matplotlib_a_card_and_the_live_page_work_and_a_figure_names_its_extra(
     option, extra, tmp_path
