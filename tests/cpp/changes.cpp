@@ -70,22 +70,3 @@ TEST("where nothing changes a detector changes nothing") {
   for_each_estimator(check);
   check.template operator()<VariableProjection>();
 }
-
-TEST("leaving contact holds the estimate, as a sample out of contact does") {
-  for_every_estimator([]<class Estimator>() {
-    if constexpr (std::is_same_v<typename Estimator::Outliers, OutlierRejection>)
-      return;  // that sample is a lost position to it
-    const auto law = ball<typename Estimator::Law>;
-    Estimator left, lifted;
-    left.leave_contact();
-    CHECK(left.estimate().status == Status::waiting);
-    for (Estimator* estimator : {&left, &lifted}) probe(*estimator, law, 0.2);
-    left.leave_contact();
-    lifted.update(-1.0, 0.0, 0.0);
-    CHECK(left.estimate().status == Status::held);
-    CHECK(left.estimate().samples == lifted.estimate().samples);
-    for (Estimator* estimator : {&left, &lifted}) probe(*estimator, law, 0.2);
-    CHECK(left.estimate().parameters == lifted.estimate().parameters);
-    CHECK(left.estimate().covariance == lifted.estimate().covariance);
-  });
-}

@@ -95,20 +95,6 @@ TEST("an outlier changes nothing that the method knows, and is counted") {
   });
 }
 
-TEST("what lasts longer than three forces is taken") {
-  for_each_estimator([]<class Plain>() {
-    Rejecting<Plain> estimator;
-    probe_noisily(estimator, 1.0);
-    int left_out = 0;
-    for (int k = 1000; k < 1100; ++k) {
-      Sample s = probed(ball<typename Plain::Law>, 1e-3 * k);
-      s.force *= 3.0;
-      left_out += update(estimator, s) == Status::rejected;
-    }
-    CHECK(left_out == 3);
-  });
-}
-
 TEST("the first samples at the end of the range are withdrawn, once it is known") {
   RecursiveEstimator<Forgetful, NoChangeDetector, OutlierRejection> estimator;
   RandomNumbers random(3);

@@ -37,18 +37,6 @@ std::vector<Measured> motion(std::size_t samples, double jitter, std::uint64_t s
 
 }  // namespace
 
-TEST("the even clock's weights are those of the general fit") {
-  // A nominal time that no step is makes every window a general one.
-  VelocityFilter<> even, general({.sample_time = 0.999e-3});
-  for (const Measured& m : motion(300, 0.0, 2)) {
-    const Status status = even.update(m.position, m.force, m.dt);
-    CHECK(status == general.update(m.position, m.force, m.dt));
-    if (status == Status::updated) {
-      CHECK_NEAR(even.sample().velocity, general.sample().velocity, 1e-14);
-    }
-  }
-}
-
 TEST("neither noise nor a shaking lever is a lost position") {
   RandomNumbers random(7);
   VelocityFilter<> noisy, shaking;

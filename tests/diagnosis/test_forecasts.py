@@ -235,3 +235,6 @@ def test_a_last_third_that_the_others_do_not_predict_is_not_trusted(last: float,
     [said] = [each for each in diagnosis.findings if each.check == "forecast"]
     assert (said.stiffness, said.damping) == (mark, mark)
     assert diagnosis.verdict.overall == "do-not-trust"
+    [change] = finding(result, "change")
+    assert change.stiffness == change.damping == "with-care"
+    assert len(diagnosis.episodes) == 2

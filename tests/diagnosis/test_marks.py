@@ -98,12 +98,6 @@ def test_a_law_that_is_flat_at_the_working_depth_has_no_part_of_a_misfit(monkeyp
     assert math.isfinite(there.stiffness.systematic)
 
 
-def test_bars_of_a_clean_recording_have_no_part_of_a_misfit():
-    there = palpate.diagnose(faults.clean(1)).working_depth
-    assert there.stiffness.systematic < there.stiffness.standard_error
-    assert there.damping.systematic < 0.02 * there.damping.value
-
-
 def test_friction_that_is_not_detected_is_in_the_bar_of_the_damping():
     """A short, noisy press at 50 Hz: friction of 2 % moves the damping, and is not significant."""
     time = np.arange(150) / 50.0
@@ -228,11 +222,6 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
     assert known.verdict.damping == "trust"
 
 
-def test_hunt_and_crossleys_law_tells_a_lag_from_damping():
-    damping = palpate.diagnose(faults.clean()).working_depth.damping
-    assert damping.systematic < 1e-4 * LAW.stiffness_at(8e-3)
-
-
 # One way: each depth at one speed.
 
 
@@ -258,37 +247,6 @@ def test_one_way_gives_no_damping_and_a_stiffness_only_where_the_exponent_is_kno
 
 
 # The law that answers, and the frequency it answers at.
-
-
-def swung(last: float) -> palpate.Contact:
-    """Ten seconds at 1.5 Hz; from two thirds on the material is so many times as stiff."""
-    time = np.arange(5000) / 500.0
-    x = 4e-3 + 2e-3 * np.sin(2.0 * math.pi * 1.5 * time) + 0.5e-3 * np.sin(4.0 * time)
-    force = faults.pushed(x, np.gradient(x, time)) * np.where(time > 6.7, last, 1.0)
-    return palpate.prepare(time=time, penetration=x, force=faults.noisy(force))
-
-
-def test_a_change_of_the_material_is_not_taken_for_relaxation():
-    for last in (0.4, 1.6):
-        result = palpate.identify(swung(last))
-        assert result.law.power_law
-        [change] = [f for f in result.diagnosis.findings if f.check == "change"]
-        assert change.stiffness == change.damping == "with-care"
-        assert len(result.diagnosis.episodes) == 2
-
-
-def test_a_pull_is_not_taken_for_relaxation():
-    """On withdrawal the material holds the probe, until 0.5 mm above the surface."""
-    time, x, v = touches(1000.0)
-    pull = np.where((v < 0.0) & (x > -0.5e-3), 0.5 * np.exp(-np.maximum(x, 0.0) / 2e-3), 0.0)
-    contact = palpate.prepare(
-        time=time, penetration=x, force=faults.noisy(faults.pushed(x, v) - pull)
-    )
-    result = palpate.identify(contact)
-    assert result.law.power_law
-    assert result.selected is not None
-    [adhesion] = [f for f in result.diagnosis.findings if f.check == "adhesion"]
-    assert adhesion.stiffness == adhesion.damping == "with-care"
 
 
 def test_depth_and_frequency_are_the_same_for_every_method():

@@ -200,23 +200,6 @@ def test_what_the_motion_did_not_contain_is_refused_with_its_band(law):
         result.dynamic_stiffness(100.0 * own)
 
 
-def test_where_hunt_crossley_is_selected_the_answer_is_that_of_the_default():
-    plain, chosen = (identify(faults.clean(), law=law, trace=False) for law in (None, "auto"))
-    assert chosen.method == plain.method
-    assert chosen.law == plain.law
-    assert chosen.dynamic_stiffness() == plain.dynamic_stiffness()
-    assert chosen.law_verdict == plain.law_verdict
-
-
-def test_a_law_that_relaxes_has_the_restitution_of_its_stiffness_and_damping():
-    result = identified("half-space with relaxation", "auto")
-    bounced, response = result.restitution(0.05), result.dynamic_stiffness()
-    # b = B′/F′ with F′ = K′ x/n of the Hunt–Crossley law that has K′ and B′ at this depth.
-    force = response.stiffness.value * response.depth / result.law.exponent
-    assert bounced.dissipation.value == pytest.approx(response.damping.value / force, rel=1e-6)
-    assert 0.5 < bounced.coefficient.value < 1.0
-
-
 @pytest.mark.parametrize("law", [None, "auto"])
 def test_a_verdict_is_read_back_to_the_bit_and_said_in_one_line(law):
     result = identified("half-space with relaxation", law)

@@ -224,14 +224,6 @@ def test_a_force_of_the_wrong_sign_is_refused_or_flagged(surface):
     assert row["error"] or any("negative stiffness" in flag for flag in texts(row))
 
 
-@pytest.mark.parametrize("shift", [-3e-3, 4e-3])
-def test_a_surface_outside_the_default_range_is_found(shift):
-    x, v, f = curves(2)
-    rows = fitted(x + shift, v, f, "estimate")
-    assert [row["surface"] for row in rows] == pytest.approx([shift] * 2, abs=1e-4)
-    assert not any("surface at the edge" in flag for row in rows for flag in texts(row))
-
-
 def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
     """4 mN at 5 mm is a soft material; at 50 mm, most of it through the air, a wrong unit."""
     x, v, f = curves(1)
