@@ -5,13 +5,18 @@ import os
 import signal
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 
 import hypothesis
 import pytest
 from cases import KINDS, MATERIALS, Signals, exciting, tapping
 from recordings import recording
 
+import palpate
 from palpate import cli
+
+EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
+UNDRAWN = "palpate.reports.identification.drawing", lambda *_: iter(())
 
 # Tables are as wide as in a pipe, whoever runs the tests: parallel runs say their own width.
 os.environ.pop("COLUMNS", None)
@@ -74,10 +79,26 @@ def broken(material) -> Signals:
     return tapping(material, noise=0.02, seed=2)
 
 
+@pytest.fixture(scope="session")
+def ball():
+    """The identification of the README's recording."""
+    return palpate.identify(EXAMPLES / "ball.csv")
+
+
+@pytest.fixture(scope="session")
+def saved(ball, tmp_path_factory):
+    """Its folder of results, without drawings, and not to be changed."""
+    folder = tmp_path_factory.mktemp("results") / "new" / "ball"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(*UNDRAWN)
+        ball.save(folder)
+    return folder
+
+
 @pytest.fixture
 def undrawn(monkeypatch):
     """Reports of identifications have no drawings, which take seconds; other tests look at them."""
-    monkeypatch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
+    monkeypatch.setattr(*UNDRAWN)
 
 
 @pytest.fixture

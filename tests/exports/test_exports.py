@@ -44,21 +44,6 @@ from palpate.results.saved import SCHEMA_VERSION, result_dict
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
-@pytest.fixture(scope="module")
-def ball():
-    return palpate.identify(EXAMPLES / "ball.csv")
-
-
-@pytest.fixture(scope="module")
-def saved(ball, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("exports") / "ball"
-    # The page and its drawings take seconds, and an export reads neither.
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
-        ball.save(folder)
-    return folder
-
-
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Scaled(Fragment):
     """An engine's contact that is too strong by a factor."""

@@ -16,11 +16,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
 @pytest.fixture(scope="module")
-def ball():
-    return palpate.identify(EXAMPLES / "ball.csv")
-
-
-@pytest.fixture(scope="module")
 def late():
     """A force that is 3 ms late: the verdict is no trust, and the damping is off."""
     signals = exciting(HARD, seconds=4.0, noise=0.02, seed=3)

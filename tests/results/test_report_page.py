@@ -27,11 +27,6 @@ HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b
 
 
 @pytest.fixture(scope="module")
-def ball():
-    return palpate.identify(EXAMPLES / "ball.csv")
-
-
-@pytest.fixture(scope="module")
 def report(ball):
     """Of a recording whose words could be taken for markup."""
     odd = {**ball.contact.provenance, "<b>": "<i>not italic</i>"}

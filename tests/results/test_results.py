@@ -25,21 +25,6 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 BALL = EXAMPLES / "ball.csv"
 
 
-@pytest.fixture(scope="module")
-def ball():
-    return palpate.identify(BALL)
-
-
-@pytest.fixture(scope="module")
-def saved(ball, tmp_path_factory):
-    """Without drawings, which other tests look at."""
-    folder = tmp_path_factory.mktemp("results") / "new" / "ball"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("palpate.reports.identification.drawing", lambda *_: iter(()))
-        ball.save(folder)
-    return folder
-
-
 def same(one, other) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
