@@ -164,14 +164,14 @@ def refused_samples_change_nothing(kind: Kind, settings: dict[str, Any]) -> None
 
 
 def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
-    """Any samples lead to finite numbers and a valid covariance, without an exception."""
+    """Any samples lead to finite numbers and a valid covariance, updated or replayed."""
     random = np.random.default_rng(5)
     estimator = kind(**settings)
     ordinary = random.uniform([-1e-3, -0.1, -1.0], [0.02, 0.1, 20.0], (400, 3))
     absurd = 10.0 ** random.uniform(-320.0, 300.0, (400, 3)) * random.choice([-1.0, 1.0], (400, 3))
-    samples = np.where(random.random((400, 3)) < 0.8, ordinary, absurd)
+    samples, statuses = np.where(random.random((400, 3)) < 0.8, ordinary, absurd), []
     for k, row in enumerate(samples.tolist()):
-        _hold(isinstance(estimator.update(*row), Status), "the status or a number is invalid")
+        statuses.append(estimator.update(*row))
         if k % 20:
             continue
         now = estimator.estimate()
@@ -184,6 +184,11 @@ def any_floats_leave_it_sound(kind: Kind, settings: dict[str, Any]) -> None:
         )
         _hold(np.array_equal(joint, joint.T) and (np.diag(joint) >= 0.0).all(), f"{joint}")
         _hold(math.isfinite(now.validity_margin), "the status or a number is invalid")
+    replayed = kind(**settings)
+    trace = replayed.replay(*samples.T)
+    same = trace.status.tolist() == statuses and _knowledge(replayed) == _knowledge(estimator)
+    _hold(same, "a replay differs")
+    _hold(not np.isnan(trace.predicted_force[trace.taken]).any(), "a prediction is NaN")
 
 
 def reset_is_a_fresh_start(kind: Kind, settings: dict[str, Any]) -> None:

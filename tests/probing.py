@@ -133,12 +133,6 @@ def relative_error(law: HuntCrossley, truth: HuntCrossley) -> Floats:
     return np.abs(law.parameters / truth.parameters - 1.0)
 
 
-def correlation(covariance: Floats) -> Floats:
-    """A covariance scaled to a unit diagonal."""
-    deviations = np.sqrt(np.diag(covariance))
-    return covariance / np.outer(deviations, deviations)
-
-
 def fed(estimator: ContactEstimator, motion: Motion, force: Floats) -> ContactEstimator:
     """The same estimator after these samples; without a trace, which would solve at every one."""
     estimator.replay(motion.x, motion.v, force, at=())

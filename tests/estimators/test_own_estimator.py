@@ -123,7 +123,7 @@ class StickyRLS(palpate.PythonEstimator):
         return status
 
     def predict(self, penetration, velocity):
-        if not penetration > 0.0:
+        if not 0.0 < penetration < 1e6:
             return 0.0
         row = np.array([penetration, penetration**2, velocity, 1.0]) / self.SCALE
         return float(row @ self._squares.parameters)

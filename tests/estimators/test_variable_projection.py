@@ -24,8 +24,10 @@ from scipy.stats import binom
 from palpate import (
     ConstantForgetting,
     ContactGate,
+    DriftTracking,
     HuntCrossley,
     Scale,
+    Status,
     VariableProjection,
     design,
 )
@@ -170,6 +172,14 @@ def test_holding_still_moves_no_parameter(name: str, offset: bool) -> None:
         assert (moved < 3.0 * before.standard_errors).all()
     assert not estimator.estimate().flags
     assert estimator.estimate().samples == round(121.0 / SAMPLE_TIME)
+
+
+def test_before_the_first_sample_it_is_flagged_and_one_out_of_range_is_refused() -> None:
+    for estimator in (VariableProjection(), VariableProjection(noise=1e30), DriftTracking()):
+        assert estimator.estimate().flags
+    for sample in ((9e7, 0.0, 1.0), (10e-3, 1e9, 1.0), (10e-3, 0.0, 1e9)):
+        estimator = VariableProjection(exponent_range=(5.0, 10.0))
+        assert estimator.update(*sample) == Status.OUT_OF_RANGE
 
 
 SEEDS = 150
