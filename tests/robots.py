@@ -44,6 +44,19 @@ def hand(
     return Hand(moved.time, position, force, moved)
 
 
+def travelling(*places: tuple[HuntCrossley, Motion]) -> Hand:
+    """Two places that are 30 mm apart, each of a law and a motion, with a lift between."""
+    lifted = Motion(np.full(400, -5e-3), np.zeros(400))
+    along = np.array([0.6, 0.8, 0.0])
+    stops = zip((places[0], (BALL, lifted), places[1]), (0.0, 0.015, 0.03), strict=True)
+    felt = [
+        hand(law=law, motion=motion, origin=ORIGIN + far * along, seed=k)
+        for k, ((law, motion), far) in enumerate(stops)
+    ]
+    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
+    return Hand(1e-3 * np.arange(len(position)), position, force, lifted)
+
+
 def table_of(hand: Hand, **more: Floats) -> Recording:
     """As a table of one clock, with the names that a robot's logger would give."""
     names = {f"p{axis}_m": hand.position[:, k] for k, axis in enumerate("xyz")}

@@ -126,13 +126,6 @@ def test_a_remedy_mends_what_it_is_for(printed, write, name):
     assert there["stiffness"]["value"] == pytest.approx(truth, rel=0.02)
 
 
-def test_a_tare_takes_an_offset_off(run, write):
-    contact = faults.clean()
-    path = write(contact, force_N=contact.force + 4.0)
-    result = result_of(run("identify", path, "--tare", "0:0.4", "--json")[1])
-    assert abs(result["offset"]) < 0.05
-
-
 def test_what_cannot_be_identified_ends_with_the_findings_sentence(refused, write):
     contact = faults.scaled(force=-1.0)
     line = refused("identify", write(contact, force_N=contact.force - 1.0))
@@ -163,13 +156,6 @@ def test_a_law_is_chosen_and_reported(run, printed):
     whole = " ".join(run("identify", PHANTOM, "--law", "auto", "-v")[1].split())
     assert f"method {result.method}" in whole
     assert f"effective sample size {result.law_verdict.effective_samples:.0f} of" in whole
-
-
-def test_the_diagnosis_is_of_the_requested_law(printed):
-    out = printed("diagnose", PHANTOM, "--law", "half-space", "--json")
-    [result] = json.loads(out)["results"]
-    assert result["law_verdict"]["law"] in ("half-space", "Kelvin–Voigt")
-    assert result["method"] == "viscoelastic"
 
 
 def test_dynamic_stiffness_and_model_selection_are_printed(run, printed):

@@ -15,17 +15,6 @@ Forgetting paper() noexcept { return Forgetting({0.99, 5.0}, sample_time); }
 
 }  // namespace
 
-TEST("the product of all factors is what methods state, exp(-0.01/(rate T))") {
-  Forgetting forgetting = paper();
-  double product = 1.0;
-  for (int k = 0; k < 20000; ++k) {
-    product *= forgetting.factor();
-    forgetting.advance(sample_time);
-  }
-  // The sum of d₀ e^(-αTk) is d₀/(αT) to first order in αT and d₀.
-  CHECK_NEAR(product, std::exp(-0.01 / (5.0 * sample_time)), 0.02 * product);
-}
-
 TEST("a rate of zero is a constant factor, and a faded one becomes 1 exactly") {
   Forgetting constant({0.97, 0.0}, sample_time);
   for (int k = 0; k < 1000; ++k) constant.advance(sample_time);
@@ -33,17 +22,6 @@ TEST("a rate of zero is a constant factor, and a faded one becomes 1 exactly") {
   Forgetting faded = paper();
   faded.advance(1e300);
   CHECK(faded.factor() == 1.0);
-}
-
-TEST("a perturbation is the gain times the nearest integer of the weighted squared error") {
-  const SelfPerturbation paper_perturbation{0.05, 2.5};
-  CHECK(paper_perturbation(0.0) == 0.0);
-  CHECK(paper_perturbation(0.447) == 0.0);  // √(0.5/2.5) = 0.4472 N
-  CHECK(paper_perturbation(-0.448) == 0.05);
-  CHECK_NEAR(paper_perturbation(2.0), 0.05 * 10.0, 1e-15);
-  CHECK(no_perturbation(1e6) == 0.0);
-  CHECK(!SelfPerturbation{0.0, 2.5}.active());
-  CHECK(!SelfPerturbation{0.05, 0.0}.active());
 }
 
 TEST("self-perturbation follows a change of material that a faded factor cannot") {

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from probing import BALL, NOISE, PVC, SPONGE, Motion, tapping, three_sines
-from robots import BIAS, NORMAL, ORIGIN, Hand, hand, table_of, topics_of
+from robots import BIAS, NORMAL, ORIGIN, hand, table_of, topics_of, travelling
 
 import palpate
 from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
@@ -193,16 +193,8 @@ def test_a_surface_is_found_within_its_deviation(law, rule):
 )
 def test_a_probe_that_travels_is_cut_into_places(sign):
     """Ball, then sponge 30 mm on, with a lift between: each is identified for itself."""
-    lifted = Motion(np.full(400, -5e-3), np.zeros(400))
-    parts = [(BALL, 0.0, tapping(4.0)), (BALL, 0.015, lifted), (SPONGE, 0.03, tapping(4.0))]
-    along = np.array([0.6, 0.8, 0.0])
-    felt = [
-        hand(law=law, motion=motion, origin=ORIGIN + far * along, seed=k)
-        for k, (law, far, motion) in enumerate(parts)
-    ]
-    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
-    time = 1e-3 * np.arange(len(position))
-    recorded = table_of(Hand(time, position, sign * force, lifted))
+    felt = travelling((BALL, tapping(4.0)), (SPONGE, tapping(4.0)))
+    recorded = table_of(replace(felt, force=sign * felt.force))
     contact = prepare(recorded)
     assert len(contact.prepared.places) == 2
     assert any("2 places" in finding.message for finding in contact.findings)
@@ -225,17 +217,11 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
 
 
 def test_a_place_where_no_force_exceeds_the_noise_takes_the_normal_of_the_others():
-    firm, lifted = tapping(4.0), Motion(np.full(400, -5e-3), np.zeros(400))
+    firm = tapping(4.0)
     light = Motion(np.minimum(firm.x, 1.2e-3), firm.v * (firm.x < 1.2e-3))
-    along, g = np.array([0.6, 0.8, 0.0]), np.random.default_rng(3)
-    felt = [
-        hand(motion=motion, origin=ORIGIN + far * along, seed=k)
-        for k, (motion, far) in enumerate([(firm, 0.0), (lifted, 0.015), (light, 0.03)])
-    ]
-    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
-    force = force + 0.3 * g.normal(size=force.shape)
-    time = 1e-3 * np.arange(len(position))
-    contact = prepare(table_of(Hand(time, position, force, lifted)))
+    felt = travelling((BALL, firm), (BALL, light))
+    noise = 0.3 * np.random.default_rng(3).normal(size=felt.force.shape)
+    contact = prepare(table_of(replace(felt, force=felt.force + noise)))
     assert len(contact.prepared.places) == 2
     normals = [place.normal.vector for place in contact.prepared.places]
     assert normals[1] == pytest.approx(contact.prepared.normal.vector)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from faults import changed
 from matplotlib.figure import Figure
-from probing import BALL, SPONGE, Motion, tapping
+from probing import BALL, SPONGE, tapping
 from report_reading import Reading
-from robots import ORIGIN, Hand, hand, table_of
+from robots import table_of, travelling
 
 import palpate
 from palpate.figures import identified as drawn
@@ -106,14 +106,7 @@ def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws(
 @pytest.fixture(scope="module")
 def places():
     """A ball, and a sponge 30 mm away."""
-    lifted = Motion(np.full(400, -5e-3), np.zeros(400))
-    parts = [(BALL, 0.0, tapping(4.0)), (BALL, 0.015, lifted), (SPONGE, 0.03, tapping(4.0))]
-    felt = [
-        hand(law=law, motion=motion, origin=ORIGIN + far * np.array([0.6, 0.8, 0.0]), seed=k)
-        for k, (law, far, motion) in enumerate(parts)
-    ]
-    position, force = (np.vstack([getattr(f, n) for f in felt]) for n in ("position", "force"))
-    recorded = table_of(Hand(1e-3 * np.arange(len(position)), position, force, lifted))
+    recorded = table_of(travelling((BALL, tapping(4.0)), (SPONGE, tapping(4.0))))
     return palpate.identify(palpate.prepare(recorded)).by_place()
 
 
