@@ -1,7 +1,7 @@
 """The conformance tests that every estimator must pass.
 
-``test_conformance.py`` runs them on every registered estimator; ``check(MyEstimator)`` on another.
-Each is a function of an estimator's class and settings, and raises an AssertionError on failure.
+``test_conformance.py`` runs them on every registered estimator. Each is a function of an estimator's
+class and settings, and raises an AssertionError on failure.
 """
 
 import copy
@@ -343,24 +343,3 @@ def variants(kind: Kind) -> dict[str, dict[str, Any]]:
     others = {name: value for name, value in _OTHER.items() if name in setting_names(kind)}
     each = {f"another {name}": {name: value} for name, value in others.items()}
     return {"as it comes": {}, **each, "everything": others}
-
-
-def check(kind: Kind) -> None:
-    """Run every conformance test on an estimator, with each of its :func:`variants`.
-
-    Parameters
-    ----------
-    kind : type
-        The estimator's class.
-
-    Raises
-    ------
-    AssertionError
-        A test fails; the message names it.
-    """
-    for words, settings in variants(kind).items():
-        for name, test in CHECKS.items():
-            try:
-                test(kind, settings)
-            except Exception as error:  # any exception fails the test
-                raise AssertionError(f"{kind.__name__}, {words}: {name}: {error}") from error
