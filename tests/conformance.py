@@ -1,7 +1,7 @@
 """The conformance tests that every estimator must pass.
 
-``test_conformance.py`` runs them on every registered estimator. Each is a function of an estimator's
-class and settings, and raises an AssertionError on failure.
+``test_conformance.py`` runs them on every registered estimator. Each is a function of the class of
+an estimator and its settings, and raises an AssertionError on failure.
 """
 
 import copy

@@ -54,24 +54,6 @@ TEST("the levels and what has no partner hold the whole information") {
   }
 }
 
-TEST("slow noise widens what slow motion tells, and quick motion less") {
-  const Matrix<2> wide = widening(correlated(0.98, 20000));
-  // An AR(1) process of pole φ has the spectrum (1 − φ²)/|1 − φ e^(iω)|² of white noise: 99 at
-  // rest, 9 once in 100 samples. The variance of what 20000 samples tell of it: to a half.
-  CHECK(wide[0][0] > std::sqrt(50.0) && wide[0][0] < std::sqrt(250.0));
-  CHECK(std::hypot(wide[1][0], wide[1][1]) > std::sqrt(6.0));
-  CHECK(std::hypot(wide[1][0], wide[1][1]) < std::sqrt(25.0));
-}
-
-TEST("white noise widens by little, and nothing is ever narrower") {
-  const Matrix<2> wide = widening(correlated(0.0, 20000));
-  CHECK(wide[0][0] >= 1.0 && wide[0][0] < 1.5);
-  CHECK(std::hypot(wide[1][0], wide[1][1]) >= 1.0 && wide[1][1] < 1.2);
-  // Noise that alternates cancels in blocks.
-  const Matrix<2> alternating = widening(correlated(-0.9, 20000));
-  CHECK(alternating[0][0] >= 1.0 && alternating[1][1] >= 1.0);
-}
-
 TEST("what a prior knows is not widened") {
   const HaarLevels<2> levels = correlated(0.98, 20000);
   const Matrix<2> known = widening(levels, {0.0, 1e12});

@@ -56,19 +56,6 @@ TEST("a running median that has grown beyond its range can still be raised") {
   CHECK(median.value() == before);
 }
 
-TEST("without outliers a rejection changes nothing") {
-  for_every_rejection([]<class Estimator>() {
-    using Plain = RecursiveEstimator<typename Estimator::Method, typename Estimator::Changes>;
-    Plain plain;
-    Estimator rejecting;
-    probe_noisily(plain, 1.0);
-    probe_noisily(rejecting, 1.0);
-    CHECK(rejecting.estimate().rejected == 0);
-    CHECK(plain.estimate().parameters == rejecting.estimate().parameters);
-    CHECK(plain.estimate().covariance == rejecting.estimate().covariance);
-  });
-}
-
 TEST("an outlier changes nothing that the method knows, and is counted") {
   for_every_rejection([]<class Estimator>() {
     Estimator estimator;

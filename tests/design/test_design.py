@@ -216,15 +216,6 @@ def test_the_surface_counts_by_the_derivative_of_the_force_by_its_place(law):
     assert rows[:, -1] == pytest.approx(slope, rel=1e-6, abs=1e-6 * np.abs(slope).max())
 
 
-@pytest.mark.parametrize("law", LAWS[2:], ids=repr)
-def test_a_held_probe_and_samples_out_of_contact_tell_nothing(law):
-    bound = cramer_rao_bound(law, np.full(1000, 0.01), np.zeros(1000), 0.05)
-    assert np.isinf(bound).all()
-    rows = jacobian(law, np.array([-1e-3, 0.0, 1e-3]), np.full(3, 0.1))
-    assert not rows[:2].any()
-    assert rows[2].all()
-
-
 GUESS = ["--stiffness", "2000", "--damping", "2000", "--exponent", "1", "--noise", "0.05"]
 MOTIONS = {
     "the paper's": PAPER_MOTION,

@@ -169,13 +169,6 @@ def test_a_fast_motion_keeps_its_velocity(rate, hertz):
     assert float(velocity_of(time, x, max(15e-3, 5.0 / rate)) @ true / (true @ true)) < 0.985
 
 
-def test_a_window_that_is_chosen_is_that_of_a_parabola():
-    time = np.arange(4000) / 1000.0
-    fast = 4e-3 * np.sin(2.0 * math.pi * 12.0 * time)
-    used = estimate_velocities(time, fast, [slice(None)], 15e-3)[1]
-    assert used == palpate.VelocityFilter(15, 2)
-
-
 @pytest.mark.parametrize("samples, degree", [(5, 2), (15, 2), (5, 4), (15, 4)])
 def test_the_gain_of_a_filter_is_what_it_keeps_of_a_sine(samples, degree):
     k = np.arange(-(samples // 2), samples // 2 + 1)

@@ -44,21 +44,6 @@ def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method
     assert thinned.as_dict() == full.as_dict()
 
 
-def test_a_thinned_trace_has_its_own_clock_and_the_estimates_of_then(method, full):
-    full, thinned = full.trace, identify(CONTACT, method(), trace=0.1).trace
-    after = thinned.after
-    assert len(thinned) == len(CONTACT)
-    assert not thinned.full
-    assert same(thinned.time, CONTACT.time[after])
-    assert after[0] == 0
-    assert after[-1] == len(CONTACT) - 1
-    assert np.diff(thinned.time)[:-1] == pytest.approx(0.1, abs=1.1e-3)  # a sample, at 1 kHz
-    assert same(thinned.parameters, full.parameters[after])
-    assert same(thinned.standard_errors, full.standard_errors[after])
-    assert same(thinned.everywhere(thinned.parameters)[after], thinned.parameters)
-    assert np.isnan(thinned.everywhere(thinned.parameters)[1]).all()
-
-
 def test_a_window_of_a_thinned_trace_keeps_its_estimates_in_their_places():
     trace = identify(CONTACT, trace=0.1).trace
     for window in (slice(95, 505), slice(505, 95, -1), slice(1, 2), slice(None, None, 50)):

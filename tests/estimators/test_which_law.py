@@ -110,13 +110,6 @@ def test_each_law_that_can_be_asked_for_has_an_estimator(law):
     assert estimator_by_law(law, kind.method)[1] == settings
 
 
-@pytest.mark.parametrize("law", ["any", "flat", "single", "power-law", "half-space+single"])
-def test_a_law_that_is_gone_is_refused_by_a_line_that_names_auto(refused, law):
-    line = refused("identify", "no-file-is-read.csv", "--law", law)
-    assert "auto" in line
-    assert law in line
-
-
 def test_a_law_is_found_by_its_usual_method_unless_another_is_named():
     for given, kind in (
         ((), palpate.VariableProjection),

@@ -14,13 +14,11 @@ import numpy as np
 import pytest
 import zarr
 from distributed import nanny
-from fleets import LAW, STEP, contact, curves, write_recordings, write_zarr
+from fleets import LAW, contact, write_recordings, write_zarr
 
-import palpate
 from palpate import FleetError, RecordingError, write_contact
 from palpate.fleet import running
 from palpate.fleet.files import Results, describe_array, list_sources, read_results, read_seconds
-from palpate.fleet.rows import finding_cell
 from palpate.fleet.running import identify_and_time, identify_batch
 from palpate.fleet.tasks import Settings, batches, tasks_table
 
@@ -133,30 +131,6 @@ def test_a_folder_that_was_begun_goes_on_with_batches_of_any_size_and_comes_to_t
     finished(begun_again)
     assert repr(read_results(tmp_path / "in-two").to_pylist()) == repr(tables[0].to_pylist())
     assert read_seconds(tmp_path / "in-two").num_rows == tables[0].num_rows
-
-
-def test_the_rows_of_a_fleet_are_those_of_identify_one_after_the_other(recordings, tmp_path):
-    """Files of text and arrays, one of which cannot be read: in the order of their names."""
-    finished(begun(recordings, tmp_path / "r", method="single-stage"), seconds=0.2)
-    rows = read_results(tmp_path / "r").to_pylist()
-    arrays = [
-        palpate.prepare(time=STEP * np.arange(x.size), penetration=x, velocity=v, force=f)
-        for x, v, f in zip(*curves(5), strict=True)
-    ]
-    touches = [*arrays, *sorted(recordings.glob("*.csv"))]
-    assert len(rows) == len(touches)
-    for row, touch in zip(rows, touches, strict=True):
-        if row["error"] is not None:
-            with pytest.raises(RecordingError, match=re.escape(row["error"])):
-                palpate.identify(touch)
-            assert row["source"] == str(touch) == str(recordings / "bad.csv")
-            continue
-        found = palpate.identify(touch, "single-stage", trace=False)
-        assert [row[name] for name in found.law.names()] == found.law.parameters.tolist()
-        assert row["covariance"] == found.covariance.reshape(-1).tolist()
-        assert row["flags"] == [finding_cell(each) for each in found.findings]
-        of_array = isinstance(touch, palpate.Contact)
-        assert row["source"] == str(recordings / "array.zarr" if of_array else touch)
 
 
 def test_batches_of_uneven_files_take_about_as_long_and_the_longest_come_first(tmp_path):

@@ -97,17 +97,6 @@ def test_what_the_robot_presses_is_found_with_its_memory(law):
 
 
 @pytest.mark.slow
-def test_of_tissue_an_oscillation_feels_what_is_found():
-    for seed in range(4):
-        contact = lab.Bench(lab.TISSUE, lab.THREE_SINES).run(seed).contact
-        felt = identify(contact, ViscoelasticContact()).estimator.dynamic_stiffness()
-        exact = lab.TISSUE.law.dynamic_stiffness(felt.depth, felt.frequency)
-        # Ten relaxation times stand for the spectrum.
-        assert felt.stiffness == pytest.approx(exact.real, rel=4e-3)
-        assert felt.frequency * felt.damping == pytest.approx(exact.imag, rel=15e-3)
-
-
-@pytest.mark.slow
 def test_the_file_does_not_depend_on_what_the_processor_can_do(tmp_path):
     core = pytest.importorskip("numpy._core._multiarray_umath", reason="NumPy 1 names it otherwise")
     extensions = [name for name in core.__cpu_dispatch__ if core.__cpu_features__[name]]
