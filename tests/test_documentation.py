@@ -90,11 +90,19 @@ def briefly(monkeypatch):
 
 
 FIRST = ROOT / "README.md", ROOT / "docs" / "identifying.md"
+# They draw, or call what is not installed everywhere; other tests do the same.
+SLOW = {"results.md", "figures.md", "fleet.md", "exports.md", "exports-tutorial.md"}
 
 
 @pytest.mark.parametrize(
     "page",
-    [p if p in FIRST else pytest.param(p, marks=pytest.mark.long) for p in PAGES if SNIPPETS[p]],
+    [
+        p
+        if p in FIRST
+        else pytest.param(p, marks=pytest.mark.slow if p.name in SLOW else pytest.mark.long)
+        for p in PAGES
+        if SNIPPETS[p]
+    ],
     ids=lambda page: str(page.relative_to(ROOT)),
 )
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threaded):
