@@ -94,17 +94,13 @@ FIRST = ROOT / "README.md", ROOT / "docs" / "identifying.md"
 SLOW = {"results.md", "figures.md", "fleet.md", "exports.md", "exports-tutorial.md"}
 
 
-@pytest.mark.parametrize(
-    "page",
-    [
-        p
-        if p in FIRST
-        else pytest.param(p, marks=pytest.mark.slow if p.name in SLOW else pytest.mark.long)
-        for p in PAGES
-        if SNIPPETS[p]
-    ],
-    ids=lambda page: str(page.relative_to(ROOT)),
-)
+def marked(page: Path):
+    longer = pytest.mark.slow if page.name in SLOW else pytest.mark.long
+    name = str(page.relative_to(ROOT))
+    return pytest.param(page, id=name, marks=() if page in FIRST else longer)
+
+
+@pytest.mark.parametrize("page", [marked(page) for page in PAGES if SNIPPETS[page]])
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threaded):
     names = {"__name__": "snippet"}
     for snippet in SNIPPETS[page]:

@@ -102,12 +102,6 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(identified):
     ])  # fmt: skip
 
 
-def test_json_of_what_is_not_defined_is_null(identified, tmp_path):
-    path = written(tmp_path / "short.csv", text_of(rows_of(SIGNALS[:50])))
-    [result] = identified(file=path)["results"]
-    assert result["prediction_rmse_percent"] is None
-
-
 def test_columns_are_mapped(identified, tmp_path):
     rows = [[*row, repr(v)] for row, v in zip(rows_of(), SIGNALS.velocity.tolist(), strict=True)]
     path = written(tmp_path / "m.csv", text_of(rows, ("t", "depth", "Fz", "speed")))
