@@ -162,6 +162,19 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{rounded(value, digits)} {unit}"
 
 
+def percent(part: float, *, sign: bool = False) -> str:
+    """Format a part as a percentage in two digits: ``7.4 %``, ``0.35 %``, ``120 %``.
+
+    Ten times and more is ``over 1000 %``; with ``sign`` a positive part begins with a plus.
+    """
+    if abs(part) >= 10.0:
+        return "over 1000 %"
+    figures = f"{100.0 * part:.0f}" if abs(part) >= 1.0 else rounded(100.0 * part, 2)
+    return f"{'+' * (sign and part > 0.0)}{figures} %"
+
+
 def rough_percent(part: float) -> str:
-    """Format a part as whole per cents, from *under 1%* to *over 200%*."""
-    return f"{part:.0%}" if 0.01 <= part < 2.0 else "under 1%" if part < 2.0 else "over 200%"
+    """Format a part as whole per cents, from *under 1 %* to *over 200 %*."""
+    if 0.01 <= part < 2.0:
+        return f"{100.0 * part:.0f} %"
+    return "under 1 %" if part < 2.0 else "over 200 %"

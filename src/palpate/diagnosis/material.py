@@ -17,7 +17,7 @@ from palpate.diagnosis.change import find_changes
 from palpate.diagnosis.fit import SIGNIFICANT, Fit, deeper_half_remedy, fit_with_column
 from palpate.diagnosis.outcome import SELECT_LAW, ModelSelection
 from palpate.diagnosis.windows import FEWEST_FREE
-from palpate.digits import format_quantity, rounded
+from palpate.digits import format_quantity, percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding
 from palpate.validation import Floats
@@ -50,16 +50,18 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
     """Return the sentence and the next step for an amount of a column."""
-    part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
+    part = percent(abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300))
+    # The line through a change that is not even may fall below zero.
+    change = f"hardens by {percent(amount)}" if amount > 0.0 else f"softens by {percent(-amount)}"
+    change = "softens by over 90 %" if amount < -0.9 else change
     half = rounded(float(np.median(fit.data.time)), 3)
     return {
         Check.GAIN_DRIFT: (
-            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} during "
-            "the recording",
+            f"the material {change} during the recording",
             f"identify the two halves separately: --stop {half}, then --start {half}",
         ),
         Check.FRICTION: (
-            f"friction of {part:.1%} of the force: it depends on the direction of motion, not on "
+            f"friction of {part} of the force: it depends on the direction of motion, not on "
             "the speed",
             "press along the surface normal",
         ),

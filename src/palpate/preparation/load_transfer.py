@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.contact import Contact, run_slices
+from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.settings import ContactGate
 from palpate.validation import Floats
@@ -85,7 +86,7 @@ def find_load_transfer(
         return None
     finding = Check.LOAD_TRANSFER.finding(
         f"in {parts} touches the force rises while the probe withdraws, so that another place "
-        f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
+        f"carries the load: the rest of them, {percent(share)} of the contact, is left out",
         "if it is the material's own force, run again with --no-reject-outliers",
         severity="with-care",
     )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact, Delay, VelocityFilter, between, run_slices
-from palpate.digits import rounded, with_error
+from palpate.digits import percent, rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
@@ -399,7 +399,7 @@ def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
     if len(pieces) == 1:
         words = "the probe travels over the material and stays for a second at one place only"
         elsewhere, end = "elsewhere, and are excluded", ""
-    words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
+    words += f"; {percent(left)} of the samples were {elsewhere}{end}" if left > 0.0 else end
     return [
         Check.EPISODES.finding(
             words, "pass --spot inf if it is all one material", severity="with-care"
@@ -769,8 +769,8 @@ def check_saturation(force: Floats) -> list[Finding]:
             )
             part = count / len(column)
             if part > SOME:
-                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
-                words += "recording while the others change: it is probably saturated"
+                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {percent(part)} of "
+                words += "the recording while the others change: it is probably saturated"
                 remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if part > MANY else "with-care"
                 found.append(Check.SATURATED_AXIS.finding(words, remedy, mark=mark))

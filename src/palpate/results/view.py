@@ -17,7 +17,7 @@ import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, rounded, with_error
+from palpate.digits import format_quantity, interval, percent, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
@@ -558,7 +558,7 @@ def format_percent(value: float) -> str:
 
 def format_share(value: float) -> str:
     """Format a fraction as a percentage; a dash if undefined."""
-    return "–" if math.isnan(value) else f"{value:.1%}"
+    return "–" if math.isnan(value) else percent(value)
 
 
 def format_with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
