@@ -134,7 +134,7 @@ def check_free_air(fit: Fit) -> Finding | None:
     return Check.FREE_AIR.finding(
         "the force changes with the motion in free air: a cable, a guide or a mass that moves "
         f"with the probe changes {much}",
-        "route the cable so that it does not pull, and subtract the force measured in free air",
+        "subtract the force in free air; route the cable so it cannot pull",
         float(np.max(np.abs(slopes) / errors)),
         brief="the force in free air changes with the motion",
         moves_percent=(100.0 * float(moved[0]), 100.0 * float(moved[1])),

@@ -17,7 +17,7 @@ import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, percent, rounded, with_error
+from palpate.digits import format_quantity, interval, percent, rough_percent, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
@@ -216,6 +216,9 @@ def number_lines(result: "Identified") -> list[NumberLine]:
         value, skew = f"{format_number(quantity)} {unit}", _describe_skew(at_depth) if k else ""
         same = k and reasons[k] and reasons[k] == reasons[0]
         reason = "for the same reason" if same else reasons[k]
+        error, limit = quantity.whole_error, diagnosis.limits[k]
+        if limit is not None and limit.check is Check.PRECISION and quantity.value > 2.0 * error:
+            reason = f"± {rough_percent(error / quantity.value)}, {reason}"
         lines.append(NumberLine(name, value, at, marks[k], reason, skew))
     return lines
 
