@@ -346,7 +346,7 @@ def _law_findings(
         yield Check.GATE.finding(
             "the contact gate selects light samples by a force within the noise, so K′ and K are "
             "too low",
-            f"set gate=ContactGate(minimum_penetration={needed:.2g})",
+            f"run again with --min-penetration {1e3 * needed:.2g}mm",
         )
 
 
