@@ -5,8 +5,6 @@ thresholds, the window of time, the mask; the velocity is by the notes too. The 
 in time, is identified, by itself ("contact") or with all that was recorded until then ("whole").
 The law predicts the force of the second half from penetration and velocity; the rms error is over
 that of plain least squares of K xⁿ + B xⁿ v + F₀ on the first half's contact samples.
-
-``benchmarks.diagnosis.halves`` compares the halves' stiffness and damping.
 """
 
 from dataclasses import dataclass
@@ -16,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common.recordings import least_squares_law, read, with_notes
-from benchmarks.common.report import markdown_table, run_command
+from benchmarks.common.report import markdown_table, run_command, show
 from palpate import Contact, identify
 from palpate.validation import Floats
 
@@ -103,7 +101,7 @@ def forecast_page(recordings: list[Recording]) -> list[str]:
 def main() -> None:
     """Print the table."""
     recordings = [Recording.of(path) for path in with_notes()]
-    print("\n".join(forecast_page(recordings)))
+    show(forecast_page(recordings))
 
 
 if __name__ == "__main__":
