@@ -23,7 +23,7 @@ from benchmarks.common.report import (
     publish,
     run_command,
 )
-from benchmarks.common.timing import compiler
+from benchmarks.common.timing import native_programs
 from palpate import InvalidParameterError, Scale, SingleStageRLS, VariableProjection, fit_curves
 from palpate.contact import Contact
 from palpate.estimators import batch_fit as core
@@ -40,6 +40,8 @@ UNKNOWN: dict[str, Any] = {"surface": "estimate", "surface_range": SURFACES}
 ONE_WAY = "one-way approach"
 LOW = "approach–retract, n 0.5 to 1"
 NANO = 1e9
+EXPONENTS = (0.3, 3.6)  # within which a minimum counts
+LOW_ENOUGH: dict[str, Any] = {"x_scale": "jac", "xtol": 1e-10, "ftol": 1e-10, "gtol": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -118,21 +120,19 @@ def random_curves(
     return Curves(penetration, velocity, PUSH * force, truth, PUSH * noise)
 
 
-def main(*, quick: bool = False, curves: int = 400, markdown: Path | None = None) -> None:
+def main(*, curves: int = 400, markdown: Path | None = None) -> None:
     """Measure, and print a table.
 
     Parameters
     ----------
-    quick
-        A short run, for a first look: 20 curves of each kind.
     curves
         Number of each kind.
     markdown
         Write the tables to this file as Markdown.
     """
-    count = 20 if quick else curves
-    sections = [measure_rates(count), measure_minima(count), measure_recursion(count)]
-    publish(sections, describe_machine(compiler()), "Fits of whole curves", markdown)
+    sections = [measure_rates(curves), measure_minima(curves), measure_recursion(curves)]
+    facts = describe_machine(native_programs().compiler)
+    publish(sections, facts, "Fits of whole curves", markdown)
 
 
 def measure_rates(count: int) -> Section:
@@ -397,7 +397,7 @@ def stated_cost(
 
 
 class Reference:
-    """Levenberg–Marquardt from many starts, with the analytic Jacobian, to rounding.
+    """Levenberg–Marquardt from many starts, in units of the scale.
 
     Parameters
     ----------
@@ -405,25 +405,21 @@ class Reference:
         The cost to minimise.
     surfaces : tuple of float or None
         Starts for the surface, m; None: it is at 0.
-    exponents : tuple of float
-        Starts for the exponent.
     """
 
-    def __init__(
-        self,
-        cost: StatedCost,
-        surfaces: tuple[float, float] | None = None,
-        exponents: tuple[float, float] = (0.3, 3.6),
-    ) -> None:
-        self.cost, self.surfaces, self.exponents = cost, surfaces, exponents
-        scale = cost.scale
-        self.x = cost.penetration / scale.penetration
-        self.w = cost.velocity / scale.velocity
+    def __init__(self, cost: StatedCost, surfaces: tuple[float, float] | None = None) -> None:
+        self.cost, self.surfaces = cost, surfaces
         self.open = np.array([True, True, cost.exponent is None, cost.offset, surfaces is not None])
 
     def least(self, starts: int) -> float:
         """The lowest J of all starts, N²; infinite where none ends within the ranges."""
-        return min((self._from(*start) for start in self._starts(starts)), default=np.inf)
+        low, high = EXPONENTS
+        if self.surfaces is None:
+            return min(self._from(n, 0.0) for n in np.linspace(low + 0.2, high - 0.3, starts))
+        shallow, deep = (at / self.cost.scale.penetration for at in self.surfaces)
+        exponents = np.linspace(low + 0.4, high - 0.7, 4)
+        inside = np.linspace(shallow, deep, starts // 4 + 2)[1:-1]
+        return min(self._from(n, d) for n in exponents for d in inside)
 
     def in_si(self, point: Floats) -> Floats:
         """K, B, n, F₀, d of k, c, n, F₀, d in units of the scale."""
@@ -433,82 +429,34 @@ class Reference:
         damping = c * unit / scale.velocity
         return np.array([k * unit, damping, n, offset * scale.force, surface * scale.penetration])
 
-    def _starts(self, count: int) -> list[tuple[float, float]]:
-        low, high = self.exponents
-        if self.surfaces is None:
-            return [(n, 0.0) for n in np.linspace(low + 0.2, high - 0.3, count)]
-        shallow, deep = (at / self.cost.scale.penetration for at in self.surfaces)
-        exponents = np.linspace(low + 0.4, high - 0.7, 4)
-        inside = np.linspace(shallow, deep, count // 4 + 2)[1:-1]
-        return [(float(n), float(d)) for n in exponents for d in inside]
-
     def _from(self, exponent: float, surface: float) -> float:
-        if self.cost.exponent is not None:
-            exponent = self.cost.exponent
-        start = self._linear(exponent, surface)
-        best = least_squares(
-            self._residuals,
-            start[self.open],
-            jac=self._jacobian,
-            method="lm",
-            x_scale="jac",
-            xtol=1e-15,
-            ftol=1e-15,
-            gtol=1e-15,
-            max_nfev=400,
-        )
-        point = self._whole(best.x)
-        if not self.exponents[0] <= point[2] <= self.exponents[1]:
-            return np.inf
-        at = point[4] * self.cost.scale.penetration
-        if self.surfaces is not None and not self.surfaces[0] <= at <= self.surfaces[1]:
-            return np.inf
-        return self.cost.value(self.in_si(point))
+        start = self._linear(self.cost.exponent or exponent, surface)
+
+        def point(free: Floats) -> Floats:
+            whole = start.copy()
+            whole[self.open] = free
+            return self.in_si(whole)
+
+        def residuals(free: Floats) -> Floats:
+            return self.cost.residuals(point(free)) / self.cost.scale.force
+
+        start[3] *= self.cost.offset
+        free = start[self.open]
+        best = point(least_squares(residuals, free, method="lm", **LOW_ENOUGH).x)
+        low, high = self.surfaces or (0.0, 0.0)
+        within = EXPONENTS[0] <= best[2] <= EXPONENTS[1] and low <= best[4] <= high
+        return self.cost.value(best) if within else np.inf
 
     def _linear(self, exponent: float, surface: float) -> Floats:
-        power = self._power(exponent, surface)
-        columns = np.stack([power, power * self.w, np.ones_like(power)], axis=1)
-        found = np.linalg.lstsq(columns, self.cost.force / self.cost.scale.force, rcond=None)[0]
-        stiffness = found[0] if abs(found[0]) > 1e-3 else 1e-3
-        return np.array([stiffness, found[1], exponent, found[2], surface])
-
-    def _power(self, exponent: float, surface: float) -> Floats:
-        depth = self.x - surface
-        power: Floats = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
-        return power
-
-    def _whole(self, open_: Floats) -> Floats:
-        point = np.zeros(5)
-        point[2] = self.cost.exponent or 0.0
-        point[self.open] = open_
-        return point
-
-    def _residuals(self, open_: Floats) -> Floats:
-        return self.cost.residuals(self.in_si(self._whole(open_))) / self.cost.scale.force
-
-    def _jacobian(self, open_: Floats) -> Floats:
-        k, c, n, _, surface = self._whole(open_)
-        power, depth = self._power(n, surface), self.x - surface
-        below = depth > 0.0
-        held = np.where(below, depth, 1.0)
-        stiff = k + c * self.w
-        slopes = [
-            power,
-            power * self.w,
-            power * np.log(held) * stiff,
-            np.ones_like(power),
-            np.where(below, -n * power / held * stiff, 0.0),
-        ]
-        noise = np.sqrt(self.cost.variance) / self.cost.scale.force
-        priors = [[-c / k**2 * noise, noise / k, 0.0, 0.0, 0.0]]
-        if self.cost.exponent is None:
-            priors.append([0.0, 0.0, noise, 0.0, 0.0])
-        if self.cost.offset:
-            width = self.cost.offset_width / self.cost.scale.force
-            priors.append([0.0, 0.0, 0.0, noise / width, 0.0])
-        samples = -np.stack(slopes, axis=1)
-        whole: Floats = np.concatenate([samples, np.array(priors)])[:, self.open]
-        return whole
+        """Return the least squares of k, c and F₀ with exponent and surface fixed."""
+        scale = self.cost.scale
+        depth = np.maximum(self.cost.penetration / scale.penetration - surface, 0.0)
+        power = np.where(depth > 0.0, depth**exponent, 0.0)
+        columns = np.stack(
+            [power, power * self.cost.velocity / scale.velocity, np.ones_like(power)], axis=1
+        )
+        k, c, offset = np.linalg.lstsq(columns, self.cost.force / scale.force, rcond=None)[0]
+        return np.array([k if abs(k) > 1e-3 else 1e-3, c, exponent, offset, surface])
 
 
 if __name__ == "__main__":

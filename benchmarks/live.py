@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from benchmarks.common.report import (
     Limit,
@@ -40,8 +41,6 @@ from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
 _EVERY = 1.0  # s between two measurements of the processes
-_TICK = os.sysconf("SC_CLK_TCK")
-_PAGE = os.sysconf("SC_PAGE_SIZE")
 # The processes that serve the loop; laboratory and diagnosis are counted separately.
 SERVING = ("loop", "page", "recorder")
 
@@ -90,21 +89,19 @@ class Looking:
         watching.close()
 
 
-def _processes(loop: int) -> dict[str, tuple[float, float]]:
+def _processes(loop: int) -> dict[str, tuple[float, int]]:
     """Return seconds of a core and bytes of memory, by process."""
-    children = Path(f"/proc/{loop}/task/{loop}/children").read_text().split()
-    found = {"loop": _figures(loop)}
-    for child in children:
-        name = Path(f"/proc/{child}/comm").read_text().strip().removeprefix("live ")
+    found = {"loop": _figures(psutil.Process(loop))}
+    for child in psutil.Process(loop).children():
+        name = child.name().removeprefix("live ")
         if name not in ("python", "python3"):  # the tracker of shared memory
-            found[name] = _figures(int(child))
+            found[name] = _figures(child)
     return found
 
 
-def _figures(process: int) -> tuple[float, float]:
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
-    return (int(fields[11]) + int(fields[12])) / _TICK, float(pages * _PAGE)
+def _figures(process: psutil.Process) -> tuple[float, int]:
+    times = process.cpu_times()
+    return times.user + times.system, process.memory_info().rss
 
 
 def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:

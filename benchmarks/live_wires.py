@@ -5,18 +5,15 @@ measured until ``take`` returns them, and compared with a bare datagram of the s
 the same processes. All lost samples are counted.
 """
 
-import os
 import socket
 import struct
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from typing import Annotated, Any
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from palpate.errors import PalpateError
@@ -131,17 +128,16 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     return put
 
 
-def serve(wire: str, where: str, count: int) -> None:
-    """Send at the rate, on request."""
+def serve(wire: str, where: str, count: int, orders: Connection) -> None:
+    """Send at the rate, on request; then wait to be ended."""
     send = sender(wire, where)
-    print("ready", flush=True)
-    sys.stdin.readline()
+    orders.send("ready")
+    orders.recv()
     begin = time.monotonic()
     for k in range(count):
         time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
         send(k, time.monotonic_ns())
-    sys.stdin.readline()
-    os._exit(0)  # the libraries' threads do not matter here
+    orders.recv()
 
 
 def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
@@ -149,36 +145,18 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
     count = round(seconds * RATE)
     where = {"zmq": f"tcp://127.0.0.1:{_free()}", "zenoh": f"tcp/127.0.0.1:{_free()}"}.get(wire)
     where = where or (str(_free(socket.SOCK_DGRAM)) if wire == DIRECT else str(_DOMAIN))
-    command = [sys.executable, "-m", "benchmarks.live_wires", "--send", wire, where, str(count)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdout.readline()
-        begin = _Begin(process.stdin)
-        try:
-            if wire == DIRECT:
-                return _bare(int(where), count, begin), count, 0
-            return _taken(wire, where, count, begin)
-        finally:
-            begin()
-            with suppress(BrokenPipeError):
-                process.communicate("end\n", timeout=30)
-
-
-class _Begin:
-    """Starts the sender, once."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream, self._done = stream, False
-
-    def __call__(self) -> None:
-        if not self._done:
-            with suppress(BrokenPipeError):  # the sender has printed why
-                self._stream.write("begin\n")
-                self._stream.flush()
-        self._done = True
+    orders, theirs = Pipe()
+    process = get_context("spawn").Process(target=serve, args=(wire, where, count, theirs))
+    process.start()
+    theirs.close()
+    orders.poll(30.0)  # until it is ready, or has ended
+    try:
+        if wire == DIRECT:
+            return _bare(int(where), count, lambda: orders.send("begin")), count, 0
+        return _taken(wire, where, count, lambda: orders.send("begin"))
+    finally:
+        process.terminate()
+        process.join()
 
 
 def _taken(
@@ -245,11 +223,7 @@ def section_of(wires: Sequence[str], seconds: float) -> Section:
     return Section("1 kHz on the wire, from sending to taking", rows, notes)
 
 
-def main(
-    *wires: str,
-    seconds: float = 60.0,
-    send: Annotated[tuple[str, str, int] | None, Parameter(show=False)] = None,
-) -> None:
+def main(*wires: str, seconds: float = 60.0) -> None:
     """Measure, and print a table.
 
     Parameters
@@ -258,11 +232,7 @@ def main(
         Default: zmq, dds and zenoh.
     seconds
         How long, each.
-    send
-        Be the sender of a wire: its name, its address, the number of samples.
     """
-    if send is not None:
-        serve(*send)
     publish([section_of(wires or ("zmq", "dds", "zenoh"), seconds)], describe_machine())
 
 

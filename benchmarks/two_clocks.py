@@ -6,7 +6,6 @@ Six laws, three motions, penetration or position; rates of 125 to 1000 Hz for th
 to 2000 Hz for the force, and offsets of 0, 37 ms, −0.4 s, 12 s, and a date against zero, in turn.
 """
 
-import argparse
 import math
 from collections import defaultdict
 from itertools import product
@@ -14,6 +13,7 @@ from itertools import product
 import numpy as np
 
 import palpate
+from benchmarks.common.report import markdown_table, run_command, show
 from palpate.force_laws import FlatSpectrum, GeneralisedHuntCrossley, SingleRelaxation
 from palpate.validation import Floats
 
@@ -82,26 +82,32 @@ def run(law: GeneralisedHuntCrossley, kind: str, placed: bool, seed: int) -> lis
     return [1e3 * error, 1e3 * delay.standard_error, *bars, found[1].whole_error / truth[1]]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=6)
+def main(*, seeds: int = 6) -> None:
+    """Measure, and print the table.
+
+    Parameters
+    ----------
+    seeds
+        Runs of each law, motion and kind of position.
+    """
     rows = defaultdict[str, list[list[float]]](list)
-    for name, kind, placed in product(LAWS, ("touches", "press", "sines"), (False, True)):
-        for seed in range(parser.parse_args().seeds):
-            try:
-                rows[name].append(run(LAWS[name], kind, placed, seed))
-            except palpate.RecordingError as refusal:
-                print(f"{name}, {kind}, {seed}: {refusal}")
-                rows[name].append([math.nan] * 5)
-    print("| law | runs | ≤ 2 ms | ≤ 2 s.e. | s.e. [ms] | S ≤ 3 bars | C ≤ 2 bars | bar of C |")
-    print("|---|--:|--:|--:|--:|--:|--:|--:|")
+    cases = product(LAWS, ("touches", "press", "sines"), (False, True), range(seeds))
+    for name, kind, placed, seed in cases:
+        try:
+            rows[name].append(run(LAWS[name], kind, placed, seed))
+        except palpate.RecordingError as refusal:
+            print(f"{name}, {kind}, {seed}: {refusal}")
+            rows[name].append([math.nan] * 5)
+    lines = []
     for name, found in [*rows.items(), ("all", [row for each in rows.values() for row in each])]:
         error, deviation, stiffness, damping, bar = np.array(found).T
         within = (abs(error) <= 2.0, abs(error) <= 2.0 * deviation, stiffness <= 3.0, damping <= 2)
         shares = [f"{100.0 * np.mean(each):.0f} %" for each in within]
         shares[2:2] = [f"{np.nanmedian(deviation):.2f}"]
-        print(f"| {name} | {len(found)} | {' | '.join(shares)} | {100 * np.nanmedian(bar):.0f} % |")
+        lines.append([name, len(found), *shares, f"{100 * np.nanmedian(bar):.0f} %"])
+    headings = ("runs", "≤ 2 ms", "≤ 2 s.e.", "s.e. [ms]", "S ≤ 3 bars", "C ≤ 2 bars", "bar of C")
+    show(markdown_table(("law", *headings), lines))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchmarks.common.report import describe_machine, print_facts, run_command
+from benchmarks.common.report import describe_machine, list_facts, markdown_table, run_command, show
 from benchmarks.common.timing import resident
 from benchmarks.reading import BEGIN, STEP, Sent, by_mcap_stream, stamped, write_mcap
 from palpate import HuntCrossley, identify, open_recording, prepare
@@ -46,15 +46,6 @@ def messages(minutes: float) -> Iterator[Sent]:
             yield False, at + 300_000, stamped(at + 300_000, is_wrench=False) + pose[k].tobytes()
 
 
-def timed(name: str, raw: float, work: Callable[[], Result]) -> Result:
-    """Run a step, and print its row of the table."""
-    begin = time.perf_counter()
-    result = work()
-    seconds = time.perf_counter() - begin
-    print(f"| {name} | {seconds:.2f} | {seconds / raw:.2f} |", flush=True)
-    return result
-
-
 def main(*, minutes: float = 2.0) -> None:
     """Write, read and identify.
 
@@ -63,23 +54,32 @@ def main(*, minutes: float = 2.0) -> None:
     minutes
         Duration of the recording.
     """
-    print_facts(describe_machine())
-    print(f"\n{minutes:g} minutes at 1 kHz, seed {SEED}\n")
-    print("| step | s | over the raw reading |\n|---|---|---|")
+    rows: list[tuple[str, float]] = []
+
+    def timed(name: str, work: Callable[[], Result]) -> Result:
+        begin = time.perf_counter()
+        result = work()
+        rows.append((name, time.perf_counter() - begin))
+        return result
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "taps.mcap"
-        write_mcap(path, messages(minutes), compressed=True, chunks=True)
-        begin = time.perf_counter()
-        by_mcap_stream(path)
-        raw = time.perf_counter() - begin
-        print(f"| raw messages, by the stream reader of mcap | {raw:.2f} | 1 |", flush=True)
-        recording = timed("to arrays", raw, lambda: open_recording(path))
-        contact = timed("prepared", raw, lambda: prepare(recording))
-        result = timed("identified", raw, lambda: identify(contact))
-        verdict = timed("diagnosed", raw, lambda: result.diagnosis).verdict
-        arrays = sum(values.nbytes for values in recording.channels.values())
-        print(f"\n{result.law}: {verdict.overall}")
-        print(f"peak memory {resident('VmHWM') / arrays:.2f} of the arrays that were read")
+        write_mcap(path, messages(minutes))
+        timed("raw messages, by the stream reader of mcap", lambda: by_mcap_stream(path))
+        recording = timed("to arrays", lambda: open_recording(path))
+        contact = timed("prepared", lambda: prepare(recording))
+        result = timed("identified", lambda: identify(contact))
+        verdict = timed("diagnosed", lambda: result.diagnosis).verdict
+    arrays = sum(values.nbytes for values in recording.channels.values())
+    cells = [[name, f"{seconds:.2f}", f"{seconds / rows[0][1]:.2f}"] for name, seconds in rows]
+    lines = [
+        *(f"{minutes:g} minutes at 1 kHz, seed {SEED}", ""),
+        *markdown_table(("step", "s", "over the raw reading"), cells),
+        *("", f"{result.law}: {verdict.overall}", ""),
+        f"peak memory {resident('VmHWM') / arrays:.2f} of the arrays that were read",
+        *("", *list_facts(describe_machine())),
+    ]
+    show(lines)
 
 
 if __name__ == "__main__":

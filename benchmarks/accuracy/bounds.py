@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import butter, lfilter
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     GEL,
@@ -29,6 +28,7 @@ from benchmarks.common.probing import (
     waves,
 )
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     Contact,
     ContactGate,
@@ -98,7 +98,7 @@ CHAINS = {
 }
 
 
-def ideal(campaign: Campaign) -> list[Group]:
+def ideal(workers: Workers) -> list[Group]:
     """Errors over the Cramér–Rao bound: no force offset.
 
     How close are the errors to the smallest possible? The Cramér–Rao bound is 1: no unbiased
@@ -109,10 +109,10 @@ def ideal(campaign: Campaign) -> list[Group]:
         "True x and v, white noise of 0.05 N, three sines; `VariableProjection(offset=False)` "
         "and `SingleStageRLS()`."
     )
-    return [_errors(campaign, title, definition, Trial("ball"), 5 * campaign.seeds)]
+    return [_errors(workers, title, definition, Trial("ball"), 5 * workers.seeds)]
 
 
-def unknown_offset(campaign: Campaign) -> list[Group]:
+def unknown_offset(workers: Workers) -> list[Group]:
     """Errors over the Cramér–Rao bound: unknown offset.
 
     How close are the errors to the smallest possible when the force offset is unknown?
@@ -123,10 +123,10 @@ def unknown_offset(campaign: Campaign) -> list[Group]:
         "from N(0, (0.1 N)²); `VariableProjection()`. The bound treats the offset as a "
         "nuisance parameter."
     )
-    return [_errors(campaign, title, definition, Trial("ball", "offset"), 5 * campaign.seeds)]
+    return [_errors(workers, title, definition, Trial("ball", "offset"), 5 * workers.seeds)]
 
 
-def sensor_chain(campaign: Campaign) -> list[Group]:
+def sensor_chain(workers: Workers) -> list[Group]:
     """Errors over the Cramér–Rao bound: the paper's sensors.
 
     How close are the errors to the smallest possible with the paper's sensors: rounded force,
@@ -134,7 +134,7 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
     """
     return [
         _errors(
-            campaign,
+            workers,
             f"RMSE over the Cramér–Rao bound, the paper's sensor chain, {words}",
             f"{settings}. Force in steps of 1/8 N after 0.05 N of noise, a bias measured in a 2 s "
             "pause and removed, a 20 µm encoder at random alignment to the surface, velocity "
@@ -142,7 +142,7 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
             "unknown offset. Quantisation of the force alone multiplies it by 1.23. It includes "
             "no prior knowledge of the offset, so ratios below 1 are possible.",
             trial,
-            campaign.seeds,
+            workers.seeds,
             lambda time: Limit(1.3 if time <= 5.0 else 1.5),
         )
         for (words, settings), trial in CHAINS.items()
@@ -150,7 +150,7 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
 
 
 def _errors(
-    campaign: Campaign,
+    workers: Workers,
     title: str,
     definition: str,
     trial: Trial,
@@ -160,7 +160,7 @@ def _errors(
     lines = []
     for name in MATERIALS:
         own = replace(trial, material=name)
-        outcomes = campaign.map(f"{trial.sensor}, {name}", partial(run, own), range(seeds))
+        outcomes = workers.map(f"{trial.sensor}, {name}", partial(run, own), range(seeds))
         bound = bounds(own)
         ours = rms([outcome.errors for outcome in outcomes]) / bound
         single = rms([outcome.single_stage for outcome in outcomes]) / bound
@@ -174,7 +174,7 @@ def _errors(
     return Group(title, definition, SYMBOLS, lines, beside, notes=notes)
 
 
-def coverage(campaign: Campaign) -> list[Group]:
+def coverage(workers: Workers) -> list[Group]:
     """Coverage of the 95 % intervals.
 
     How often do the 95 % intervals contain the truth, in white noise and with the paper's sensors?
@@ -184,19 +184,19 @@ def coverage(campaign: Campaign) -> list[Group]:
     # is not known to be white.
     limits = (Limit(99.0, 93.0),)
     title, trial = "Coverage of the 95 % interval", Trial("ball", "offset")
-    groups = [_coverage(campaign, title, white, trial, 5 * campaign.seeds, limits)]
+    groups = [_coverage(workers, title, white, trial, 5 * workers.seeds, limits)]
     for (words, settings), trial in CHAINS.items():
         title = f"Coverage under the paper's sensor chain, {words}"
         definition = (
             f"The paper's sensor chain. {settings}. An encoder's steps and a surface up to half a "
             "step away are not in the model, so 95 % is not guaranteed here."
         )
-        groups.append(_coverage(campaign, title, definition, trial, campaign.seeds))
+        groups.append(_coverage(workers, title, definition, trial, workers.seeds))
     return groups
 
 
 def _coverage(
-    campaign: Campaign,
+    workers: Workers,
     title: str,
     definition: str,
     trial: Trial,
@@ -206,7 +206,7 @@ def _coverage(
     lines = []
     for name in MATERIALS:
         own = replace(trial, material=name, single_stage=False)
-        outcomes = campaign.map(f"coverage, {name}", partial(run, own), range(seeds))
+        outcomes = workers.map(f"coverage, {name}", partial(run, own), range(seeds))
         fraction = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
         lines += [
             Line(f"{name}, {time:g} s", tuple(fraction[i]), limits)
@@ -340,13 +340,13 @@ BESIDE = (
 )
 
 
-def three_sines(campaign: Campaign) -> list[Group]:
+def three_sines(workers: Workers) -> list[Group]:
     """Convergence time: three sines.
 
     How long until K, B and n are within 5 % and stay there?
     """
     lines = [
-        _line(campaign, "ball", THREE_SINES, variant, (Limit(0.1), Limit(0.3), Limit(0.1)))
+        _line(workers, "ball", THREE_SINES, variant, (Limit(0.1), Limit(0.3), Limit(0.1)))
         for variant in VARIANTS
     ]
     return [
@@ -357,18 +357,18 @@ def three_sines(campaign: Campaign) -> list[Group]:
             lines,
             BESIDE,
             precision=".3f",
-            notes=[f"{campaign.seeds} seeds."],
+            notes=[f"{workers.seeds} seeds."],
         )
     ]
 
 
-def one_sine(campaign: Campaign) -> list[Group]:
+def one_sine(workers: Workers) -> list[Group]:
     """Convergence time: one sine.
 
     How long until K, B and n are within 5 % and stay there, with a single sine?
     """
     lines = [
-        _line(campaign, material, ONE_SINE, variant, (Limit(0.5),))
+        _line(workers, material, ONE_SINE, variant, (Limit(0.5),))
         for material in MATERIALS
         for variant in VARIANTS
     ]
@@ -380,13 +380,13 @@ def one_sine(campaign: Campaign) -> list[Group]:
             lines,
             BESIDE,
             precision=".3f",
-            notes=[f"{campaign.seeds} seeds. The paper's single stage: 500 s."],
+            notes=[f"{workers.seeds} seeds. The paper's single stage: 500 s."],
         )
     ]
 
 
 def _line(
-    campaign: Campaign,
+    workers: Workers,
     material: str,
     motion: Motion,
     variant: Variant,
@@ -394,7 +394,7 @@ def _line(
 ) -> Line:
     label = f"{material}, {variant.words}"
     function = partial(_times, material, motion, variant)
-    times = np.array(campaign.repeat(label, function))
+    times = np.array(workers.repeat(label, function))
     bound = _bound(material, motion, variant)
     beside = (*np.median(times, axis=0).tolist(), *bound)
     return Line(label, tuple(times.max(axis=0).tolist()), limits, beside)
@@ -451,7 +451,7 @@ BEFORE = 2000  # samples in which the start of a filter decays
 LIGHTEST = 10.0 * NOISE  # N; below it noise, not depth, would determine contact
 
 
-def bars(campaign: Campaign) -> list[Group]:
+def bars(workers: Workers) -> list[Group]:
     """Coverage with correlated noise.
 
     How often do the 95 % intervals contain the truth where noise is correlated and contacts are
@@ -463,7 +463,7 @@ def bars(campaign: Campaign) -> list[Group]:
     for motion in MOTIONS:
         for kind in NOISES:
             runs = [
-                campaign.repeat(f"{motion}, {kind}, {name}", partial(_contact, name, motion, kind))
+                workers.repeat(f"{motion}, {kind}, {name}", partial(_contact, name, motion, kind))
                 for name in FIVE
             ]
             # materials × seeds × (K, B, n, S, C, F₀)
@@ -506,7 +506,7 @@ def bars(campaign: Campaign) -> list[Group]:
             ),
             precision=".3g",
             notes=[
-                f"In %, mean of five materials, {campaign.seeds} seeds each. The lowest cell is "
+                f"In %, mean of five materials, {workers.seeds} seeds each. The lowest cell is "
                 "the smallest of twenty-five: five materials by five quantities."
             ],
         ),

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     GEL,
@@ -27,6 +26,7 @@ from benchmarks.common.probing import (
 )
 from benchmarks.common.recordings import recorded
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     ChangeDetector,
     ConstantForgetting,
@@ -80,23 +80,23 @@ class Recovery:
 Runs = dict[str, tuple[list[Recovery], list[Recovery]]]
 
 
-def changes(campaign: Campaign) -> list[Group]:
+def changes(workers: Workers) -> list[Group]:
     """A changing material.
 
     How fast does the estimate follow a sudden change of the material?
     """
     runs = {
         name: (
-            campaign.repeat(name, partial(_run, name, False)),
-            campaign.repeat(f"{name}, single-stage", partial(_run, name, True)),
+            workers.repeat(name, partial(_run, name, False)),
+            workers.repeat(f"{name}, single-stage", partial(_run, name, True)),
         )
         for name in LARGE_CHANGES
     }
     return [
         _recovery(runs, "error"),
         _recovery(runs, "model"),
-        _overshoots(campaign),
-        _exponents(campaign),
+        _overshoots(workers),
+        _exponents(workers),
     ]
 
 
@@ -170,11 +170,11 @@ def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> Recovery:
     )
 
 
-def _overshoots(campaign: Campaign) -> Group:
-    seeds = range(max(2, campaign.seeds // 3))
+def _overshoots(workers: Workers) -> Group:
+    seeds = range(max(2, workers.seeds // 3))
     lines = []
     for name, (_, _, limit) in ROBOT_CHANGES.items():
-        runs = np.array(campaign.map(f"robot, {name}", partial(_overshoot, name), seeds))
+        runs = np.array(workers.map(f"robot, {name}", partial(_overshoot, name), seeds))
         (median, _), (late, alarm) = np.percentile(runs, [50.0, 95.0], axis=0)
         limits = (limit,) if limit else ()
         lines.append(Line(name, (float(late),), limits, (float(median), float(alarm))))
@@ -206,10 +206,10 @@ def _overshoot(name: str, seed: int) -> tuple[float, float]:
     return float(100.0 * (stiffness.max() / truth - 1.0)), float(found[0] if found.size else 3000)
 
 
-def _exponents(campaign: Campaign) -> Group:
+def _exponents(workers: Workers) -> Group:
     lines = []
     for name in ANOTHER_EXPONENT:
-        times = campaign.repeat(f"exponent, {name}", partial(_exponent_known, name))
+        times = workers.repeat(f"exponent, {name}", partial(_exponent_known, name))
         median, late = np.percentile(times, [50.0, 95.0])
         lines.append(Line(name, (float(late),), (), (float(median),)))
     return Group(
@@ -272,19 +272,19 @@ ROBOT = {material.name: material for material in (lab.BALL, lab.PVC, lab.SPONGE)
 ROBOT_RUN = 60.0  # s
 
 
-def alarms(campaign: Campaign) -> list[Group]:
+def alarms(workers: Workers) -> list[Group]:
     """The change detector.
 
     How often does the change detector raise a false alarm, and how late does it find small changes?
     """
     return [
-        _false(campaign, VariableProjection),
-        _robot(campaign),
-        _recordings(campaign),
-        _delays(campaign),
-        _slow_noise(campaign, VariableProjection),
-        _false(campaign, ViscoelasticContact),
-        _slow_noise(campaign, ViscoelasticContact),
+        _false(workers, VariableProjection),
+        _robot(workers),
+        _recordings(workers),
+        _delays(workers),
+        _slow_noise(workers, VariableProjection),
+        _false(workers, ViscoelasticContact),
+        _slow_noise(workers, ViscoelasticContact),
     ]
 
 
@@ -300,8 +300,8 @@ def _described(kind: type[ContactEstimator]) -> str:
     return f"`{kind.__name__}(change_detector=ChangeDetector())`{default}."
 
 
-def _false(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
-    repeats = max(1, campaign.seeds // 200)
+def _false(workers: Workers, kind: type[ContactEstimator]) -> Group:
+    repeats = max(1, workers.seeds // 200)
     cases = [
         (material, motion, seed)
         for material in WATCHED_MATERIALS
@@ -310,7 +310,7 @@ def _false(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
     ]
     lines = []
     for name, limit in UNCHANGED.items():
-        counts = campaign.map(f"alarms, {name}", partial(_restarts, name, kind), cases)
+        counts = workers.map(f"alarms, {name}", partial(_restarts, name, kind), cases)
         hours = len(cases) * WATCHED / 3600.0
         lines.append(Line(name, (sum(counts) / hours,), (limit,), (sum(counts), max(counts))))
     return Group(
@@ -378,11 +378,11 @@ def _noise(name: str, rng: np.random.Generator, count: int) -> Floats:
     return np.asarray(made)
 
 
-def _robot(campaign: Campaign) -> Group:
-    seeds = range(max(1, campaign.seeds // 50))
+def _robot(workers: Workers) -> Group:
+    seeds = range(max(1, workers.seeds // 50))
     lines = []
     for name in ROBOT:
-        counts = campaign.map(f"alarms, robot, {name}", partial(_robot_alarms, name), seeds)
+        counts = workers.map(f"alarms, robot, {name}", partial(_robot_alarms, name), seeds)
         hours = len(counts) * ROBOT_RUN / 3600.0
         lines.append(Line(name, (float(sum(counts)),), (Limit(0.0),), (hours,)))
     return Group(
@@ -401,9 +401,9 @@ def _robot_alarms(name: str, seed: int) -> int:
     return identify(measured.contact, _watching()).changes.size
 
 
-def _recordings(campaign: Campaign) -> Group:
+def _recordings(workers: Workers) -> Group:
     files = recorded()
-    counts = campaign.map("alarms, recordings", _recorded_alarms, files)
+    counts = workers.map("alarms, recordings", _recorded_alarms, files)
     known = [(file, count) for file, count in zip(files, counts, strict=True) if count is not None]
     found = ", ".join(f"{file.stem} {count}" for file, count in known if count)
     total = float(sum(count for _, count in known))
@@ -432,12 +432,12 @@ def _watching() -> VariableProjection:
     return VariableProjection(change_detector=ChangeDetector())
 
 
-def _delays(campaign: Campaign) -> Group:
+def _delays(workers: Workers) -> Group:
     lines = []
     for change in (each for each in CHANGES if each in MISSED or each in BARS):
         for material in ("ball", "PVC", "sponge"):
             find = partial(_delay, change, material)
-            delays = np.array(campaign.repeat(f"{change}, {material}", find))
+            delays = np.array(workers.repeat(f"{change}, {material}", find))
             median, late = np.percentile(delays, [50.0, 95.0])
             missed = 100.0 * float(np.mean(delays >= 1e3 * LOOKED))
             strict = material != "sponge" and change in BARS
@@ -450,7 +450,7 @@ def _delays(campaign: Campaign) -> Group:
     return Group(
         "Milliseconds until a small change is found",
         "Change at a random time from 5 to 10 s; three sines, 0.05 N of white noise, "
-        f"{campaign.seeds} seeds; {LOOKED:g} s are examined, and a missed change counts as that "
+        f"{workers.seeds} seeds; {LOOKED:g} s are examined, and a missed change counts as that "
         "time. `VariableProjection(change_detector=ChangeDetector())`.",
         ("95th percentile", "missed, %"),
         lines,
@@ -459,16 +459,16 @@ def _delays(campaign: Campaign) -> Group:
     )
 
 
-def _slow_noise(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
+def _slow_noise(workers: Workers, kind: type[ContactEstimator]) -> Group:
     """What the detector misses where the noise is correlated: it takes slow changes for noise."""
-    lines, seeds = [], range(max(2, campaign.seeds // 2))
+    lines, seeds = [], range(max(2, workers.seeds // 2))
     for change in SLOW_CHANGES:
         for material in ("ball", "PVC", "sponge"):
             missed, medians = list[float](), list[float]()
             for name in SLOW_NOISE:
                 find = partial(_delay, change, material, name=name, kind=kind)
                 label = f"{change}, {material}, {name}"
-                delays = np.array(campaign.map(label, find, seeds))
+                delays = np.array(workers.map(label, find, seeds))
                 missed.append(100.0 * float(np.mean(delays >= 1e3 * LOOKED)))
                 medians.append(float(np.median(delays)))
             lines.append(Line(f"{change}, {material}", tuple(missed), (), tuple(medians)))
@@ -516,14 +516,14 @@ METHODS: dict[str, Callable[[], ContactEstimator]] = {
 }
 
 
-def drift(campaign: Campaign) -> list[Group]:
+def drift(workers: Workers) -> list[Group]:
     """A drifting material.
 
     How well does `DriftTracking` follow a stiffness that drifts slowly?
     """
     lines = []
     for material in MATERIALS:
-        runs = np.array(campaign.repeat(f"drift, {material}", partial(_errors, material)))
+        runs = np.array(workers.repeat(f"drift, {material}", partial(_errors, material)))
         ours, *others = np.sqrt(np.mean(runs**2, axis=0)).tolist()
         lines.append(Line(material, (ours,), (Limit(0.2),), (float(runs[:, 0].max()), *others)))
     return [
@@ -537,10 +537,10 @@ def drift(campaign: Campaign) -> list[Group]:
             lines,
             ("worst seed", *(f"VP, {name}" for name in ("no forgetting", *list(METHODS)[2:]))),
             precision=".3f",
-            notes=[f"{campaign.seeds} seeds."],
+            notes=[f"{workers.seeds} seeds."],
         ),
-        _too_slow(campaign),
-        _bars(campaign),
+        _too_slow(workers),
+        _bars(workers),
     ]
 
 
@@ -549,10 +549,10 @@ def drift(campaign: Campaign) -> list[Group]:
 WALKS = ((0.2, 0.0), (0.02, 0.0), (0.04, 0.0), (0.1, 0.0), (0.02, 0.9))
 
 
-def _too_slow(campaign: Campaign) -> Group:
+def _too_slow(workers: Workers) -> Group:
     lines = []
     for material in MATERIALS:
-        runs = campaign.repeat(f"walk, {material}", partial(_flagged, material))
+        runs = workers.repeat(f"walk, {material}", partial(_flagged, material))
         fast, assumed, *others = (100.0 * np.mean(np.array(runs), axis=0)).tolist()
         lines.append(
             Line(material, (fast, assumed), (Limit(100.0, 98.0), Limit(1.0)), tuple(others))
@@ -566,17 +566,17 @@ def _too_slow(campaign: Campaign) -> Group:
         lines,
         ("of 0.04/√s", "of 0.1/√s", "of 0.02/√s, AR(1) 0.9"),
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds."],
+        notes=[f"{workers.seeds} seeds."],
     )
 
 
 CORRELATIONS = (0.0, 0.5, 0.7, 0.9, 0.98)
 
 
-def _bars(campaign: Campaign) -> Group:
+def _bars(workers: Workers) -> Group:
     lines = []
     for material in MATERIALS:
-        runs = campaign.repeat(f"bars, {material}", partial(_held, material))
+        runs = workers.repeat(f"bars, {material}", partial(_held, material))
         held = (100.0 * np.mean(np.array(runs), axis=0)).tolist()
         lines.append(Line(material, tuple(held), (Limit(100.0, 85.0),)))
     return Group(
@@ -587,7 +587,7 @@ def _bars(campaign: Campaign) -> Group:
         tuple(f"{correlation:g}" for correlation in CORRELATIONS),
         lines,
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds."],
+        notes=[f"{workers.seeds} seeds."],
     )
 
 

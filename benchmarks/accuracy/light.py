@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.accuracy.bounds import rms
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import BALL, GEL, PVC, SPONGE, SYMBOLS, feed
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import Estimate, HuntCrossley, Scale, VariableProjection
 from palpate.design.precision import cramer_rao_bound
 from palpate.validation import Floats
@@ -91,22 +91,22 @@ def _noise(line: str, seed: int, samples: int, level: float = LEVEL) -> Floats:
     return random.normal(0.0, level, samples)
 
 
-def light(campaign: Campaign) -> list[Group]:
+def light(workers: Workers) -> list[Group]:
     """Light contact, lost contact and tares.
 
     Is the result right where the probe leaves the material, where contact is lost above the
     surface, and where the tare is wrong?
     """
-    return [*_efficiency(campaign), _lost(campaign), _offsets(campaign)]
+    return [*_efficiency(workers), _lost(workers), _offsets(workers)]
 
 
-def _efficiency(campaign: Campaign) -> list[Group]:
+def _efficiency(workers: Workers) -> list[Group]:
     lines, figures = [], []
     for name, material in MATERIALS.items():
         for kind in ("chirp", "random", "taps"):
             for level in LEVELS:
                 label = f"{name}, {kind}, {level:g} N"
-                found = campaign.repeat(f"light, {label}", partial(_errors, name, kind, level))
+                found = workers.repeat(f"light, {label}", partial(_errors, name, kind, level))
                 x, v = material.along(path(kind))
                 bound = cramer_rao_bound(material.law, x, v, level, offset=True)[:3]
                 ratio = rms([errors for errors, _ in found]) / bound
@@ -114,7 +114,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
                 figures.append(ratio)
                 shares = tuple((100.0 * covered).tolist())
                 lines.append(Line(label, tuple(ratio.tolist()), (Limit(1.3),), shares))
-    scatter = (2.0 * campaign.seeds) ** -0.5
+    scatter = (2.0 * workers.seeds) ** -0.5
     definition = (
         "Ten seconds of motions that leave the material, including the free air between touches: "
         "true x and v, white noise, no tare. The bound uses all samples and treats the offset as "
@@ -122,7 +122,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
         "truth."
     )
     notes = [
-        f"{campaign.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
+        f"{workers.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
         "standard error)."
     ]
     summary = (
@@ -149,14 +149,14 @@ def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDAr
     return errors, np.abs(errors) < 1.96 * estimate.standard_errors
 
 
-def _lost(campaign: Campaign) -> Group:
+def _lost(workers: Workers) -> Group:
     lines = []
     for name, kind in (("ball", "taps"), ("ball", "indentation"), ("PVC", "indentation")):
         for below in (0.1, 0.3):
             for air in (True, False):
                 words = "with" if air else "without"
                 label = f"{name}, {kind}, below {below:.0%}, {words} free air"
-                found = campaign.repeat(label, partial(_after_loss, name, kind, below, air))
+                found = workers.repeat(label, partial(_after_loss, name, kind, below, air))
                 limit = Limit(1.0) if (name, kind) == ("ball", "taps") else None
                 lines.append(Line(label, tuple((100.0 * rms(found)).tolist()), (limit, None)))
     return Group(
@@ -166,7 +166,7 @@ def _lost(campaign: Campaign) -> Group:
         SYMBOLS,
         lines,
         precision=".2f",
-        notes=[f"{campaign.seeds} seeds from {FIRST_SEED}."],
+        notes=[f"{workers.seeds} seeds from {FIRST_SEED}."],
     )
 
 
@@ -199,13 +199,13 @@ OFFSETS = {
 }
 
 
-def _offsets(campaign: Campaign) -> Group:
+def _offsets(workers: Workers) -> Group:
     lines = []
     for words, (offset, tare) in OFFSETS.items():
         for name in ("ball", "PVC"):
             for where in ("through the surface", "deep"):
                 label = f"{words}, {name}, {where}"
-                found = campaign.repeat(label, partial(_with_offset, name, where, offset, tare))
+                found = workers.repeat(label, partial(_with_offset, name, where, offset, tare))
                 error, covered, flagged = 100.0 * np.array(found).T
                 limits = Limit(100.0, 90.0), Limit(100.0, 98.0) if tare and offset else Limit(2.0)
                 values = float(np.mean(covered)), float(np.mean(flagged))
@@ -219,7 +219,7 @@ def _offsets(campaign: Campaign) -> Group:
         lines,
         ("K, % rms",),
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds from {FIRST_SEED}; a good tare leaves N(0, (5 mN)²)."],
+        notes=[f"{workers.seeds} seeds from {FIRST_SEED}; a good tare leaves N(0, (5 mN)²)."],
     )
 
 

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from scipy.signal import savgol_filter
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     GEL,
@@ -20,6 +19,7 @@ from benchmarks.common.probing import (
     taps,
 )
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     ChangeDetector,
     Contact,
@@ -57,20 +57,20 @@ CHANGES = {
 AFTER = 2.0  # s
 
 
-def outliers(campaign: Campaign) -> list[Group]:
+def outliers(workers: Workers) -> list[Group]:
     """Outliers.
 
     What do outliers cost with and without rejection, and does the rejection exclude good samples?
     """
-    return [_errors(campaign), _needless(campaign), _changes(campaign)]
+    return [_errors(workers), _needless(workers), _changes(workers)]
 
 
-def _errors(campaign: Campaign) -> Group:
+def _errors(workers: Workers) -> Group:
     lines = []
     for name, law in MATERIALS.items():
         for fault, bar in FAULTS.items():
             run = partial(_error, law, fault)
-            runs = np.array(campaign.repeat(f"{name}, {fault}", run))
+            runs = np.array(workers.repeat(f"{name}, {fault}", run))
             rms = np.sqrt(np.mean(runs[:, :4] ** 2, axis=0))
             limits = () if bar is None else (Limit(bar),)
             left_out = float(np.mean(runs[:, 4]))
@@ -79,7 +79,7 @@ def _errors(campaign: Campaign) -> Group:
     return Group(
         "Error of K and B, rms, %",
         f"`identify` with its defaults, {SECONDS:g} s of three sines at 1 kHz, 0.05 N of noise on "
-        f"the force, {campaign.seeds} seeds. A lost position reads 0 (0.1 % of the samples; the "
+        f"the force, {workers.seeds} seeds. A lost position reads 0 (0.1 % of the samples; the "
         "penetration has 1 µm of noise, and `prepare` computes the velocity from it without the "
         "lost ones). Smeared: a filter of 15 ms computes the velocity from all positions, as in "
         "some control loops. The probe is in contact from the first sample on, so a position lost "
@@ -125,16 +125,16 @@ def _faulty(law: HuntCrossley, fault: str, seed: int) -> Contact:
     return Contact(time, penetration=x, velocity=v, force=force)
 
 
-def _needless(campaign: Campaign) -> Group:
+def _needless(workers: Workers) -> Group:
     cases = [
         (material, motion, seed)
         for material in FOUR
         for motion in MOTIONS
-        for seed in range(max(1, campaign.seeds // 50))
+        for seed in range(max(1, workers.seeds // 50))
     ]
     lines = []
     for name, (step, force_step, noisy) in SENSORS.items():
-        counts = campaign.map(f"needless, {name}", partial(_count, step, force_step, noisy), cases)
+        counts = workers.map(f"needless, {name}", partial(_count, step, force_step, noisy), cases)
         left_out, samples = np.sum(counts, axis=0)
         lines.append(Line(name, (100.0 * left_out / samples,), (Limit(NEEDLESS),), (samples,)))
     return Group(
@@ -197,11 +197,11 @@ def _count(step: float, force_step: float, noisy: float, case: tuple[str, str, i
     return [int(np.count_nonzero(status == Status.REJECTED)), x.size]
 
 
-def _changes(campaign: Campaign) -> Group:
+def _changes(workers: Workers) -> Group:
     lines = []
     for name, (before, after, bar) in CHANGES.items():
         run = partial(_delay, before, after)
-        delays, left_out = np.transpose(campaign.repeat(f"change, {name}", run))
+        delays, left_out = np.transpose(workers.repeat(f"change, {name}", run))
         median, late = np.percentile(delays, [50.0, 95.0])
         most = float(left_out.max())
         missed = 100.0 * float(np.mean(delays >= 1e3 * AFTER))
@@ -209,7 +209,7 @@ def _changes(campaign: Campaign) -> Group:
         lines.append(Line(name, (float(late), missed), limits, (float(median), most)))
     return Group(
         "Milliseconds until a change of the material is found",
-        f"Change at a random time from 5 to 8 s, 0.05 N of noise, {campaign.seeds} seeds; "
+        f"Change at a random time from 5 to 8 s, 0.05 N of noise, {workers.seeds} seeds; "
         f"{AFTER:g} s are examined. `VariableProjection(change_detector=ChangeDetector(), "
         "outlier_rejection=OutlierRejection())`.",
         ("95th percentile", "missed, %"),

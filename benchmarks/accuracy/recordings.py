@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.recordings import EXPONENTS, STARTS, least_squares_law, recorded
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     ContactGate,
     Identification,
@@ -32,7 +32,7 @@ class Fit:
     flags: tuple[str, ...]
 
 
-def recordings(campaign: Campaign) -> list[Group]:
+def recordings(workers: Workers) -> list[Group]:
     """Recordings, compared with offline least squares.
 
     Does `identify` find the least-squares solution on real recordings?
@@ -44,7 +44,7 @@ def recordings(campaign: Campaign) -> list[Group]:
     groups = []
     for part, noted in (("whole files", False), ("noted windows", True)):
         items = [(file, noted) for file in files]
-        fits = campaign.map(f"recordings, {part}", _compared, items)
+        fits = workers.map(f"recordings, {part}", _compared, items)
         lines, notes = [], []
         for file, fit in zip(files, fits, strict=True):
             if isinstance(fit, str):

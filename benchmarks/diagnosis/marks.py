@@ -41,7 +41,8 @@ from palpate.diagnosis import Quantity
 from palpate.validation import Floats
 
 Row = dict[str, Any]
-Jobs = dict[str, tuple[Callable[[Any], list[Row]], Any]]
+Job = tuple[Callable[[Any], list[Row]], Any]
+Jobs = dict[str, Job]
 NONE = [Fault("none", str(k)) for k in range(5)]
 UNSEEN: list[Fault] = [*NONE, *SENSOR_FAULTS, *MATERIAL_FAULTS]
 KNOWN: list[Fault] = [Fault("clean", ""), *KNOWN_SENSOR_FAULTS, *KNOWN_MATERIAL_FAULTS]
@@ -196,6 +197,12 @@ def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
         jobs |= {f"recording/{path.stem}": (_recording, path) for path in recorded()}
         jobs |= {f"repeats/{name}": (_repeats, (name, paths)) for name, paths in _objects().items()}
     return jobs
+
+
+def run(job: Job) -> list[Row]:
+    """Return the rows of a job."""
+    function, argument = job
+    return function(argument)
 
 
 def _with_fault(job: tuple[str, int, int]) -> list[Row]:

@@ -8,20 +8,18 @@ projection. ``--docs`` writes the table to ``docs/validation/mix.md``, and its s
 markers ``<!-- mix -->`` of the pages that quote it.
 """
 
-import json
 import math
 import re
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.bank.sensor_faults import SENSOR_FAULTS
 from benchmarks.bank.trials import Trial, spoil
-from benchmarks.common.report import command_line, markdown_table, run_command
+from benchmarks.common.report import markdown_table, run_command, show
+from benchmarks.common.workers import Workers
 from benchmarks.diagnosis.marks import BANKS, NONE, Row, bar, marked
 from palpate import PalpateError, identify
 from palpate.writing import write_text
@@ -107,19 +105,6 @@ def sentence_of(rows: Rows) -> str:
     )
 
 
-def write_docs(rows: Rows) -> None:
-    """Write the page, and the sentence into the pages that quote it."""
-    lines = "\n".join(markdown_table(["what", "share"], list(lines_of(rows))))
-    about = " ".join((__doc__ or "").split(":", 1)[1].split("``--chosen``")[0].split())
-    page = f"<!-- Written by {command_line()} -->\n\n# Marks and bars of a mix of recordings\n\n"
-    write_text(
-        ROOT / PAGE, f"{page}{about[0].upper()}{about[1:]}\n\n{sentence_of(rows)}\n{lines}\n"
-    )
-    for name in QUOTING:
-        text = (ROOT / name).read_text("utf-8")
-        write_text(ROOT / name, MARKED.sub(sentence_of(rows), text))
-
-
 def lines_of(rows: Rows) -> Iterator[list[object]]:
     """A row of the table for each claim."""
     mix = [row for row in rows if row["set"] != "chosen"]
@@ -148,9 +133,7 @@ def main(
     faulty: int = 200,
     chosen: int = 100,
     first: int = 0,
-    jobs: int = 1,
-    keep: Path | None = None,
-    kept: Path | None = None,
+    workers: int | None = None,
     docs: bool = False,
 ) -> None:
     """Measure, and print the table.
@@ -161,29 +144,21 @@ def main(
         Recordings of each kind.
     first
         The first seed.
-    jobs
-        Worker processes.
-    keep
-        Write a line of JSON for each recording.
-    kept
-        Make the table from such a file instead.
+    workers
+        Worker processes. Default: one per core.
     docs
         Write ``docs/validation/mix.md``, and the sentence of the pages that quote it.
     """
     counts = {"clean": clean, "faulty": faulty, "chosen": chosen}
     todo = [(kind, k + (kind == "chosen") * clean) for kind, n in counts.items() for k in range(n)]
-    if kept is not None:
-        rows = [json.loads(line) for line in kept.read_text("utf-8").splitlines()]
-    elif jobs == 1:
-        rows = [judged(job, first) for job in todo]
-    else:
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            rows = list(pool.map(partial(judged, first=first), todo, chunksize=8))
-    if keep is not None:
-        write_text(keep, "".join(json.dumps(row) + "\n" for row in rows))
-    print("\n".join(markdown_table(["what", "share"], list(lines_of(rows)))))
-    if docs:
-        write_docs(rows)
+    rows = Workers(workers).map("recordings", partial(judged, first=first), todo)
+    about = " ".join((__doc__ or "").split(":", 1)[1].split("``--chosen``")[0].split())
+    table = markdown_table(["what", "share"], list(lines_of(rows)))
+    lines = [f"{about[0].upper()}{about[1:]}", "", sentence_of(rows), *table]
+    show(lines, "Marks and bars of a mix of recordings", ROOT / PAGE if docs else None)
+    for page in QUOTING if docs else ():
+        text = (ROOT / page).read_text("utf-8")
+        write_text(ROOT / page, MARKED.sub(sentence_of(rows), text))
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common.report import Facts, markdown_table
+from benchmarks.common.report import Facts, list_facts, markdown_table
 from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies, wrong
 
 TITLE = "Faults: which numbers are wrong, and which of them are trusted"
@@ -38,10 +38,10 @@ UNSEEABLE = 5.0  # residual over the noise, √Σ(r/σ)², of every Hunt–Cross
 PROBES = {"ideal": "ideal probe", "robot": "robot"}
 
 
-def page(rows: Rows, facts: Facts) -> str:
+def page(rows: Rows, facts: Facts) -> list[str]:
     """All tables, and how they were measured."""
     of = _grouped(rows, "bank")
-    lines = [MEANING, "", *(f"- {name}: {value}" for name, value in facts.items())]
+    lines = [MEANING, "", *list_facts(facts)]
     banks = {bank: of[bank] for bank in ("good", "hard") if of[bank]}
     sections: tuple[tuple[str, object, Callable[[], list[str]]], ...] = (
         ("Silent lies", of["ideal"], lambda: _silent(of)),
@@ -59,7 +59,7 @@ def page(rows: Rows, facts: Facts) -> str:
     for title, measured, table in sections:
         if measured:
             lines += ["", f"## {title}", "", *table()]
-    return "\n".join([*lines, ""])
+    return lines
 
 
 def _grouped(rows: Rows, *names: str) -> dict[Any, Rows]:
