@@ -8,8 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
-from scipy.optimize import least_squares
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, lfilter, sosfilt
 
 from palpate import Contact, HuntCrossley, prepare
@@ -162,30 +161,6 @@ class Trial:
             return last * stiffness, last * damping
 
         self.truth, self.described = truth, False
-
-    def shows(self) -> float:
-        """How far the fault is from every law: its residual over the noise, √Σ(r/σ)².
-
-        The law fits the samples without noise, with free K, B, n, offset and surface. No test can
-        see what is below 4 or so; one that knows the fault's shape sees the rest.
-        """
-        every = self.every
-        smooth = uniform_filter1d(self.position, max(1, round(4e-3 / self.step)))
-        x = self.position[::every]
-        v = np.gradient(smooth, self.time)[::every] / self.speed
-        force = self.force[::every] / self.peak
-        size = self.deepest
-
-        def residual(guess: Floats) -> Floats:
-            k, c, n, offset, surface = guess
-            inside = x / size - surface
-            power = np.where(inside > 0.0, np.maximum(inside, 1e-9) ** n, 0.0)
-            return np.asarray(power * (k + c * v) + offset - force)
-
-        k, b, n = self.law.parameters
-        start = [1.0, b / k * self.speed, n, 0.0, 0.0]
-        left = 2.0 * least_squares(residual, start, x_scale=[1.0, 0.1, 1.0, 0.1, 0.1]).cost
-        return float(np.sqrt(left)) * self.peak / self.noise
 
     def sample(self, noise: Floats | None = None, fine: float | None = None) -> None:
         """Take samples of the fine grid, with noise on force and position (``fine``, m)."""

@@ -159,16 +159,11 @@ def bar(row: Row, name: str) -> float:
     return math.hypot(row["statistical"].get(name, 0.0), row["systematic"].get(name, 0.0))
 
 
-def wrong(row: Row, name: str, error: float) -> bool:
-    """Whether a quantity is off by more than three times an error, and by more than a little."""
+def lies(row: Row, name: str) -> bool:
+    """Whether a quantity is off by more than three bars, and by more than a little."""
     off = abs(row["errors"].get(name, 0.0))  # nothing is wrong in a refusal
     loose = name == "damping" and row["bank"] not in ("ideal", "robot")
-    return bool(off > (LEAST_DAMPING if loose else LEAST)) and not off <= BARS * error
-
-
-def lies(row: Row, name: str) -> bool:
-    """Whether a quantity is wrong by both parts of its bar together."""
-    return wrong(row, name, bar(row, name))
+    return bool(off > (LEAST_DAMPING if loose else LEAST)) and not off <= BARS * bar(row, name)
 
 
 def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
@@ -213,10 +208,6 @@ def _with_fault(job: tuple[str, int, int]) -> list[Row]:
     fault = UNSEEN[place]
     made = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
     head = {"motion": made.motion, "length": float(made.time[-1]), "seed": seed}
-    if not fault.sampled:  # as the fault alone would show
-        shown = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
-        fault.damage(shown)
-        head["shows"] = shown.shows()
     return [head | _row(bank, fault, spoil(made, fault))]
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.common.report import Facts, list_facts, markdown_table
-from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies, wrong
+from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies
 
 TITLE = "Faults: which numbers are wrong, and which of them are trusted"
 MEANING = """\
@@ -24,17 +24,14 @@ The *good* and the *hard* bank have faults of sensors, clocks, mounts, files and
 most of which palpate has no check. *Good* recordings have noise below 0.6 % of the largest
 force, 100 Hz or more, and several cycles; *hard* ones have noise of 0.5 to 2.5 %, or a single
 press, or 50 to 80 Hz. A file *can show* a fault unless another material gives the same file: a
-wrong scale, a probe off the normal, a spring between sensor and probe. *Below any test* counts
-lies whose fault leaves less than five noises, √Σ(r/σ)², after a fit. In the *clean* bank nothing
-is wrong but the noise is not always white. S and C are stiffness and damping at the working
-depth."""
+wrong scale, a probe off the normal, a spring between sensor and probe. In the *clean* bank
+nothing is wrong but the noise is not always white. S and C are stiffness and damping at the
+working depth."""
 Rows = list[Row]
 Test = Callable[[Row], bool]
 DESCRIBED = ("ball", "sponge", "pvc", "inclusion")
 UNSTEADY = ("change", "gain drift")
 COVERED = ("K", "B", "n", "S", "C")
-CURVED = ("curved gain", "soft saturation")  # a file shows another curve, and its slope
-UNSEEABLE = 5.0  # residual over the noise, √Σ(r/σ)², of every Hunt–Crossley law
 PROBES = {"ideal": "ideal probe", "robot": "robot"}
 
 
@@ -51,7 +48,6 @@ def page(rows: Rows, facts: Facts) -> list[str]:
         ("Materials and motions of the laboratory, robot", of["pair"], lambda: _pairs(of["pair"])),
         ("Real recordings", of["recording"], lambda: _recordings(of["recording"])),
         ("Repeats of one object", of["repeats"], lambda: _repeats(of["repeats"])),
-        ("Marks beside lies", banks, lambda: _marks(_parts(of))),
         ("Recordings without a fault", of["clean"], lambda: _clean(of["clean"])),
         ("Coverage of 95 % bars", of["clean"], lambda: _coverage(of["clean"])),
         ("Lies by fault", banks, lambda: _by_fault(banks)),
@@ -284,56 +280,6 @@ def _repeats(rows: Rows) -> list[str]:
 
 
 # ---- faults that it does not look for, and recordings without one
-
-
-def _parts(of: dict[str, Rows]) -> dict[str, Rows]:
-    """The banks, and the hard one by what makes it hard."""
-    hard = of["hard"]
-    parts = {
-        "good": of["good"],
-        "… without curved gains": [row for row in of["good"] if row["kind"] not in CURVED],
-        "hard": hard,
-        "… noise ≥ 0.5 %": [row for row in hard if row["noise"] > 6e-3],
-        "… single press": [row for row in hard if row["motion"] == "press"],
-        "… 50–80 Hz": [row for row in hard if row["rate"] < 100.0],
-    }
-    return {name: rows for name, rows in parts.items() if rows}
-
-
-def _marks(banks: dict[str, Rows]) -> list[str]:
-    lines = []
-    for bank, rows in banks.items():
-        faulty, none = _where(rows, _faulty), _where(rows, lambda row: not _faulty(row))
-        shown = _where(faulty, lambda row: row["shown"])
-        hidden = _where(faulty, lambda row: not row["shown"])
-        pairs = [(row, name) for row in shown for name in QUANTITIES]
-        off = [(r, name) for r, name in pairs if wrong(r, name, r["statistical"].get(name, 0.0))]
-        lying = [(row, name) for row, name in off if lies(row, name)]
-        lying_runs = _where(shown, _lie)
-        trusted = [row for row, name in lying if row[name] == "trust"]
-        lines.append(
-            [
-                bank,
-                len(shown),
-                len(lying_runs),
-                _share(lying_runs, _trusted),
-                len(lying),
-                part(len(trusted), len(lying)),
-                part(len(trusted), len(off)),
-                len(_where(trusted, lambda row: row.get("shows", np.inf) < UNSEEABLE)),
-                *(_width(shown, name) for name in QUANTITIES),
-                *(_percent(shown, _marked(name, "trust")) for name in QUANTITIES),
-                _share(hidden, _lie),
-                _share(none, _doubted),
-            ]
-        )
-    headings = (
-        *("bank", "runs that a file can show", "with a lie", "… overall *trust*", "lies of S, C"),
-        *("… marked *trust*", "… of all beyond 3 statistical bars", "… below any test"),
-        *("bars of S, median", "of C", "marks *trust* of S", "of C", "lies no file can show"),
-        "no fault: not *trust*",
-    )
-    return markdown_table(headings, lines)
 
 
 def _marked(name: str, *marks: str) -> Test:
