@@ -1,7 +1,7 @@
 """Errors against the Cramér–Rao bound, times of convergence, and coverage of the intervals."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -104,12 +104,11 @@ def ideal(workers: Workers) -> list[Group]:
     How close are the errors to the smallest possible? The Cramér–Rao bound is 1: no unbiased
     method is below it, except by chance.
     """
-    title = "RMSE over the Cramér–Rao bound, no offset"
     definition = (
         "True x and v, white noise of 0.05 N, three sines; `VariableProjection(offset=False)` "
         "and `SingleStageRLS()`."
     )
-    return [_errors(workers, title, definition, Trial("ball"), 5 * workers.seeds)]
+    return [_errors(workers, "no offset", definition, Trial("ball"), 5 * workers.seeds)]
 
 
 def unknown_offset(workers: Workers) -> list[Group]:
@@ -117,13 +116,14 @@ def unknown_offset(workers: Workers) -> list[Group]:
 
     How close are the errors to the smallest possible when the force offset is unknown?
     """
-    title = "RMSE over the Cramér–Rao bound, unknown offset"
     definition = (
         "True x and v, white noise of 0.05 N, three sines, and for each seed a force offset "
         "from N(0, (0.1 N)²); `VariableProjection()`. The bound treats the offset as a "
         "nuisance parameter."
     )
-    return [_errors(workers, title, definition, Trial("ball", "offset"), 5 * workers.seeds)]
+    return [
+        _errors(workers, "unknown offset", definition, Trial("ball", "offset"), 5 * workers.seeds)
+    ]
 
 
 def sensor_chain(workers: Workers) -> list[Group]:
@@ -135,7 +135,7 @@ def sensor_chain(workers: Workers) -> list[Group]:
     return [
         _errors(
             workers,
-            f"RMSE over the Cramér–Rao bound, the paper's sensor chain, {words}",
+            f"the paper's sensor chain, {words}",
             f"{settings}. Force in steps of 1/8 N after 0.05 N of noise, a bias measured in a 2 s "
             "pause and removed, a 20 µm encoder at random alignment to the surface, velocity "
             "by a Savitzky–Golay filter of 15 ms. The bound assumes white noise of 0.05 N and an "
@@ -151,17 +151,15 @@ def sensor_chain(workers: Workers) -> list[Group]:
 
 def _errors(
     workers: Workers,
-    title: str,
+    what: str,
     definition: str,
     trial: Trial,
     seeds: int,
     limit: Callable[[float], Limit] = lambda _: Limit(1.15),
 ) -> Group:
     lines = []
-    for name in MATERIALS:
-        own = replace(trial, material=name)
-        outcomes = workers.map(f"{trial.sensor}, {name}", partial(run, own), range(seeds))
-        bound = bounds(own)
+    for name, material, outcomes in _outcomes(workers, trial, seeds):
+        bound = bounds(material)
         ours = rms([outcome.errors for outcome in outcomes]) / bound
         single = rms([outcome.single_stage for outcome in outcomes]) / bound
         lines += [
@@ -171,7 +169,16 @@ def _errors(
     scatter = (2.0 * seeds) ** -0.5
     notes = [f"{seeds} seeds; each ratio is known to ±{scatter:.1%} (one standard error)."]
     beside = tuple(f"single-stage {symbol}" for symbol in SYMBOLS)
+    title = f"RMSE over the Cramér–Rao bound, {what}"
     return Group(title, definition, SYMBOLS, lines, beside, notes=notes)
+
+
+def _outcomes(
+    workers: Workers, trial: Trial, seeds: int
+) -> Iterator[tuple[str, Trial, list[Outcome]]]:
+    for name in MATERIALS:
+        own = replace(trial, material=name)
+        yield name, own, workers.map(f"{trial.sensor}, {name}", partial(run, own), range(seeds))
 
 
 def coverage(workers: Workers) -> list[Group]:
@@ -204,9 +211,7 @@ def _coverage(
     limits: tuple[Limit, ...] = (),
 ) -> Group:
     lines = []
-    for name in MATERIALS:
-        own = replace(trial, material=name, single_stage=False)
-        outcomes = workers.map(f"coverage, {name}", partial(run, own), range(seeds))
+    for name, _, outcomes in _outcomes(workers, replace(trial, single_stage=False), seeds):
         fraction = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
         lines += [
             Line(f"{name}, {time:g} s", tuple(fraction[i]), limits)
@@ -300,31 +305,15 @@ def _quantised(signal: Floats, step: float) -> Floats:
 
 
 DURATION = 20.0  # s
-KNOWN_TO = 3e-3  # N, an offset after a tare in a pause
-UNKNOWN = 0.1  # N, drawn for the default
 WITHIN = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """What is known of the offset: its standard deviation; 0 if there is none, None if unknown."""
-
-    words: str
-    offset: float | None
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Return the arguments of VariableProjection."""
-        if self.offset is None:
-            return {}
-        return {"offset": False} if self.offset == 0.0 else {"offset_deviation": self.offset}
-
-
-VARIANTS = (
-    Variant("no offset", 0.0),
-    Variant("offset known to 3 mN", KNOWN_TO),
-    Variant("offset unknown", None),
-)
+#: What is known of the offset: the deviation it is drawn from, N, and the estimator's settings.
+VARIANTS: dict[str, tuple[float, dict[str, Any]]] = {
+    "no offset": (0.0, {"offset": False}),
+    "offset known to 3 mN": (3e-3, {"offset_deviation": 3e-3}),
+    "offset unknown": (0.1, {}),
+}
 METHOD = (
     "Worst over the seeds, s; true x and v, 0.05 N of noise, {duration:g} s. No offset: "
     "`offset=False`. Known to 3 mN: `offset_deviation=3e-3`, with an offset drawn from it. "
@@ -345,21 +334,9 @@ def three_sines(workers: Workers) -> list[Group]:
 
     How long until K, B and n are within 5 % and stay there?
     """
-    lines = [
-        _line(workers, "ball", THREE_SINES, variant, (Limit(0.1), Limit(0.3), Limit(0.1)))
-        for variant in VARIANTS
-    ]
-    return [
-        Group(
-            "Time into ±5 %, three sines",
-            METHOD.format(duration=DURATION),
-            SYMBOLS,
-            lines,
-            BESIDE,
-            precision=".3f",
-            notes=[f"{workers.seeds} seeds."],
-        )
-    ]
+    limits = Limit(0.1), Limit(0.3), Limit(0.1)
+    lines = [_line(workers, "ball", THREE_SINES, variant, limits) for variant in VARIANTS]
+    return [_convergence("three sines", "", lines, f"{workers.seeds} seeds.")]
 
 
 def one_sine(workers: Workers) -> list[Group]:
@@ -372,42 +349,32 @@ def one_sine(workers: Workers) -> list[Group]:
         for material in MATERIALS
         for variant in VARIANTS
     ]
-    return [
-        Group(
-            "Time into ±5 %, one sine",
-            f"x₀ + 1.8 sin 11t mm. {METHOD.format(duration=DURATION)}",
-            SYMBOLS,
-            lines,
-            BESIDE,
-            precision=".3f",
-            notes=[f"{workers.seeds} seeds. The paper's single stage: 500 s."],
-        )
-    ]
+    note = f"{workers.seeds} seeds. The paper's single stage: 500 s."
+    return [_convergence("one sine", "x₀ + 1.8 sin 11t mm. ", lines, note)]
+
+
+def _convergence(motion: str, along: str, lines: list[Line], note: str) -> Group:
+    title, definition = f"Time into ±5 %, {motion}", along + METHOD.format(duration=DURATION)
+    return Group(title, definition, SYMBOLS, lines, BESIDE, precision=".3f", notes=[note])
 
 
 def _line(
-    workers: Workers,
-    material: str,
-    motion: Motion,
-    variant: Variant,
-    limits: tuple[Limit, ...],
+    workers: Workers, material: str, motion: Motion, variant: str, limits: tuple[Limit, ...]
 ) -> Line:
-    label = f"{material}, {variant.words}"
-    function = partial(_times, material, motion, variant)
-    times = np.array(workers.repeat(label, function))
-    bound = _bound(material, motion, variant)
-    beside = (*np.median(times, axis=0).tolist(), *bound)
+    label = f"{material}, {variant}"
+    times = np.array(workers.repeat(label, partial(_times, material, motion, variant)))
+    beside = (*np.median(times, axis=0).tolist(), *_bound(material, motion, variant))
     return Line(label, tuple(times.max(axis=0).tolist()), limits, beside)
 
 
-def _times(material: str, motion: Motion, variant: Variant, seed: int) -> Floats:
+def _times(material: str, motion: Motion, variant: str, seed: int) -> Floats:
     """Return the seconds until K, B and n stay within 5 %; the duration if they do not."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
     probe = sines(DURATION, motion)
     x, v = probe.penetration, probe.velocity
-    offset = rng.normal(0.0, UNKNOWN if variant.offset is None else variant.offset)
-    f = law.force(x, v) + offset + noise(rng, len(x))
-    trace = VariableProjection(**variant.settings).replay(x, v, f)
+    deviation, settings = VARIANTS[variant]
+    f = law.force(x, v) + rng.normal(0.0, deviation) + noise(rng, len(x))
+    trace = VariableProjection(**settings).replay(x, v, f)
     return last_outside(np.abs(trace.parameters / law.parameters - 1.0) > WITHIN)
 
 
@@ -418,15 +385,16 @@ def last_outside(outside: NDArray[np.bool_]) -> Floats:
     return np.asarray(samples * SAMPLE_TIME, dtype=np.float64)
 
 
-def _bound(material: str, motion: Motion, variant: Variant) -> tuple[float, ...]:
+def _bound(material: str, motion: Motion, variant: str) -> tuple[float, ...]:
     """Return the seconds until twice the bound stays below 5 %."""
     law, probe = MATERIALS[material], sines(DURATION, motion)
     columns = jacobian(law, probe.penetration, probe.velocity) * law.parameters
-    if variant.offset != 0.0:
+    settings = VARIANTS[variant][1]
+    if settings.get("offset", True):
         columns = np.hstack([columns, np.ones((len(columns), 1))])
     information = np.cumsum(columns[:, :, None] * columns[:, None, :], axis=0) / NOISE**2
-    if variant.offset:
-        information[:, -1, -1] += variant.offset**-2
+    if "offset_deviation" in settings:
+        information[:, -1, -1] += settings["offset_deviation"] ** -2
     first = 10  # fewest samples for a valid inverse
     covariance = np.linalg.inv(information[first:])
     errors = np.sqrt(np.abs(np.diagonal(covariance, axis1=1, axis2=2)[:, :3]))
