@@ -7,7 +7,7 @@ import json
 import os
 import tempfile
 import time
-from multiprocessing import Pipe, get_context
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from benchmarks.common.report import (
     publish,
     run_command,
 )
+from benchmarks.common.workers import in_new_process
 from palpate import VariableProjection
 from palpate.estimators import ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
@@ -104,7 +105,7 @@ def _figures(process: psutil.Process) -> tuple[float, int]:
     return times.user + times.system, process.memory_info().rss
 
 
-def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
+def idle(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
     """Measure a loop that only waits, with nothing else running.
 
     Returns
@@ -112,15 +113,6 @@ def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
     tuple of Histogram
         How late it woke; and the time of a fixed piece of work about as long as an update.
     """
-    receiver, sender = Pipe(duplex=False)
-    process = get_context("spawn").Process(target=_wait, args=(seconds, realtime, sender))
-    process.start()
-    found: tuple[Histogram, Histogram] = receiver.recv()
-    process.join()
-    return found
-
-
-def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
     lateness, work = Histogram(1e-3), Histogram(20e-6)
     with pause_collection():
         if realtime:
@@ -133,7 +125,7 @@ def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
             sum(range(100))
             work.add(time.perf_counter() - began)
             lateness.add(time.monotonic() - due)
-    sender.send((lateness, work))
+    return lateness, work
 
 
 def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) -> Section:
@@ -148,7 +140,8 @@ def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) 
     method : ContactEstimator, optional
         Default: that of ``palpate live``.
     """
-    machines = bare(min(60.0 * minutes, 60.0), realtime=realtime)
+    waiting = partial(idle, min(60.0 * minutes, 60.0), realtime=realtime)
+    machines = in_new_process(waiting)
     with tempfile.TemporaryDirectory() as folder:
         looks, page = Path(folder) / "looks.json", Page(port=0)
         recording = Path(folder) / "run.mcap"

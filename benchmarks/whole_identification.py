@@ -25,16 +25,16 @@ PERIOD = 3.0  # s, of a stroke: down to 10 mm from 3 mm above, with a sine on it
 Result = TypeVar("Result")
 
 
-def messages(minutes: float) -> Iterator[Sent]:
+def messages(minutes: float, seed: int = SEED, law: HuntCrossley = BALL) -> Iterator[Sent]:
     """Yield poses and wrenches of a tapping probe, 300 µs apart."""
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(seed)
     count, piece = int(minutes * 60_000), 60_000
     for first in range(0, count, piece):
         t = 1e-3 * np.arange(first, min(first + piece, count))
         slow, fast = 2 * np.pi / PERIOD, 2 * np.pi * 5.0
         x = 3.5e-3 - 6.5e-3 * np.cos(slow * t) + 1e-3 * np.sin(fast * t)
         v = 6.5e-3 * slow * np.sin(slow * t) + 1e-3 * fast * np.cos(fast * t)
-        force = BALL.force(x, v)[:, None] * NORMAL + NOISE * random.standard_normal((t.size, 3))
+        force = law.force(x, v)[:, None] * NORMAL + NOISE * random.standard_normal((t.size, 3))
         wrench = np.concatenate([force, np.zeros_like(force)], axis=1)
         # The pose is sampled 300 µs later.
         position = np.array([0.4, -0.1, 0.2]) - (x + 3e-4 * v)[:, None] * NORMAL

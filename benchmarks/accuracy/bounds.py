@@ -21,6 +21,7 @@ from benchmarks.common.probing import (
     SYMBOLS,
     THREE_SINES,
     autoregressive,
+    clock,
     feed,
     noise,
     sines,
@@ -251,18 +252,10 @@ def run(trial: Trial, seed: int) -> Outcome:
 
 def bounds(trial: Trial) -> Floats:
     """Return the Cramér–Rao bound of K, B and n at each time, shape (4, 3)."""
-    law, motion = MATERIALS[trial.material], sines(TIMES[-1])
+    law, (x, v) = MATERIALS[trial.material], sines(TIMES[-1])
+    offset = trial.sensor != "true"
     return np.array(
-        [
-            cramer_rao_bound(
-                law,
-                motion.penetration[:end],
-                motion.velocity[:end],
-                NOISE,
-                offset=trial.sensor != "true",
-            )[:3]
-            for end in ENDS
-        ]
+        [cramer_rao_bound(law, x[:end], v[:end], NOISE, offset=offset)[:3] for end in ENDS]
     )
 
 
@@ -277,25 +270,26 @@ def _measured(trial: Trial, rng: np.random.Generator) -> tuple[Floats, Floats, F
     law = MATERIALS[trial.material]
     if trial.sensor == "chain":
         return _chain(trial.material, rng)
-    motion = sines(TIMES[-1])
-    f = law.force(motion.penetration, motion.velocity) + noise(rng, len(motion.time))
+    x, v = sines(TIMES[-1])
+    f = law.force(x, v) + noise(rng, len(x))
     if trial.sensor == "offset":
         f = f + rng.normal(0.0, 0.1)
-    return motion.penetration, motion.velocity, f
+    return x, v, f
 
 
 def _chain(material: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     """The paper's rig: quantised force and position, bias subtracted, velocity computed."""
     margin = 0.05  # s before and after, so that the filter is centred throughout
-    motion = sines(TIMES[-1] + 2.0 * margin, start=-margin)
+    duration = TIMES[-1] + 2.0 * margin
+    depth, speed = sines(duration, start=-margin)
     inside = slice(round(margin * 1e3), round(margin * 1e3) + ENDS[-1])
     bias = rng.uniform(-1.0, 1.0)
     pause = _quantised(bias + noise(rng, PAUSE), FORCE_STEP).mean()
-    true = MATERIALS[material].force(motion.penetration[inside], motion.velocity[inside])
+    true = MATERIALS[material].force(depth[inside], speed[inside])
     f = _quantised(true + bias + noise(rng, ENDS[-1]), FORCE_STEP) - pause
     phase = rng.uniform(-0.5, 0.5) * ENCODER_STEP  # of the encoder's steps relative to the surface
-    x = _quantised(motion.penetration + phase, ENCODER_STEP)
-    v = velocity_of(motion.time, x, VELOCITY_WINDOW)
+    x = _quantised(depth + phase, ENCODER_STEP)
+    v = velocity_of(clock(duration) - margin, x, VELOCITY_WINDOW)
     return x[inside], v[inside], f
 
 
@@ -370,8 +364,7 @@ def _line(
 def _times(material: str, motion: Motion, variant: str, seed: int) -> Floats:
     """Return the seconds until K, B and n stay within 5 %; the duration if they do not."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    probe = sines(DURATION, motion)
-    x, v = probe.penetration, probe.velocity
+    x, v = sines(DURATION, motion)
     deviation, settings = VARIANTS[variant]
     f = law.force(x, v) + rng.normal(0.0, deviation) + noise(rng, len(x))
     trace = VariableProjection(**settings).replay(x, v, f)
@@ -387,8 +380,8 @@ def last_outside(outside: NDArray[np.bool_]) -> Floats:
 
 def _bound(material: str, motion: Motion, variant: str) -> tuple[float, ...]:
     """Return the seconds until twice the bound stays below 5 %."""
-    law, probe = MATERIALS[material], sines(DURATION, motion)
-    columns = jacobian(law, probe.penetration, probe.velocity) * law.parameters
+    law = MATERIALS[material]
+    columns = jacobian(law, *sines(DURATION, motion)) * law.parameters
     settings = VARIANTS[variant][1]
     if settings.get("offset", True):
         columns = np.hstack([columns, np.ones((len(columns), 1))])
@@ -549,14 +542,9 @@ def correlated(kind: str, rng: np.random.Generator, count: int) -> Floats:
     return np.asarray(noise[BEFORE:])
 
 
-def _sines() -> tuple[Floats, Floats]:
-    motion = sines(10.0)
-    return motion.penetration, motion.velocity
-
-
-CLOCK = np.arange(0.0, 10.0, 1.0 / RATE)
+CLOCK = clock(10.0)
 MOTIONS: dict[str, Callable[[], tuple[Floats, Floats]]] = {
-    "10 s of three sines": _sines,
+    "10 s of three sines": lambda: sines(10.0),
     "13 taps": lambda: taps(CLOCK),
     # In and out again within a second, 10 mm deep.
     "1 s indentation": lambda: waves(CLOCK[:1000], 5e-3, [5e-3], [2.0 * np.pi], -0.5 * np.pi),

@@ -18,6 +18,8 @@ from benchmarks.common.probing import (
     PVC,
     SPONGE,
     autoregressive,
+    change_material,
+    clock,
     noise,
     sines,
     switched,
@@ -141,8 +143,7 @@ def _percentiles(runs: list[Recovery], attribute: str) -> tuple[float, float, fl
 
 
 def _run(name: str, single_stage: bool, seed: int) -> Recovery:
-    rng, motion = np.random.default_rng(seed), sines(DURATION)
-    x, v = motion.penetration, motion.velocity
+    rng, (x, v) = np.random.default_rng(seed), sines(DURATION)
     at = int(rng.integers(5000, 10_000))
     before, after = LARGE_CHANGES[name]
     true = switched(before, after, x, v, at)
@@ -225,11 +226,8 @@ def _exponents(workers: Workers) -> Group:
 
 
 def _exponent_known(name: str, seed: int) -> float:
-    rng, motion = np.random.default_rng(seed), sines(DURATION)
-    at = int(rng.integers(5000, 9000))
-    x, v = motion.penetration[: at + 3000], motion.velocity[: at + 3000]
-    before, after = ANOTHER_EXPONENT[name]
-    true = switched(before, after, x, v, at)
+    rng, (before, after) = np.random.default_rng(seed), ANOTHER_EXPONENT[name]
+    at, x, v, true = change_material(rng, before, after, 9000, 3000)
     estimator = VariableProjection(change_detector=ChangeDetector())
     trace = estimator.replay(x, v, true + noise(rng, len(x)))
     away = np.flatnonzero(np.abs(trace.parameters[at:, 2] - after.exponent) > 0.05)
@@ -355,8 +353,7 @@ def _restarts(name: str, kind: type[ContactEstimator], case: tuple[str, int, int
 
 def _motion(motion: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     if motion == 0:
-        sampled = sines(WATCHED)
-        return sampled.penetration, sampled.velocity
+        return sines(WATCHED)
     t = np.arange(0.0, WATCHED, 1.0 / RATE)
     if motion == 2:
         return taps(t)
@@ -484,24 +481,21 @@ def _slow_noise(workers: Workers, kind: type[ContactEstimator]) -> Group:
 
 
 def _delay(
-    change: str,
+    what: str,
     material: str,
     seed: int,
     name: str = "white",
     kind: type[ContactEstimator] = VariableProjection,
 ) -> float:
     rng = np.random.default_rng(seed)
-    at = int(rng.integers(5000, 10_000))
-    stop = at + round(LOOKED * RATE)
-    motion = sines(10.0 + LOOKED)
-    x, v = motion.penetration[:stop], motion.velocity[:stop]
-    before, (stiffer, harder, steeper) = WATCHED_MATERIALS[material], CHANGES[change]
+    before, (stiffer, harder, steeper) = WATCHED_MATERIALS[material], CHANGES[what]
     exponent = steeper * before.exponent
     same_force = MEAN_DEPTH ** (before.exponent - exponent)
     after = HuntCrossley(
         stiffer * same_force * before.stiffness, harder * same_force * before.damping, exponent
     )
-    f = switched(before, after, x, v, at) + _noise(name, rng, stop)
+    at, x, v, true = change_material(rng, before, after, 10_000, round(LOOKED * RATE))
+    f = true + _noise(name, rng, len(x))
     status = _detecting(kind).replay(x, v, f).status
     found = np.flatnonzero(status[at:] == Status.RESTARTED)
     return float(found[0]) if found.size else 1e3 * LOOKED
@@ -592,8 +586,7 @@ def _bars(workers: Workers) -> Group:
 
 
 def _held(material: str, seed: int) -> list[bool]:
-    law, motion = MATERIALS[material], sines(12.0)
-    x, v = motion.penetration, motion.velocity
+    law, (x, v) = MATERIALS[material], sines(12.0)
     held = []
     for correlation in CORRELATIONS:
         method = DriftTracking()
@@ -606,8 +599,7 @@ def _held(material: str, seed: int) -> list[bool]:
 
 
 def _flagged(material: str, seed: int) -> list[bool]:
-    law, motion = MATERIALS[material], sines(20.0)
-    x, v = motion.penetration, motion.velocity
+    law, (x, v) = MATERIALS[material], sines(20.0)
     found = []
     for walk, correlation in WALKS:
         random = np.random.default_rng([seed, 1])
@@ -622,9 +614,8 @@ def _flagged(material: str, seed: int) -> list[bool]:
 
 def _errors(material: str, seed: int) -> list[float]:
     """Return the relative rms error of the force scale by each method, %."""
-    law, motion = MATERIALS[material], sines(DRIFTING)
-    x, v = motion.penetration, motion.velocity
-    scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * motion.time)
+    law, (x, v) = MATERIALS[material], sines(DRIFTING)
+    scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * clock(DRIFTING))
     f = scale * law.force(x, v) + noise(np.random.default_rng(seed), len(x))
     true = scale * law.stiffness * MEAN_DEPTH**law.exponent
     errors = []

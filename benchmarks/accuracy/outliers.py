@@ -13,9 +13,10 @@ from benchmarks.common.probing import (
     NOISE,
     PVC,
     SPONGE,
+    change_material,
+    clock,
     noise,
     sines,
-    switched,
     taps,
 )
 from benchmarks.common.report import Group, Limit, Line
@@ -38,7 +39,6 @@ BAR = 2.0  # %, rms of K and B
 NEEDLESS = 0.05  # % of good samples
 MATERIALS = {"ball": BALL, "PVC": PVC}
 FOUR = {**MATERIALS, "sponge": SPONGE, "gel": GEL}
-Trajectory = tuple[Floats, Floats, Floats]
 FAULTS = {
     "nothing wrong": None,
     "positions lost, 0.1 %": BAR,
@@ -106,8 +106,7 @@ def _error(law: HuntCrossley, fault: str, seed: int) -> tuple[float, ...]:
 
 def _faulty(law: HuntCrossley, fault: str, seed: int) -> Contact:
     rng = np.random.default_rng([seed, 4])
-    motion = sines(SECONDS)
-    time, x, v = motion.time, motion.penetration.copy(), motion.velocity.copy()
+    time, (x, v) = clock(SECONDS), (signal.copy() for signal in sines(SECONDS))
     force = law.force(x, v) + noise(rng, time.size)
     if fault.startswith("positions"):
         x = x + 1e-6 * rng.standard_normal(time.size)
@@ -150,28 +149,22 @@ def _needless(workers: Workers) -> Group:
     )
 
 
-def _three_sines() -> Trajectory:
-    motion = sines(SECONDS)
-    return motion.time, motion.penetration, motion.velocity
-
-
-def _taps() -> Trajectory:
-    time = sines(SECONDS).time
-    return time, *taps(time)
-
-
-def _held() -> Trajectory:
+def _held() -> tuple[Floats, Floats]:
     """8 mm in and out within 0.3 s each, smoothly, and held between."""
-    time = sines(SECONDS).time
+    time = clock(SECONDS)
     x, v = np.full(time.size, 1e-3), np.zeros(time.size)
     for begin, way in ((0.0, 8e-3), (1.6, -8e-3)):
         u = np.clip((time % 2.0 - begin) / 0.3, 0.0, 1.0)
         x += way * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         v += way / 0.3 * 30.0 * (u * (1.0 - u)) ** 2
-    return time, x, v
+    return x, v
 
 
-MOTIONS = {"three sines": _three_sines, "taps": _taps, "held": _held}
+MOTIONS = {
+    "three sines": lambda: sines(SECONDS),
+    "taps": lambda: taps(clock(SECONDS)),
+    "held": _held,
+}
 
 # Steps of penetration and force, m and N, and noise, N.
 SENSORS = {
@@ -185,11 +178,11 @@ SENSORS = {
 def _count(step: float, force_step: float, noisy: float, case: tuple[str, str, int]) -> list[int]:
     material, motion, seed = case
     rng = np.random.default_rng([list(FOUR).index(material), list(MOTIONS).index(motion), seed])
-    time, x, v = MOTIONS[motion]()
+    x, v = MOTIONS[motion]()
     force = FOUR[material].force(x, v) + noisy * rng.standard_normal(x.size)
     if step:
         x, force = step * np.round(x / step), force_step * np.round(force / force_step)
-        v = velocity_of(time, x, 15e-3)
+        v = velocity_of(clock(SECONDS), x, 15e-3)
     estimator = VariableProjection(
         outlier_rejection=OutlierRejection(), gate=ContactGate(make_force=0.25, break_force=0.15)
     )
@@ -221,14 +214,11 @@ def _changes(workers: Workers) -> Group:
 
 def _delay(before: HuntCrossley, after: HuntCrossley, seed: int) -> tuple[float, float]:
     rng = np.random.default_rng([seed, 5])
-    at, motion = int(rng.integers(5000, 8000)), sines(SECONDS)
-    stop = at + round(1e3 * AFTER)
-    x, v = motion.penetration[:stop], motion.velocity[:stop]
-    force = switched(before, after, x, v, at)
+    at, x, v, force = change_material(rng, before, after, 8000, round(1e3 * AFTER))
     estimator = VariableProjection(
         change_detector=ChangeDetector(), outlier_rejection=OutlierRejection()
     )
-    status = estimator.replay(x, v, force + noise(rng, stop)).status
+    status = estimator.replay(x, v, force + noise(rng, len(x))).status
     found = np.flatnonzero(status[at:] == Status.RESTARTED)
     left_out = float(np.count_nonzero(status == Status.REJECTED))
     return (float(found[0]) if found.size else 1e3 * AFTER), left_out

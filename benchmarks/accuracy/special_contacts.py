@@ -81,8 +81,7 @@ def _with_start(method: str, case: tuple[HuntCrossley, int]) -> bool:
 
 
 def _far(estimator: ContactEstimator, law: HuntCrossley, seed: int) -> bool:
-    motion = sines(20.0)
-    x, v = motion.penetration, motion.velocity
+    x, v = sines(20.0)
     f = law.force(x, v) + noise(np.random.default_rng(seed), len(x))
     (estimate,) = feed(estimator, x, v, f, [len(x)])
     return bool(np.any(np.abs(estimate.parameters / law.parameters - 1.0) > 0.05))
@@ -160,8 +159,7 @@ def contact_point(workers: Workers) -> list[Group]:
         flagged = sum(bool(flags) for _, flags in runs)
         if flagged:
             notes.append(f"{material}: {flagged} of {len(runs)} estimates carry a flag.")
-        motion = approach_and_probe(DURATION)
-        x, v = motion.penetration, motion.velocity
+        x, v = approach_and_probe(DURATION)
         bound = cramer_rao_bound(law, x, v, NOISE, offset=True, surface=True)
         bounds = (100.0 * bound[0] / law.stiffness, 1e6 * bound[-1])
         for i, (what, highest) in enumerate((("K, %", 1.5), ("surface, µm", 40.0))):
@@ -183,8 +181,7 @@ def contact_point(workers: Workers) -> list[Group]:
 def _surface_errors(material: str, seed: int) -> tuple[tuple[float, float], tuple[str, ...]]:
     """Return errors of K [%] and of the surface [µm], and the flags."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    motion = approach_and_probe(DURATION)
-    x, v = motion.penetration, motion.velocity
+    x, v = approach_and_probe(DURATION)
     shift = rng.uniform(-UNKNOWN, UNKNOWN)
     f = law.force(x, v) + noise(rng, len(x))
     estimator = VariableProjection(surface="estimate")
@@ -219,9 +216,8 @@ def holding(workers: Workers) -> list[Group]:
 def _changes(material: str, seed: int) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Return the largest changes during and after the hold [%], and the flags of a held contact."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    motion = sines((BEFORE + AFTER) * 1e-3)
-    x = np.insert(motion.penetration, BEFORE, np.full(HOLD, DEPTH))
-    v = np.insert(motion.velocity, BEFORE, np.zeros(HOLD))
+    x, v = sines((BEFORE + AFTER) * 1e-3)
+    x, v = np.insert(x, BEFORE, np.full(HOLD, DEPTH)), np.insert(v, BEFORE, np.zeros(HOLD))
     f = law.force(x, v) + noise(rng, len(x))
     ends = range(BEFORE, len(x) + 1, LOOK)
     known = np.array([e.parameters for e in feed(VariableProjection(), x, v, f, ends)])

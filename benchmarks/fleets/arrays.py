@@ -18,6 +18,7 @@ import psutil
 
 from benchmarks.common.report import Limit, Row, Section, at_least
 from benchmarks.common.timing import resident
+from benchmarks.curves import DEPTH, SPEED, approach_and_retract, random_curves
 from palpate import Contact, HuntCrossley, fit_curves, write_contact
 from palpate.fleet import running
 from palpate.fleet.files import read_results
@@ -25,14 +26,9 @@ from palpate.fleet.running import Fleet, run_fleet
 from palpate.fleet.tasks import Settings
 from palpate.validation import Floats
 
-SEED = 13
 SAMPLES = 1000
-SAMPLE_TIME = 1e-3
 #: Curves that are generated and stored together: 8 MB an array.
 BLOCK = 1000
-# Of a cell indenter, scaled to a robot's millimetres: the arithmetic has no scale.
-DEPTH = 2e-3  # m
-NOISE = (1e-3, 3e-2)  # of the peak force
 FEW = 200  # samples of a short contact
 TOGETHER = 500  # curves that are fitted at once
 UNKNOWN = Settings(
@@ -46,23 +42,8 @@ _MEASURED = running.identify_and_time
 
 def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[Floats, ...]:
     """Return penetration, velocity and force of some curves, always the same."""
-    draw = np.random.default_rng([SEED, first])
-    clock = np.arange(samples) * SAMPLE_TIME
-    sweep = np.sin(np.pi * clock / clock[-1])  # in and out
-    rate = np.pi / clock[-1] * np.cos(np.pi * clock / clock[-1])
-    surface = draw.uniform(-0.15, 0.15, (count, 1)) * DEPTH
-    exponent = draw.uniform(1.3, 2.2, (count, 1))
-    stiffness = draw.uniform(0.5, 2.0, (count, 1)) / DEPTH**exponent
-    dissipation = draw.uniform(0.05, 0.4, (count, 1)) / (DEPTH * np.pi / clock[-1])
-    penetration = DEPTH * (2.0 * sweep - 1.0) + np.zeros((count, 1))
-    velocity = DEPTH * 2.0 * rate + np.zeros((count, 1))
-    below = np.maximum(penetration - surface, 0.0)
-    force = stiffness * below**exponent * (1.0 + dissipation * velocity)
-    offset = draw.normal(0.0, 0.01, (count, 1))
-    noise = np.exp(draw.uniform(np.log(NOISE[0]), np.log(NOISE[1]), (count, 1))) * force.max(
-        axis=1, keepdims=True
-    )
-    return penetration, velocity, force + offset + noise * draw.normal(size=force.shape)
+    made = random_curves(approach_and_retract, count, samples=samples, surface=True, seed=first)
+    return made.penetration, made.velocity, made.force
 
 
 def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
@@ -70,7 +51,7 @@ def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
     import zarr
 
     group = zarr.open_group(str(path), mode="w")
-    group.attrs["sample_time"] = SAMPLE_TIME
+    group.attrs["sample_time"] = 4.0 * DEPTH / SPEED / samples  # one depth out, in, and back
     shape, chunks = (count, samples), (min(BLOCK, count), samples)
     units = {"penetration": "m", "velocity": "m/s", "force": "N"}
     arrays = {

@@ -47,7 +47,6 @@ def measure(python: str, most: int = 10_000) -> Section:
     rows = [
         Row(f"curves of some {samples} points, fitted", rate, "curves/s", rate / reference,
             "nanite, fit alone", at_least(10.0)),
-        Row("nanite", reference, "curves/s"),
         Row(f"E within 1 % of nanite's, of {len(curves)}", within, "",
             limit=at_least(len(curves))),
         Row("largest difference of E", 100.0 * max(abs(r - 1.0) for r in ratios), "%"),
