@@ -16,12 +16,14 @@ from typing import Any
 import numpy as np
 
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
+from benchmarks.reading import POSE, WRENCH, stamped
 from palpate.errors import PalpateError
 from palpate.live.sources import SourceOptions, open_source
 
 RATE = 1000.0  # Hz
-KINDS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped")
+KINDS = (POSE, WRENCH)
 NAMES = ("/pose", "/wrench")
+BODIES = (np.eye(7)[6].tobytes(), bytes(48))  # upright at 0; no force
 DIRECT = "a bare datagram"
 _SETTLE = 1.0  # s, the longest that discovery takes on one machine
 _BARE = struct.Struct("<Qd6d")
@@ -57,37 +59,16 @@ def _zeromq(where: str) -> Send:
 
 
 def _ros(wire: str, where: str) -> Send:
-    """Messages created once; only stamp and number change."""
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    made = [bytearray(_zeros(store, kind)) for kind in KINDS]
-    put = {"dds": _dds, "zenoh": _zenoh}[wire](store, where)
+    put = {"dds": _dds, "zenoh": _zenoh}[wire](where)
 
     def send(k: int, stamp: int) -> None:
-        seconds, nanoseconds = divmod(stamp, 10**9)
-        for index, message in enumerate(made):
-            struct.pack_into("<II", message, 4, seconds, nanoseconds)  # after the head of CDR
-            put(index, bytes(message), k)
+        for index, body in enumerate(BODIES):
+            put(index, stamped(stamp, is_wrench=index == 1) + body, k)
 
     return send
 
 
-def _zeros(store: Any, kind: str) -> bytes:
-    types = store.types
-    time_ = types["builtin_interfaces/msg/Time"](0, 0)
-    header = types["std_msgs/msg/Header"](time_, "base")
-    vector = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-    point = types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
-    turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    whole = {
-        KINDS[0]: lambda: types["geometry_msgs/msg/Pose"](point, turned),
-        KINDS[1]: lambda: types["geometry_msgs/msg/Wrench"](vector, vector),
-    }[kind]()
-    return bytes(store.serialize_cdr(types[kind](header, whole), kind))
-
-
-def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
+def _dds(where: str) -> Callable[[int, bytes, int], None]:
     from cyclonedds.core import Policy, Qos
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic
@@ -104,12 +85,14 @@ def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
     return lambda index, data, _: writers[index].write(types[index].of(data))
 
 
-def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
+def _zenoh(where: str) -> Callable[[int, bytes, int], None]:
     import zenoh
+    from rosbags.typesys import Stores, get_typestore
 
     from palpate.live import zenoh as wire
     from palpate.live.ordering import parse_address
 
+    store = get_typestore(Stores.LATEST)
     session = wire.open_session(parse_address("zenoh", f"?listen={where}", wire.OPTIONS))
     publishers = [
         session.declare_publisher(

@@ -40,7 +40,7 @@ from palpate import (
     identify,
 )
 from palpate.design import Motion
-from palpate.design.precision import cramer_rao_bound, jacobian
+from palpate.design.precision import cramer_rao_bound, inverse_information, jacobian
 from palpate.diagnosis import Data
 from palpate.diagnosis.fit import Fit, FitInput, standard_errors
 from palpate.preparation.velocity import velocity_of
@@ -380,11 +380,9 @@ def last_outside(outside: NDArray[np.bool_]) -> Floats:
 
 def _bound(material: str, motion: Motion, variant: str) -> tuple[float, ...]:
     """Return the seconds until twice the bound stays below 5 %."""
-    law = MATERIALS[material]
-    columns = jacobian(law, *sines(DURATION, motion)) * law.parameters
-    settings = VARIANTS[variant][1]
-    if settings.get("offset", True):
-        columns = np.hstack([columns, np.ones((len(columns), 1))])
+    law, settings = MATERIALS[material], VARIANTS[variant][1]
+    columns = jacobian(law, *sines(DURATION, motion), offset=settings.get("offset", True))
+    columns[:, :3] *= law.parameters
     information = np.cumsum(columns[:, :, None] * columns[:, None, :], axis=0) / NOISE**2
     if "offset_deviation" in settings:
         information[:, -1, -1] += settings["offset_deviation"] ** -2
@@ -508,12 +506,10 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
     numbers = [*estimate.parameters, *_felt(result.law, fit.depth), estimate.offset]
     bars = [*estimate.standard_errors, *standard_errors(fit)[1:], estimate.offset_standard_error]
     inside = x > depth
-    slopes = np.column_stack([np.zeros((len(x), 3)), np.ones(len(x))])
-    slopes[inside, :3] = law.parameter_gradient(x[inside], v[inside])
+    slopes = jacobian(law, np.where(inside, x, 0.0), v, offset=True)
     size = np.linalg.norm(slopes, axis=0)
     plain = np.linalg.lstsq(slopes / size, noise, rcond=None)[0] / size
-    slopes = slopes[inside]
-    inverse = np.linalg.inv((slopes / size).T @ (slopes / size)) / np.outer(size, size)
+    inverse = inverse_information(slopes[inside].T @ slopes[inside])
     k, b, n = law.parameters
     power, log = fit.depth**n, np.log(fit.depth)
     by_stiffness = [n * power / fit.depth, 0.0, k * power / fit.depth * (1.0 + n * log), 0.0]

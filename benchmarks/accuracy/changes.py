@@ -1,7 +1,7 @@
 """Materials that change: suddenly, with false alarms and delays of the detector, and slowly."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -69,17 +69,8 @@ SETTLED = 60  # samples after a change
 ANOTHER_EXPONENT = {"ball → PVC": (BALL, PVC), "PVC → ball": (PVC, BALL)}
 
 
-@dataclass(frozen=True, slots=True)
-class Recovery:
-    """Milliseconds after a change; ``alarms`` counts those of the whole run."""
-
-    error: float
-    model: float
-    alarm: float
-    alarms: int
-
-
-Runs = dict[str, tuple[list[Recovery], list[Recovery]]]
+ERROR, MODEL, ALARM, ALARMS = range(4)  # columns of a run
+Runs = dict[str, tuple[Floats, Floats]]  # with the detector and by the single stage
 
 
 def changes(workers: Workers) -> list[Group]:
@@ -89,39 +80,31 @@ def changes(workers: Workers) -> list[Group]:
     """
     runs = {
         name: (
-            workers.repeat(name, partial(_run, name, False)),
-            workers.repeat(f"{name}, single-stage", partial(_run, name, True)),
+            np.array(workers.repeat(name, partial(_run, name, False))),
+            np.array(workers.repeat(f"{name}, single-stage", partial(_run, name, True))),
         )
         for name in LARGE_CHANGES
     }
+    error = (
+        "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, with the "
+        "one-step prediction error e = F − F̂."
+    )
+    model = "Samples until |F_true − F̂| is below 2σ = 0.1 N and stays so to the end."
     return [
-        _recovery(runs, "error"),
-        _recovery(runs, "model"),
+        _recovery(runs, ERROR, "the force error has recovered", error, (Limit(10.0),)),
+        _recovery(runs, MODEL, "the model error has recovered for good", model, ()),
         _overshoots(workers),
         _exponents(workers),
     ]
 
 
-def _recovery(runs: Runs, attribute: str) -> Group:
-    what, meaning, limits = {
-        "error": (
-            "the force error has recovered",
-            "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, with "
-            "the one-step prediction error e = F − F̂.",
-            (Limit(10.0),),
-        ),
-        "model": (
-            "the model error has recovered for good",
-            "Samples until |F_true − F̂| is below 2σ = 0.1 N and stays so to the end.",
-            (),
-        ),
-    }[attribute]
+def _recovery(runs: Runs, column: int, what: str, meaning: str, limits: tuple[Limit, ...]) -> Group:
     lines = []
-    for name, (with_detector, single) in runs.items():
-        median, late, worst = _percentiles(with_detector, attribute)
-        once = 100.0 * float(np.mean([run.alarms == 1 for run in with_detector]))
-        beside = (median, worst, *_percentiles(with_detector, "alarm")[1:], once)
-        lines.append(Line(name, (late,), limits, (*beside, *_percentiles(single, attribute))))
+    for name, (detecting, single) in runs.items():
+        median, late, worst = _percentiles(detecting[:, column])
+        once = 100.0 * float(np.mean(detecting[:, ALARMS] == 1.0))
+        beside = (median, worst, *_percentiles(detecting[:, ALARM])[1:], once)
+        lines.append(Line(name, (late,), limits, (*beside, *_percentiles(single[:, column]))))
     alarms = ("alarm 95th", "alarm worst", "one alarm, % of runs")
     return Group(
         f"Milliseconds until {what} after a change",
@@ -136,13 +119,13 @@ def _recovery(runs: Runs, attribute: str) -> Group:
     )
 
 
-def _percentiles(runs: list[Recovery], attribute: str) -> tuple[float, float, float]:
-    values = [getattr(run, attribute) for run in runs]
-    median, late, worst = np.percentile(values, [50.0, 95.0, 100.0])
-    return float(median), float(late), float(worst)
+def _percentiles(values: Floats) -> list[float]:
+    """Median, 95th percentile and largest."""
+    three: list[float] = np.percentile(values, [50.0, 95.0, 100.0]).tolist()
+    return three
 
 
-def _run(name: str, single_stage: bool, seed: int) -> Recovery:
+def _run(name: str, single_stage: bool, seed: int) -> list[float]:
     rng, (x, v) = np.random.default_rng(seed), sines(DURATION)
     at = int(rng.integers(5000, 10_000))
     before, after = LARGE_CHANGES[name]
@@ -155,7 +138,8 @@ def _run(name: str, single_stage: bool, seed: int) -> Recovery:
     return _recovered(trace, true, f, at)
 
 
-def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> Recovery:
+def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> list[float]:
+    """Return milliseconds from a change to each recovery and to the alarm, and all alarms."""
     error = np.abs(f - trace.predicted_force)[at:]
     mean = np.convolve(error, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
     back = np.flatnonzero(mean < FLOOR)
@@ -163,12 +147,12 @@ def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> Recovery:
     alarms = np.flatnonzero(trace.status == Status.RESTARTED)
     late = alarms[alarms >= at] - at
     left = len(f) - at
-    return Recovery(
+    return [
         float(back[0] if back.size else left),
         float(wrong[-1] + 1 if wrong.size else 0),
         float(late[0] if late.size else left),
-        len(alarms),
-    )
+        float(len(alarms)),
+    ]
 
 
 def _overshoots(workers: Workers) -> Group:

@@ -141,9 +141,7 @@ def _sum_of_squares(exponent: float, way: Floats, v: Floats, f: Floats) -> float
     power = way**exponent
     columns = np.column_stack([power, power * v, np.ones_like(way)])
     columns /= np.linalg.norm(columns, axis=0)
-    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    left = left[:, singular > 1e-9 * singular[0]]
-    residual = f - left @ (left.T @ f)
+    residual = f - columns @ np.linalg.lstsq(columns, f, rcond=1e-9)[0]
     return float(residual @ residual)
 
 
