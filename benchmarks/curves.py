@@ -5,8 +5,8 @@ Needs the ``develop`` extra. With one core: ``taskset -c 0 python -m benchmarks.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,7 @@ from benchmarks.common.report import (
     publish,
     run_command,
 )
-from benchmarks.common.timing import native_programs
+from benchmarks.common.timing import least_seconds, native_programs
 from palpate import InvalidParameterError, Scale, SingleStageRLS, VariableProjection, fit_curves
 from palpate.contact import Contact
 from palpate.estimators import batch_fit as core
@@ -141,7 +141,7 @@ def measure_rates(count: int) -> Section:
     rows = [Row("SingleStageRLS.replay, a sample", NANO * update, "ns")]
     for name, motion in MOTIONS.items():
         known = random_curves(motion, count, seed=1)
-        per_sample = _seconds(lambda s=known: _fit(s, KNOWN)) / known.force.size  # type: ignore[misc]
+        per_sample = least_seconds(partial(_fit, known, KNOWN))[0] / known.force.size
         ratio, to = per_sample / update, "SingleStageRLS.replay"
         rows.append(_rate(f"surface known, {name}", known, KNOWN, 10_000))
         rows.append(Row("  a sample", NANO * per_sample, "ns", ratio, to, Limit(2.0)))
@@ -212,15 +212,6 @@ def _fit(curves: Curves, settings: dict[str, Any]) -> CurveFits:
     return fit_curves(curves.penetration, curves.velocity, curves.force, **settings)
 
 
-def _seconds(act: Callable[[], object], rounds: int = 7) -> float:
-    best = np.inf
-    for _ in range(rounds):
-        start = thread_time()
-        act()
-        best = min(best, thread_time() - start)
-    return float(best)
-
-
 def _update_seconds() -> float:
     curves = random_curves(MOTIONS["palpation"], 100, seed=1)
     x, v, f = (np.ravel(values) for values in (curves.penetration, curves.velocity, curves.force))
@@ -230,11 +221,11 @@ def _update_seconds() -> float:
         estimator.reset()
         estimator.replay(x, v, f)
 
-    return _seconds(replay) / x.size
+    return least_seconds(replay)[0] / x.size
 
 
 def _rate(name: str, curves: Curves, settings: dict[str, Any], least: float | None) -> Row:
-    rate = len(curves) / _seconds(lambda: _fit(curves, settings))
+    rate = len(curves) / least_seconds(partial(_fit, curves, settings))[0]
     limit = None if least is None else at_least(least)
     return Row(name, rate, "curves/s", limit=limit)
 

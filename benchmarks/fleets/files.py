@@ -18,26 +18,21 @@ SECONDS = 1.0
 _FILES = 200  # that are generated; the others are copies, equivalent for reading
 
 
-def write_files(folder: Path, count: int, damaged: int) -> list[Path]:
+def write_files(folder: Path, count: int, damaged: int) -> None:
     """Write so many files, some of which, at equal distances, are cut or overwritten."""
     folder.mkdir()
     made = []
-    for seed in range(min(count, _FILES)):
-        path = folder / f"touch-{seed:05d}.mcap"
-        # An approach and a press of a stiffness of its own.
-        law = HuntCrossley(np.random.default_rng(seed).uniform(1000.0, 4000.0), 2000.0, 1.0)
-        write_mcap(path, messages(SECONDS / 60.0, seed, law))
-        made.append(path.read_bytes())
-    paths = []
     spoilt = set(np.linspace(0, count - 1, damaged).astype(int).tolist())
     for k in range(count):
         path = folder / f"touch-{k:05d}.mcap"
-        content = made[k % len(made)]
+        if k < _FILES:  # an approach and a press of a stiffness of its own
+            law = HuntCrossley(np.random.default_rng(k).uniform(1000.0, 4000.0), 2000.0, 1.0)
+            write_mcap(path, messages(SECONDS / 60.0, k, law))
+            made.append(path.read_bytes())
+        content = made[k % _FILES]
         if k in spoilt:  # zeros, or only the first bytes: unreadable
             content = bytes(len(content)) if k % 2 else content[:40]
         path.write_bytes(content)
-        paths.append(path)
-    return paths
 
 
 def read_by_rosbags(path: Path, store: object) -> int:
@@ -63,10 +58,10 @@ def measure(count: int, damaged: int, folder: Path | None = None) -> Section:
 
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         path = Path(scratch)
-        paths = write_files(path / "touches", count, damaged)
+        write_files(path / "touches", count, damaged)
         store = get_typestore(Stores.ROS2_HUMBLE)
         begun = time.perf_counter()
-        for each in paths:
+        for each in sorted((path / "touches").iterdir()):
             read_by_rosbags(each, store)
         alone = time.perf_counter() - begun
         found = run_fleet(
