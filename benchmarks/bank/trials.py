@@ -15,6 +15,7 @@ from palpate import Contact, HuntCrossley, prepare
 from palpate.validation import Floats
 
 Response = Callable[[Floats, Floats], Floats]
+Damage = Callable[["Trial", float], None]
 Truth = Callable[[float], tuple[float, float]]
 FINE = 2000.0  # Hz at least: the faults act on this grid, before the sensors take samples of it
 MOST = 8000  # samples of a recording
@@ -217,7 +218,7 @@ class Fault:
 
 def severities(
     kind: str,
-    damage: Callable[[Trial, float], None],
+    damage: Damage,
     *sizes: float,
     unit: str = "%",
     sampled: bool = False,
