@@ -40,7 +40,6 @@ class Trial:
         Samples per second of the recording.
     noise : float
         Standard deviation of the force's noise, N.
-    motion : str
     truth : callable
         Stiffness and damping at a depth.
     recorded_velocity : numpy.ndarray, optional
@@ -59,7 +58,6 @@ class Trial:
     random: np.random.Generator
     rate: float
     noise: float
-    motion: str
     position: Floats = field(init=False)
     truth: Truth = field(init=False)
     recorded_velocity: Floats | None = None
@@ -284,7 +282,7 @@ def ideal(seed: int) -> Trial:
     x = -3e-3 + _rise((time - 0.5) / 0.8) * (depth + 3e-3 + waves)
     v = np.gradient(x, time)
     force = np.where(x > 0.0, law.force(np.maximum(x, 0.0), v), 0.0)
-    return Trial(time, x, v, force, law, random, 1e3, 0.05, "three sines", least=1e-3)
+    return Trial(time, x, v, force, law, random, 1e3, 0.05, least=1e-3)
 
 
 def generator(seed: int, key: str) -> np.random.Generator:
@@ -335,7 +333,7 @@ def pressed(
     stiffness = peak / x.max() ** exponent
     law = HuntCrossley(stiffness, stiffness * lag * exponent / depth, exponent)
     force = np.where(inside, law.force(np.maximum(x, 0.0), v), 0.0)
-    return Trial(time, x, v, force, law, random, rate, noise * peak, motion)
+    return Trial(time, x, v, force, law, random, rate, noise * peak)
 
 
 def _rise(part: Floats) -> Floats:

@@ -84,7 +84,7 @@ class Section:
     title: str
     rows: Sequence[Row]
     notes: Sequence[str] = ()
-    definition: str = ""
+    definition = ""
     headings = ("", "measured", "ratio", "to", "limit", "within")
 
 

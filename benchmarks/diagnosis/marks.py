@@ -98,7 +98,6 @@ class Marked:
     flagged: bool = True
     delay: float = math.nan
     changes: tuple[float, ...] = ()
-    sentence: str = ""
     seconds: float = math.nan
 
 
@@ -109,8 +108,8 @@ def marked(made: Trial) -> Marked:
         start = time.process_time()
         diagnosis = result.diagnosis
         seconds = time.process_time() - start
-    except PalpateError as error:
-        return Marked(sentence=str(error))
+    except PalpateError:
+        return Marked()
     there = diagnosis.working_depth
     said = Marked(
         diagnosis.verdict.overall,
@@ -121,7 +120,6 @@ def marked(made: Trial) -> Marked:
         flagged=bool(result.flags),
         delay=_delay(result),
         changes=tuple(episode.start for episode in diagnosis.episodes[1:]),
-        sentence=diagnosis.reason,
         seconds=seconds,
     )
     for name, true in zip(QUANTITIES, made.truth(there.depth), strict=True):
@@ -207,14 +205,12 @@ def _with_fault(job: tuple[str, int, int]) -> list[Row]:
         return [_row(bank, KNOWN[place], spoil(ideal(seed), KNOWN[place]))]
     fault = UNSEEN[place]
     made = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
-    head = {"motion": made.motion, "length": float(made.time[-1]), "seed": seed}
-    return [head | _row(bank, fault, spoil(made, fault))]
+    return [_row(bank, fault, spoil(made, fault))]
 
 
 def _row(bank: str, fault: Fault, made: Trial) -> Row:
     head = {"bank": bank, "kind": fault.kind, "severity": fault.severity, "shown": fault.shown}
     head |= {"names": fault.names, "stops": fault.stops}
-    head |= {"rate": made.rate, "noise": made.noise / made.peak}
     return head | asdict(marked(made))
 
 
@@ -222,8 +218,7 @@ def _clean(job: tuple[str, str, str, int]) -> list[Row]:
     """Return the row of a kind of noise, a motion, a length and a seed."""
     kind, motion, length, seed = job
     made = clean(seed, kind, motion, length)
-    head = {"motion": motion, "length": length, "seed": seed}
-    return [head | _row("clean", Fault(kind, ""), made)]
+    return [{"motion": motion, "length": length} | _row("clean", Fault(kind, ""), made)]
 
 
 def _robot(job: tuple[str, int]) -> list[Row]:
@@ -238,7 +233,7 @@ def _robot(job: tuple[str, int]) -> list[Row]:
 def _sensed(run: lab.Measurement, law: HuntCrossley, fault: Fault, seed: int) -> Trial:
     truth, random = run.truth, np.random.default_rng([seed, 7])
     signals = (truth.time, truth.penetration, truth.velocity, truth.force)
-    made = Trial(*signals, law, random, 1e3, 0.05, "three sines", least=1e-3)
+    made = Trial(*signals, law, random, 1e3, 0.05, least=1e-3)
     if not fault.sampled:
         fault.damage(made)
     sensed = lab.Sensors().force(made.force, random)

@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bank.sensor_faults import SENSOR_FAULTS
-from benchmarks.bank.trials import Trial, spoil
+from benchmarks.bank.trials import spoil
 from benchmarks.common.report import markdown_table, run_command, show
 from benchmarks.common.workers import Workers
 from benchmarks.diagnosis.marks import BANKS, NONE, Row, bar, marked
@@ -34,30 +34,24 @@ PAGE, QUOTING = "docs/validation/mix.md", ("README.md", "docs/diagnosis.md")
 MARKED = re.compile(r"(?<=<!-- mix -->\n).*?(?=<!-- /mix -->)", re.DOTALL)
 
 
-def recording(kind: str, number: int, first: int) -> tuple[Row, Trial]:
-    """Draw a recording: its names, and the trial as it was sampled."""
+def judged(job: tuple[str, int], first: int) -> Row:
+    """Draw a recording, and return what palpate says of it."""
+    kind, number = job
     bank = "hard" if number % 3 == 2 else "good"
     # A walk through the faults that meets all before it meets one again.
     fault = NONE[0] if kind != "faulty" else FAULTS[37 * (number + first) % len(FAULTS)]
     made = BANKS[bank](first + number, f"mix/{kind}/{fault.kind}/{fault.severity}")
-    head = {"set": kind, "number": number, "bank": bank, "motion": made.motion, "rate": made.rate}
-    return {**head, "kind": fault.kind, "severity": fault.severity}, spoil(made, fault)
-
-
-def judged(job: tuple[str, int], first: int) -> Row:
-    """Return what palpate says of one recording."""
-    head, made = recording(*job, first)
-    said = vars(marked(made))
-    if job[0] == "faulty":
-        return head | said
+    row = {"set": kind, **vars(marked(spoil(made, fault)))}
+    if kind == "faulty":
+        return row
     try:
         result, plain = identify(made.contact), identify(made.contact, law="hunt-crossley")
     except PalpateError:
-        return head | said
+        return row
     verdict = result.law_verdict
-    head["law"] = "none" if verdict is None else str(verdict.candidate)
-    head["digits"] = bool(np.array_equal(result.law.parameters, plain.law.parameters))
-    return head | said
+    row["law"] = "none" if verdict is None else str(verdict.candidate)
+    row["digits"] = bool(np.array_equal(result.law.parameters, plain.law.parameters))
+    return row
 
 
 def _share(each: list[bool]) -> str:
