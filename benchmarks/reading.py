@@ -215,7 +215,6 @@ def main(
     minutes: float = 1.0,
     rounds: int = 2,
     decoded: bool = False,
-    folder: Path | None = None,
 ) -> None:
     """Measure all kinds of files.
 
@@ -227,12 +226,10 @@ def main(
         Turns of each reader.
     decoded
         The others decode, too: slow.
-    folder
-        For the files. Default: a temporary one.
     """
     rows: Rows = []
     for kind in KINDS:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        with tempfile.TemporaryDirectory() as scratch:
             rows += measure(kind, Path(scratch), minutes, rounds, decoded=decoded)
     headings = ("s", "µs a message", "palpate's time / this one's", "peak / arrays")
     words = f"{minutes:g} minutes of wrench and pose at 1 kHz, seed {SEED}"

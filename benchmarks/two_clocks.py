@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 
 import palpate
+from benchmarks.bank.trials import rise
 from benchmarks.common.report import markdown_table, run_command, show
 from palpate.force_laws import FlatSpectrum, GeneralisedHuntCrossley, SingleRelaxation
 from palpate.validation import Floats
@@ -31,20 +32,15 @@ OFFSETS = (37e-3, -0.4, 0.0, 12.0, 1.7e9 + 37e-3)  # s
 NOISES = (0.01, 0.03, 0.06)  # N
 
 
-def smooth(t: Floats, start: float, seconds: float) -> Floats:
-    rise = np.clip((t - start) / seconds, 0.0, 1.0)
-    return rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2)
-
-
 def motion(kind: str, random: np.random.Generator) -> tuple[Floats, Floats]:
     """Time and penetration, from free air to free air."""
     t = np.arange(0.0, 9.0, FINE)
     if kind == "press":
-        return t, -4e-3 + 10e-3 * smooth(t, 1.0, 1.2) * (1.0 - smooth(t, 5.0, 0.8))
+        return t, -4e-3 + 10e-3 * rise((t - 1.0) / 1.2) * (1.0 - rise((t - 5.0) / 0.8))
     if kind == "sines":
         sines = ((1.8e-3, 4.0), (1.5e-3, 11.0), (1e-3, 17.0))
         waves = sum(a * np.sin(w * t + random.uniform(0.0, 6.0)) for a, w in sines)
-        return t, -3e-3 + smooth(t, 0.6, 0.8) * (1.0 - smooth(t, 7.4, 0.8)) * (9e-3 + waves)
+        return t, -3e-3 + rise((t - 0.6) / 0.8) * (1.0 - rise((t - 7.4) / 0.8)) * (9e-3 + waves)
     x, start = np.full(t.size, -4e-3), 0.7
     for _ in range(7):
         depth, seconds = random.uniform(7e-3, 12e-3), random.uniform(0.5, 1.0)

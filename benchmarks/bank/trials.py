@@ -279,7 +279,7 @@ def ideal(seed: int) -> Trial:
     parts = random.uniform([0.15, 0.1, 0.05], [0.3, 0.25, 0.15]) * depth
     phases = random.uniform(0.0, 2.0 * np.pi, 3)
     waves = np.sin(np.outer(time, frequencies) + phases) @ parts
-    x = -3e-3 + _rise((time - 0.5) / 0.8) * (depth + 3e-3 + waves)
+    x = -3e-3 + rise((time - 0.5) / 0.8) * (depth + 3e-3 + waves)
     v = np.gradient(x, time)
     force = np.where(x > 0.0, law.force(np.maximum(x, 0.0), v), 0.0)
     return Trial(time, x, v, force, law, random, 1e3, 0.05, least=1e-3)
@@ -336,7 +336,7 @@ def pressed(
     return Trial(time, x, v, force, law, random, rate, noise * peak)
 
 
-def _rise(part: Floats) -> Floats:
+def rise(part: Floats) -> Floats:
     """From 0 to 1 with the least jerk."""
     u = np.clip(part, 0.0, 1.0)
     smooth: Floats = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -360,7 +360,7 @@ def _press(time: Floats, seconds: float, faster: float, random: np.random.Genera
     start, turn, end = seconds * np.sort(random.uniform([0.05, 0.45, 0.9], [0.15, 0.6, 0.98]))
     above = random.uniform(0.1, 0.4)
     into, out = (time - start) / (turn - start), (time - turn) / (end - turn)
-    return -above + (1.0 + above) * (_rise(into) - _rise(out))
+    return -above + (1.0 + above) * (rise(into) - rise(out))
 
 
 def _ramps(time: Floats, seconds: float, faster: float, random: np.random.Generator) -> Floats:
@@ -381,7 +381,7 @@ def _holds(time: Floats, seconds: float, faster: float, random: np.random.Genera
     phase, above = time % period / period, 0.2
     depths = random.uniform(0.6, 1.0, int(np.ceil(seconds / period)) + 1)
     size = depths[(time // period).astype(int)]
-    wave = (size + above) * (_rise((phase - 0.05) / 0.25) - _rise((phase - 0.6) / 0.25)) - above
+    wave = (size + above) * (rise((phase - 0.05) / 0.25) - rise((phase - 0.6) / 0.25)) - above
     return np.asarray(wave / max(wave.max(), 0.3))
 
 
@@ -407,9 +407,9 @@ def _about(
 ) -> Floats:
     """Move about a depth, after an approach, which two of three recordings have."""
     last = min(1.0, 0.2 * seconds)
-    rise = _rise((time - 0.3 * last) / last) if random.random() < 0.67 else np.ones(time.size)
+    near = rise((time - 0.3 * last) / last) if random.random() < 0.67 else np.ones(time.size)
     x = (1.0 + size * waves) / (1.0 + size)
-    return -0.2 + rise * (0.2 + x)
+    return -0.2 + near * (0.2 + x)
 
 
 MOTIONS: dict[str, Callable[[Floats, float, float, np.random.Generator], Floats]] = {

@@ -71,9 +71,9 @@ def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
             array[first : first + BLOCK] = values
 
 
-def measure_arrays(count: int, folder: Path | None = None) -> Section:
+def measure_arrays(count: int) -> Section:
     """Identify so many curves with two workers and with one, surface unknown."""
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count)
         _run(path, 2, "warm")  # the file is in memory then
@@ -179,9 +179,9 @@ def write_recordings(folder: Path, lengths: list[int]) -> None:
         write_contact(touch, folder / f"touch-{k:05d}.csv")
 
 
-def measure_balance(count: int, folder: Path | None = None) -> Section:
+def measure_balance(count: int) -> Section:
     """Identify so many short contacts on two workers, as arrays and as files."""
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count, samples=FEW)
         write_recordings(path / "files", [FEW] * count)
@@ -212,16 +212,17 @@ def measure_balance(count: int, folder: Path | None = None) -> Section:
     return Section("Two workers, evenly", rows, ["processor time within the tasks"])
 
 
-def measure_kills(count: int, runs: int, folder: Path | None = None) -> Section:
-    """Run undisturbed, then so many times with a worker killed; always two workers."""
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+def measure_kills(count: int, kills: int) -> Section:
+    """Run undisturbed, then until so many workers were killed, one a run; always two workers."""
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count)
         calm = run_fleet([path / "curves.zarr"], path / "calm", UNKNOWN, workers=2)
-        chosen, done = random.Random(20), 0
-        differing = missing = 0
-        for run in range(runs):
-            there = path / f"killed-{run}"
+        chosen = random.Random(20)
+        runs = done = differing = missing = 0
+        while done < kills:
+            runs += 1
+            there = path / f"killed-{runs}"
             done += _disturb(path, there, calm.seconds, chosen)
             indices = read_results(there).column("index").to_pylist()
             missing += abs(len(indices) - count) + len(set(range(count)) ^ set(indices))

@@ -52,11 +52,11 @@ def read_by_rosbags(path: Path, store: object) -> int:
     return count
 
 
-def measure(count: int, damaged: int, folder: Path | None = None) -> Section:
+def measure(count: int, damaged: int) -> Section:
     """Identify all of them with one worker, and read them by rosbags in this process."""
     from rosbags.typesys import Stores, get_typestore
 
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_files(path / "touches", count, damaged)
         store = get_typestore(Stores.ROS2_HUMBLE)
