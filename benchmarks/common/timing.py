@@ -15,7 +15,6 @@ from pathlib import Path
 from time import perf_counter, thread_time
 from typing import Any, TypeVar
 
-import nanobind
 import numpy as np
 
 from benchmarks.common.report import Limit, Row, Section
@@ -188,6 +187,8 @@ class NativePrograms:
 @cache
 def native_programs() -> NativePrograms:
     """Configure and build with CMake, optimised as the extension is."""
+    import nanobind  # of the extra develop, which the tests of curves do without
+
     settings = {
         "CMAKE_BUILD_TYPE": "Release",
         "nanobind_DIR": nanobind.cmake_dir(),
