@@ -9,7 +9,6 @@ others' microrheology, from ``PALPATE_DATA`` or ``../shared/data`` next to the c
 
 import json
 import math
-import time
 import zlib
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -137,7 +136,6 @@ class Pressed:
     force: Floats
     material: Material
     rate: float
-    noise: float  # of the peak force
     depth: float
     frequency: float  # rms speed over rms displacement in contact, rad/s
 
@@ -189,7 +187,7 @@ def press(case: Case, seed: int) -> Pressed:
     peak = float(np.max(force))
     force = force + noise * peak * _noise(case.noise, force / peak, rate, random)
     times = np.arange(force.size) / rate
-    return Pressed(times, x[first::every], force, material, rate, noise, depth, omega)
+    return Pressed(times, x[first::every], force, material, rate, depth, omega)
 
 
 def _between(random: Random, low: float, high: float) -> float:
@@ -281,50 +279,34 @@ SENSOR = (
 
 def measure(case: Case, seed: int) -> dict[str, Any]:
     """Identify one contact; return what is known of it and of its truth, as plain numbers."""
-    pressed, begun = press(case, seed), time.process_time()
-    size = pressed.time.size
-    outcome = {"key": case.key, "seed": seed, **asdict(case), "rate": pressed.rate}
-    outcome |= {"noise_level": pressed.noise, "samples": size}
+    pressed, outcome = press(case, seed), asdict(case)
     try:
         contact = prepare(time=pressed.time, penetration=pressed.penetration, force=pressed.force)
         if case.part == "h":
             watching = ViscoelasticContact(change_detector=ChangeDetector())
-            changes = identify(contact, watching, trace=False).changes * pressed.rate / size
-            return outcome | {"changes": changes.tolist()}  # parts of the recording
+            changes = identify(contact, watching, trace=False).changes / pressed.time.size
+            return outcome | {"changes": (changes * pressed.rate).tolist()}  # parts of the whole
         result = identify(contact, law="auto", trace=False)
-        response, diagnosis = result.dynamic_stiffness(), result.diagnosis
+        response, findings = result.dynamic_stiffness(), result.diagnosis.findings
     except PalpateError as error:
         return outcome | {"error": str(error)}
-    outcome["cpu"] = time.process_time() - begun
     surface, omega = result.estimate.surface, pressed.frequency
-    by_law = GeneralisedHuntCrossley.of(result.law).dynamic_stiffness(
-        pressed.depth - surface, omega
-    )
+    law = GeneralisedHuntCrossley.of(result.law)
+    by_law = law.dynamic_stiffness(pressed.depth - surface, omega)
     here = pressed.material.response(response.depth + surface, response.frequency)
     moving = pressed.material.response(pressed.depth, omega)
     for k, name in enumerate(NUMBERS.values()):
-        value = getattr(response, name)
-        if isinstance(value, float):
-            bar = getattr(response, f"{name}_error")
-        else:
-            value, bar = value.value, math.hypot(value.standard_error, value.systematic)
-        outcome |= {name: value, f"{name}_bar": bar, f"true_{name}": here[k]}
+        number = getattr(response, name)
+        outcome |= {name: number.value, f"{name}_bar": number.whole_error, f"true_{name}": here[k]}
         found = (by_law.real, by_law.imag / omega)[k]  # at the motion's own depth and frequency
         outcome |= {f"moving_{name}": found, f"true_moving_{name}": moving[k]}
     verdict = result.law_verdict
+    # A finding that only widens a bar is a note.
+    significant = [f.check for f in findings if f.severity != "note" or math.isfinite(f.z)]
     return outcome | {
-        "depth": response.depth,
-        "frequency": response.frequency,
-        "moving_frequency": omega,
-        "found": verdict and [verdict.candidate.damping, verdict.candidate.memory],
+        "found": verdict and (verdict.candidate.damping, verdict.candidate.memory),
         "remembers": bool(getattr(result.law, "remembers", False)),
-        "law": repr(result.law),
-        "verdict": diagnosis.verdict.overall,
-        "findings": [
-            # A finding that only widens a bar is a note.
-            [each.check, each.severity != "note" or math.isfinite(each.z), each.message]
-            for each in diagnosis.findings
-        ],
+        "findings": significant,
     }
 
 
@@ -395,16 +377,16 @@ def _memoryless(c: Outcomes) -> Iterator[Row]:
         "no memory: B′ off, median", float(np.median(_off(c, "damping"))), "%", limit=Limit(0.5)
     )
     yield from _errors("no memory", c, (None, 3.2))
-    named = [o.get("found") == ["hunt-crossley", "none"] for o in _where(c, damper="hunt-crossley")]
+    named = [o.get("found") == ("hunt-crossley", "none") for o in _where(c, damper="hunt-crossley")]
     yield _share("Hunt–Crossley named", named, at_least(97.0))
     for field, kinds in (("noise", NOISES), ("damper", ("hunt-crossley", "half-space"))):
         for kind in kinds:
             false = [o.get("remembers") for o in _where(c, **{field: kind})]
             yield _share(f"{kind}: memory named", false, Limit(2.0))
     kelvin = _where(c, damper="kelvin-voigt")
-    ramps = _where(kelvin, motion="ramps")
-    yield _share("kelvin-voigt, ramps: memory named", [o.get("remembers") for o in ramps])
-    others = [o.get("remembers") for o in kelvin if o not in ramps]
+    ramps = [o.get("remembers") for o in _where(kelvin, motion="ramps")]
+    yield _share("kelvin-voigt, ramps: memory named", ramps)
+    others = [o.get("remembers") for o in kelvin if o["motion"] != "ramps"]
     yield _share("kelvin-voigt, other motions: memory named", others)
 
 
@@ -435,7 +417,7 @@ def _late(f: Outcomes) -> Iterator[Row]:
     groups = {fault: _relaxing(_where(f, fault=fault)) for fault in LATE}
     groups[f"no memory, {LATE[2]}"] = _where(f, memory="none")
     for (title, some), limit in zip(groups.items(), (*limits, None), strict=True):
-        named = [any(c in LAGS and seen for c, seen, _ in o.get("findings", ())) for o in some]
+        named = [bool(set(LAGS) & set(o.get("findings", ()))) for o in some]
         yield _share(f"{title}: a lag is named", named, limit)
         yield from _errors(title, some)
 

@@ -76,15 +76,6 @@ class Trial:
     single_stage: bool = True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """Errors of K, B and n at each time, shape (4, 3), and whether the 95 % intervals hold."""
-
-    errors: Floats
-    covered: Floats
-    single_stage: Floats
-
-
 # What is known beforehand under the paper's sensors, as a part of a title and as settings.
 CHAINS = {
     ("offset unknown", "`VariableProjection()`"): Trial("ball", "chain"),
@@ -159,10 +150,9 @@ def _errors(
     limit: Callable[[float], Limit] = lambda _: Limit(1.15),
 ) -> Group:
     lines = []
-    for name, material, outcomes in _outcomes(workers, trial, seeds):
-        bound = bounds(material)
-        ours = rms([outcome.errors for outcome in outcomes]) / bound
-        single = rms([outcome.single_stage for outcome in outcomes]) / bound
+    for name, (errors, _, single_stage) in _outcomes(workers, trial, seeds):
+        bound = bounds(replace(trial, material=name))
+        ours, single = rms(errors) / bound, rms(single_stage) / bound
         lines += [
             Line(f"{name}, {time:g} s", tuple(ours[i]), (limit(time),), tuple(single[i]))
             for i, time in enumerate(TIMES)
@@ -174,12 +164,12 @@ def _errors(
     return Group(title, definition, SYMBOLS, lines, beside, notes=notes)
 
 
-def _outcomes(
-    workers: Workers, trial: Trial, seeds: int
-) -> Iterator[tuple[str, Trial, list[Outcome]]]:
+def _outcomes(workers: Workers, trial: Trial, seeds: int) -> Iterator[tuple[str, Floats]]:
+    """Yield materials and their runs, shape (3, seeds, 4, 3)."""
     for name in MATERIALS:
-        own = replace(trial, material=name)
-        yield name, own, workers.map(f"{trial.sensor}, {name}", partial(run, own), range(seeds))
+        function = partial(run, replace(trial, material=name))
+        runs = workers.map(f"{trial.sensor}, {name}", function, range(seeds))
+        yield name, np.swapaxes(runs, 0, 1)
 
 
 def coverage(workers: Workers) -> list[Group]:
@@ -212,8 +202,8 @@ def _coverage(
     limits: tuple[Limit, ...] = (),
 ) -> Group:
     lines = []
-    for name, _, outcomes in _outcomes(workers, replace(trial, single_stage=False), seeds):
-        fraction = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
+    for name, runs in _outcomes(workers, replace(trial, single_stage=False), seeds):
+        fraction = 100.0 * np.mean(runs[1], axis=0)
         lines += [
             Line(f"{name}, {time:g} s", tuple(fraction[i]), limits)
             for i, time in enumerate(TIMES)
@@ -228,8 +218,8 @@ def _coverage(
     return Group(title, definition, SYMBOLS, lines, precision=".1f", notes=notes)
 
 
-def run(trial: Trial, seed: int) -> Outcome:
-    """One seed of a trial."""
+def run(trial: Trial, seed: int) -> Floats:
+    """Errors of K, B and n at each time, whether the 95 % intervals hold, single-stage errors."""
     law = MATERIALS[trial.material]
     x, v, f = _measured(trial, np.random.default_rng(seed))
     estimator = VariableProjection(
@@ -239,15 +229,14 @@ def run(trial: Trial, seed: int) -> Outcome:
         # An error of the surface looks like an offset, scaled by the stiffness.
         scale=Scale(10e-3, 20e-3, law.force(10e-3, 0.0)) if trial.surface_deviation else None,
     )
-    errors, covered = np.empty((2, len(ENDS), 3))
-    single = np.full((len(ENDS), 3), np.nan)
+    errors, covered, single = results = np.full((3, len(ENDS), 3), np.nan)
     for i, estimate in enumerate(feed(estimator, x, v, f, ENDS)):
         errors[i] = estimate.parameters - law.parameters
         covered[i] = np.abs(errors[i]) < 1.96 * estimate.standard_errors
     if trial.single_stage:
         for i, estimate in enumerate(feed(SingleStageRLS(), x, v, f, ENDS)):
             single[i] = estimate.parameters - law.parameters
-    return Outcome(errors, covered, single)
+    return results
 
 
 def bounds(trial: Trial) -> Floats:
