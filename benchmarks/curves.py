@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from rich.progress import track
 from scipy.optimize import least_squares
 
@@ -271,9 +271,7 @@ def apart_from_the_recursion(curves: Curves, settings: dict[str, Any]) -> Any:
     return apart
 
 
-#: The role of a sample in a fit, by the codes of :attr:`StatedCost.roles`.
-ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
-_FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
+_FIRM, _LIGHT = 2, 3  # of a sample in a fit, by the core: firm and light contact
 # Of the priors, as in include/palpate/projection/covariance.hpp.
 _EXPONENT, _EXPONENT_DEVIATION, _DISSIPATION_DEVIATION = 1.3, 1.0, 1.0
 _OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of force is less
@@ -289,8 +287,6 @@ class StatedCost:
     ----------
     penetration, velocity, force : numpy.ndarray, shape (j,)
         The selected samples, SI.
-    roles : numpy.ndarray of uint8, shape (k,)
-        The role of each sample of the curve, by the codes of :data:`ROLES`.
     scale : Scale
         The units of the arithmetic.
     offset_mean, offset_deviation : float
@@ -306,7 +302,6 @@ class StatedCost:
     penetration: Floats
     velocity: Floats
     force: Floats
-    roles: NDArray[np.uint8]
     scale: Scale
     offset_mean: float
     offset_deviation: float
@@ -370,12 +365,8 @@ def stated_cost(
         As :func:`fit_curves` does; or the curve has no contact.
     """
     curves = core._check_curves(penetration, velocity, force)
-    if len(curves[0]) != 1:
-        raise InvalidParameterError(f"pass one curve, not {len(curves[0])}")
     roles = np.empty(curves[0].shape, np.uint8)
     usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
-    if unknown := settings.keys() - usual.keys():
-        raise InvalidParameterError(f"unknown setting {', '.join(sorted(unknown))}")
     checked = core._check_settings(1, {**usual, "exponent": exponent, "offset": offset, **settings})
     numbers, _, _, codes = core._fit_rows(curves, checked, 1, roles)
     if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
@@ -383,7 +374,7 @@ def stated_cost(
     chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
     units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
     found: list[Any] = [values[0, chosen] for values in curves]
-    found += [roles[0], Scale(*units), *prior, exponent, offset]
+    found += [Scale(*units), *prior, exponent, offset]
     return StatedCost(*found)
 
 

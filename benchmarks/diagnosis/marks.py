@@ -66,8 +66,8 @@ class Marked:
         The verdicts; ``"refused"`` if the recording was not identified.
     errors : dict
         Of both quantities at the printed depth, over the truth.
-    statistical, systematic : dict
-        The bars, over the size of the truth.
+    bars : dict
+        Both parts of the standard errors together, over the size of the truth.
     deviations, relative : tuple of float
         Errors of K, B and n, in the standard errors of the estimate and relative, where Hunt and
         Crossley's law was selected.
@@ -89,8 +89,7 @@ class Marked:
     stiffness: str = "refused"
     damping: str = "refused"
     errors: dict[str, float] = field(default_factory=dict)
-    statistical: dict[str, float] = field(default_factory=dict)
-    systematic: dict[str, float] = field(default_factory=dict)
+    bars: dict[str, float] = field(default_factory=dict)
     deviations: tuple[float, ...] = ()
     relative: tuple[float, ...] = ()
     described: bool = True
@@ -125,8 +124,7 @@ def marked(made: Trial) -> Marked:
     for name, true in zip(QUANTITIES, made.truth(there.depth), strict=True):
         quantity: Quantity = getattr(there, name)
         said.errors[name] = (quantity.value - true) / abs(true)
-        said.statistical[name] = quantity.standard_error / abs(true)
-        said.systematic[name] = quantity.systematic / abs(true)
+        said.bars[name] = quantity.whole_error / abs(true)
     if len(result.law.parameters) == len(made.law.parameters):
         off = np.subtract(result.law.parameters, made.law.parameters)
         said.deviations = tuple((off / result.estimate.standard_errors).tolist())
@@ -152,16 +150,12 @@ def _delay(result: Identification) -> float:
     return float(number[1]) * (1e-3 if number[2] == "late" else -1e-3)
 
 
-def bar(row: Row, name: str) -> float:
-    """Both parts together, over the truth."""
-    return math.hypot(row["statistical"].get(name, 0.0), row["systematic"].get(name, 0.0))
-
-
 def lies(row: Row, name: str) -> bool:
     """Whether a quantity is off by more than three bars, and by more than a little."""
     off = abs(row["errors"].get(name, 0.0))  # nothing is wrong in a refusal
     loose = name == "damping" and row["bank"] not in ("ideal", "robot")
-    return bool(off > (LEAST_DAMPING if loose else LEAST)) and not off <= BARS * bar(row, name)
+    least = LEAST_DAMPING if loose else LEAST
+    return bool(off > max(least, BARS * row["bars"].get(name, 0.0)))
 
 
 def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:

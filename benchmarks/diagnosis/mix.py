@@ -20,7 +20,7 @@ from benchmarks.bank.sensor_faults import SENSOR_FAULTS
 from benchmarks.bank.trials import spoil
 from benchmarks.common.report import markdown_table, run_command, show
 from benchmarks.common.workers import Workers
-from benchmarks.diagnosis.marks import BANKS, NONE, Row, bar, marked
+from benchmarks.diagnosis.marks import BANKS, NONE, Row, marked
 from palpate import PalpateError, identify
 from palpate.writing import write_text
 
@@ -67,7 +67,7 @@ def _relative(row: Row, name: str) -> float:
     """The whole bar over the printed number."""
     if name not in row["errors"]:
         return math.nan
-    return bar(row, name) / abs(1.0 + float(row["errors"][name]))
+    return float(row["bars"][name]) / abs(1.0 + float(row["errors"][name]))
 
 
 def _against(row: Row, name: str) -> bool:
@@ -82,7 +82,7 @@ def shares_of(rows: Rows, name: str) -> tuple[list[bool], list[bool], list[bool]
     trusted = [row[name] == "trust" for row in mix]
     wrong = [row[name] == "trust" and _off(row, name) > LIMITS[name] for row in mix]
     given = [row for row in mix if math.isfinite(_off(row, name))]
-    return wrong, trusted, [_off(row, name) <= 2.0 * bar(row, name) for row in given]
+    return wrong, trusted, [_off(row, name) <= 2.0 * row["bars"][name] for row in given]
 
 
 def sentence_of(rows: Rows) -> str:
@@ -110,7 +110,7 @@ def lines_of(rows: Rows) -> Iterator[list[object]]:
         yield [f"{name}: trusted, %", _share(trusted)]
         yield [f"{name}: within two bars, %", _share(within)]
         for kind in ("clean", "faulty"):
-            pairs = [(bar(r, name), _off(r, name)) for r in given if r["set"] == kind]
+            pairs = [(r["bars"][name], _off(r, name)) for r in given if r["set"] == kind]
             bars, errors = np.median(pairs, axis=0) if pairs else (math.nan, math.nan)
             yield [f"{name}, {kind}: median bar over median error", f"{bars / errors:.2f}"]
     plain = [row for row in rows if "digits" in row]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.common.report import Facts, list_facts, markdown_table
-from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies
+from benchmarks.diagnosis.marks import QUANTITIES, Row, lies
 
 TITLE = "Faults: which numbers are wrong, and which of them are trusted"
 MEANING = """\
@@ -212,7 +212,7 @@ def _times(rows: Rows) -> str:
 
 def _clean_errors(rows: Rows) -> str:
     clean = _where(rows, _of_kind("clean"), _identified)
-    squares = [[(row["errors"][q] / bar(row, q)) ** 2 for q in QUANTITIES] for row in clean]
+    squares = [[(row["errors"][q] / row["bars"][q]) ** 2 for q in QUANTITIES] for row in clean]
     return ", ".join(f"{each:.2f}" for each in np.sqrt(np.mean(squares, axis=0))) if clean else "–"
 
 
@@ -287,7 +287,7 @@ def _marked(name: str, *marks: str) -> Test:
 
 
 def _width(rows: Rows, name: str) -> str:
-    widths = [bar(row, name) for row in rows if row["overall"] != "refused"]
+    widths = [row["bars"][name] for row in rows if row["overall"] != "refused"]
     return f"{100.0 * np.nanmedian(widths):.2g} %" if widths else "–"
 
 
@@ -350,7 +350,7 @@ def _held(rows: Rows) -> dict[str, float]:
     off = [
         [
             *np.abs(row["deviations"] or other),
-            *(abs(row["errors"][q]) / bar(row, q) for q in QUANTITIES),
+            *(abs(row["errors"][q]) / row["bars"][q] for q in QUANTITIES),
         ]
         for row in found
     ]
