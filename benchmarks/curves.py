@@ -4,7 +4,7 @@ Needs the ``develop`` extra. With one core: ``taskset -c 0 python -m benchmarks.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -203,9 +203,8 @@ def measure_recursion(count: int) -> Section:
 def rolled(curves: Curves) -> Curves:
     """The same approach–retract curves with all free air before their contact."""
     quarter = curves.force.shape[1] // 4
-    signals = (curves.penetration, curves.velocity, curves.force)
-    x, v, f = (np.roll(values, quarter, axis=1) for values in signals)
-    return Curves(x, v, f, curves.truth, curves.noise)
+    names = ("penetration", "velocity", "force")
+    return replace(curves, **{n: np.roll(getattr(curves, n), quarter, axis=1) for n in names})
 
 
 def _fit(curves: Curves, settings: dict[str, Any]) -> CurveFits:

@@ -40,13 +40,14 @@ def sines(
 
 
 @lru_cache(maxsize=2)
-def approach_and_probe(duration: float, free: float = 3e-3) -> tuple[Floats, Floats]:
-    """A second from ``free`` [m] above the surface to the mean depth, then the three sines.
+def approach_and_probe(duration: float) -> tuple[Floats, Floats]:
+    """A second from 3 mm above the surface to the mean depth, then the three sines.
 
     The lab's own approach begins 0.5 mm above it, less than the uncertainty of the surface here.
     """
     t = clock(duration)
     ramp = np.clip(t, 0.0, 1.0)
+    free = 3e-3  # m
     travel = MEAN_DEPTH + free
     on = np.where(t >= 1.0, 1.0, 0.0)
     x = -free + travel * ramp**2 * (3.0 - 2.0 * ramp)

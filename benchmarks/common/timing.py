@@ -60,10 +60,10 @@ def best_times(title: str, cases: Mapping[str, Case], rounds: int) -> dict[str, 
     return {name: min(times) for name, times in time_rounds(title, warm, rounds).items()}
 
 
-def least_seconds(work: Callable[[], Result], rounds: int = 7) -> tuple[float, Result]:
+def least_seconds(work: Callable[[], Result]) -> tuple[float, Result]:
     """Return the least time of this thread on its processor for some work, and what it gave."""
     best = np.inf
-    for _ in range(rounds):
+    for _ in range(7):
         start = thread_time()
         result = work()
         best = min(best, thread_time() - start)
@@ -118,9 +118,9 @@ def seconds_per_update(estimator: ContactEstimator, samples: Samples) -> float:
     return seconds_per_call(estimator.update, samples)
 
 
-def resident(entry: str, process: int | str = "self") -> int:
-    """Resident memory of a process of Linux, bytes: now ("VmRSS") or at most so far ("VmHWM")."""
-    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+def resident(entry: str) -> int:
+    """Resident memory of this process, bytes: now ("VmRSS") or at most so far ("VmHWM")."""
+    lines = Path("/proc/self/status").read_text().splitlines()
     (line,) = (line for line in lines if line.startswith(entry))
     return 1024 * int(line.split()[1])
 
