@@ -1,12 +1,13 @@
 """``python -m benchmarks.diagnosis``: undetected errors, their causes, and real recordings."""
 
 import json
+import operator
 import sys
 from pathlib import Path
 
 from benchmarks.common.report import describe_machine, run_command, show
 from benchmarks.common.workers import Workers
-from benchmarks.diagnosis.marks import Jobs, Row, recordings_of, run
+from benchmarks.diagnosis.marks import Jobs, Row, recordings_of
 from benchmarks.diagnosis.tables import TITLE, page
 from palpate.writing import check_writable
 
@@ -67,7 +68,7 @@ def done(store: Path, jobs: Jobs, workers: int) -> list[Row]:
         lines = (json.loads(line) for line in store.read_text().splitlines())
         known = {line["key"]: line["rows"] for line in lines}
     todo = {key: job for key, job in jobs.items() if key not in known}
-    results = Workers(workers).each("recordings", run, list(todo.values()))
+    results = Workers(workers).each("recordings", operator.call, list(todo.values()))
     with store.open("a") as file:
         for key, rows in zip(todo, results, strict=True):
             known[key] = rows

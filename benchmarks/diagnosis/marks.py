@@ -5,6 +5,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -41,8 +42,7 @@ from palpate.diagnosis import Quantity
 from palpate.validation import Floats
 
 Row = dict[str, Any]
-Job = tuple[Callable[[Any], list[Row]], Any]
-Jobs = dict[str, Job]
+Jobs = dict[str, Callable[[], list[Row]]]
 NONE = [Fault("none", str(k)) for k in range(5)]
 UNSEEN: list[Fault] = [*NONE, *SENSOR_FAULTS, *MATERIAL_FAULTS]
 KNOWN: list[Fault] = [Fault("clean", ""), *KNOWN_SENSOR_FAULTS, *KNOWN_MATERIAL_FAULTS]
@@ -163,38 +163,35 @@ def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
     if bank == "clean":
         keys = [(kind, m, length) for kind in NOISES for m in CLEAN_MOTIONS for length in LENGTHS]
         return {
-            f"clean/{'/'.join(key)}/{seed}": (_clean, (*key, seed))
+            f"clean/{'/'.join(key)}/{seed}": partial(_clean, *key, seed)
             for seed in seeds
             for key in keys
         }
     faults = UNSEEN if bank in BANKS else KNOWN
     draw = bank if bank in BANKS else "ideal"
     jobs: Jobs = {
-        f"{draw}/{fault.kind}/{fault.severity}/{seed}": (_with_fault, (draw, place, seed))
+        f"{draw}/{fault.kind}/{fault.severity}/{seed}": partial(_with_fault, draw, place, seed)
         for seed in seeds
         for place, fault in enumerate(faults)
     }
     if bank not in BANKS:
         jobs |= {
-            f"robot/{name}/{seed}": (_robot, (name, seed)) for seed in robot for name in PROBED
+            f"robot/{name}/{seed}": partial(_robot, name, seed) for seed in robot for name in PROBED
         }
-        for material in lab.MATERIALS:
-            for motion in lab.TRAJECTORIES:
-                jobs[f"pair/{material}/{motion}"] = (_pair, (material, motion))
-        jobs |= {f"recording/{path.stem}": (_recording, path) for path in recorded()}
-        jobs |= {f"repeats/{name}": (_repeats, (name, paths)) for name, paths in _objects().items()}
+        jobs |= {
+            f"pair/{material}/{motion}": partial(_pair, material, motion)
+            for material in lab.MATERIALS
+            for motion in lab.TRAJECTORIES
+        }
+        jobs |= {f"recording/{path.stem}": partial(_recording, path) for path in recorded()}
+        jobs |= {
+            f"repeats/{name}": partial(_repeats, name, paths) for name, paths in _objects().items()
+        }
     return jobs
 
 
-def run(job: Job) -> list[Row]:
-    """Return the rows of a job."""
-    function, argument = job
-    return function(argument)
-
-
-def _with_fault(job: tuple[str, int, int]) -> list[Row]:
+def _with_fault(bank: str, place: int, seed: int) -> list[Row]:
     """Return the row of a bank, a fault's place and a seed."""
-    bank, place, seed = job
     if bank == "ideal":
         return [_row(bank, KNOWN[place], spoil(ideal(seed), KNOWN[place]))]
     fault = UNSEEN[place]
@@ -208,16 +205,14 @@ def _row(bank: str, fault: Fault, made: Trial) -> Row:
     return head | asdict(marked(made))
 
 
-def _clean(job: tuple[str, str, str, int]) -> list[Row]:
-    """Return the row of a kind of noise, a motion, a length and a seed."""
-    kind, motion, length, seed = job
+def _clean(kind: str, motion: str, length: str, seed: int) -> list[Row]:
+    """Return the row of a recording without a fault."""
     made = clean(seed, kind, motion, length)
     return [{"motion": motion, "length": length} | _row("clean", Fault(kind, ""), made)]
 
 
-def _robot(job: tuple[str, int]) -> list[Row]:
+def _robot(name: str, seed: int) -> list[Row]:
     """Press a material once with the robot, and put each fault on the recording."""
-    name, seed = job
     material = lab.MATERIALS[name]
     run = lab.Bench(material, lab.THREE_SINES).run(seed)
     law: HuntCrossley = material.law  # type: ignore[attr-defined]  # of a homogeneous one
@@ -238,9 +233,8 @@ def _sensed(run: lab.Measurement, law: HuntCrossley, fault: Fault, seed: int) ->
     return made
 
 
-def _pair(job: tuple[str, str]) -> list[Row]:
+def _pair(material: str, motion: str) -> list[Row]:
     """Return the verdict on one material under one motion; ``"refused"`` if there is none."""
-    material, motion = job
     bench = lab.Bench(lab.MATERIALS[material], lab.TRAJECTORIES[motion])
     try:
         overall: str = identify(bench.run(0).contact).diagnosis.verdict.overall
@@ -273,9 +267,8 @@ def _objects() -> dict[str, list[Path]]:
     return {name: paths for name, paths in objects.items() if paths}
 
 
-def _repeats(job: tuple[str, list[Path]]) -> list[Row]:
+def _repeats(name: str, paths: list[Path]) -> list[Row]:
     """Return reduced χ at a common working depth, without the systematic part and with it."""
-    name, paths = job
     count = BLOCKS.get(name.partition("_")[0], 1)
     results = []
     for part in (part for path in paths for part in _blocks(prepare(path), count)):
