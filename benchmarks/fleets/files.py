@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common.report import Limit, Row, Section, at_least
-from benchmarks.reading import BEGIN, STEP, stamped, write_mcap
+from benchmarks.reading import write_mcap
+from benchmarks.whole_identification import messages
+from palpate import HuntCrossley
 from palpate.fleet.files import read_results
 from palpate.fleet.running import run_fleet
 from palpate.fleet.tasks import Settings
@@ -16,44 +18,21 @@ SECONDS = 1.0
 _FILES = 200  # that are generated; the others are copies, equivalent for reading
 
 
-def recording(seed: int) -> list[tuple[bool, int, bytes]]:
-    """Yield wrenches and poses of a robot that presses a material once a second, at 1 kHz."""
-    random = np.random.default_rng(seed)
-    time_ = np.arange(int(SECONDS * 1000)) * 1e-3
-    depth = 4e-3 * np.sin(2 * np.pi * 3.0 * time_) - 1e-3
-    velocity = 4e-3 * 6 * np.pi * np.cos(2 * np.pi * 3.0 * time_)
-    below = np.maximum(depth, 0.0)
-    force = 4000.0 * random.uniform(0.5, 2.0) * below**1.3 * (1.0 + 3.0 * velocity)
-    force += random.normal(0.0, 0.002, force.size)
-    depth += random.normal(0.0, 1e-6, depth.size)
-    found = []
-    for k in range(time_.size):
-        at = BEGIN + k * STEP
-        wrench = np.array([0.0, 0.0, force[k], 0.0, 0.0, 0.0])
-        pose = np.array([0.1, 0.2, -depth[k], 0.0, 0.0, 0.0, 1.0])
-        found.append((True, at, stamped(at, is_wrench=True) + wrench.tobytes()))
-        found.append((False, at + 300_000, stamped(at, is_wrench=False) + pose.tobytes()))
-    return found
-
-
-def write_files(folder: Path, count: int, damaged: int) -> list[Path]:
+def write_files(folder: Path, count: int, damaged: int) -> None:
     """Write so many files, some of which, at equal distances, are cut or overwritten."""
     folder.mkdir()
     made = []
-    for seed in range(min(count, _FILES)):
-        path = folder / f"touch-{seed:05d}.mcap"
-        write_mcap(path, recording(seed), compressed=True, chunks=True)
-        made.append(path.read_bytes())
-    paths = []
     spoilt = set(np.linspace(0, count - 1, damaged).astype(int).tolist())
     for k in range(count):
         path = folder / f"touch-{k:05d}.mcap"
-        content = made[k % len(made)]
+        if k < _FILES:  # an approach and a press of a stiffness of its own
+            law = HuntCrossley(np.random.default_rng(k).uniform(1000.0, 4000.0), 2000.0, 1.0)
+            write_mcap(path, messages(SECONDS / 60.0, k, law))
+            made.append(path.read_bytes())
+        content = made[k % _FILES]
         if k in spoilt:  # zeros, or only the first bytes: unreadable
             content = bytes(len(content)) if k % 2 else content[:40]
         path.write_bytes(content)
-        paths.append(path)
-    return paths
 
 
 def read_by_rosbags(path: Path, store: object) -> int:
@@ -73,16 +52,16 @@ def read_by_rosbags(path: Path, store: object) -> int:
     return count
 
 
-def measure(count: int, damaged: int, folder: Path | None = None) -> Section:
+def measure(count: int, damaged: int) -> Section:
     """Identify all of them with one worker, and read them by rosbags in this process."""
     from rosbags.typesys import Stores, get_typestore
 
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
-        paths = write_files(path / "touches", count, damaged)
+        write_files(path / "touches", count, damaged)
         store = get_typestore(Stores.ROS2_HUMBLE)
         begun = time.perf_counter()
-        for each in paths:
+        for each in sorted((path / "touches").iterdir()):
             read_by_rosbags(each, store)
         alone = time.perf_counter() - begun
         found = run_fleet(

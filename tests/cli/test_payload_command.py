@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from payloads import PAYLOAD
+from robot_logs import Setup, simulate
 from ruamel.yaml import YAML
 
-from benchmarks.payload import Setup, simulate
 from palpate import Payload
 from palpate.cli.payload import verdict_on
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from robot_logs import FAULTS, IDEAL, STILL, Setup, identify, random_setup, simulate
 from scipy.spatial.transform import Rotation
 
 import palpate
-from benchmarks.payload import FAULTS, IDEAL, STILL, Setup, identify, random_setup, simulate
 from palpate import Recording, RecordingError, prepare
 from palpate.preparation.flange_motion import motion_of
 from palpate.preparation.payload import GRAVITY, Payload
@@ -57,7 +57,7 @@ def test_the_wrench_of_a_payload_is_that_of_the_regressors():
 
 def assert_found(setup: Setup) -> None:
     found = identify(setup)
-    # The limits of the 95th percentile in `benchmarks.payload`, by a half more for the worst.
+    # By a half more than the limits of the 95th percentile of random set-ups.
     limits = {"mass, %": 0.75, "centre, mm": 0.75, "mount, °": 0.75, "clock, ms": 1.0, "S, %": 1.0}
     for name, limit in limits.items():
         assert abs(found.absolute[name]) < limit, name

@@ -1,21 +1,17 @@
-"""``python -m benchmarks.payload --seeds N``: payload, clock and stiffness from a wrench's log.
+"""Logs of a wrench and a pose, and what palpate makes of them against the truth.
 
 A robot turns its tool in free air and presses it into a flat material. The simulator integrates
 nothing: the path is a sum of minimum-jerk moves, the wrench follows from Newton's and Euler's
 equations at 2 kHz, and pose and wrench are sampled on two clocks. Friction is Dahl's.
 """
 
-import argparse
 import math
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
-from rich.table import Table
 from scipy.ndimage import uniform_filter1d
 from scipy.spatial.transform import Rotation
 
@@ -310,52 +306,3 @@ FAULTS: dict[str, dict[str, Any]] = {
     "zeroed in contact": IDEAL | {"zeroed": 0.62},
     "zeroed in free air": IDEAL | {"zeroed": 0.2},
 }
-
-
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Print the errors of random set-ups, and of one fault at a time."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=8)
-    parser.add_argument("--faults", type=int, default=2, help="seeds of each fault")
-    parser.add_argument("--first", type=int, default=0)
-    options = parser.parse_args(arguments)
-    seeds, console = range(options.first, options.first + options.seeds), Console(width=120)
-    for title, more in (("no friction", {"friction": 0.0}), ("friction 0.1 to 0.7", {})):
-        rows = [identify(random_setup(seed, touch_tilt=0.0, **more)) for seed in seeds]
-        table = Table(
-            "", "median", "p95", "worst", title=f"{options.seeds} random set-ups, {title}"
-        )
-        for name in rows[0].absolute:
-            sizes = np.abs([each.absolute[name] for each in rows])
-            shown = (np.median(sizes), np.percentile(sizes, 95.0), sizes.max())
-            table.add_row(name, *(f"{each:.2f}" for each in shown))
-        for name in ("mass", "mount", "clock", "S", "C"):
-            z = [v for row in rows for own, v in row.in_errors.items() if own.startswith(name)]
-            table.add_row(f"{name} within its 95 % bar", f"{np.mean(np.abs(z) < 1.96):.0%}")
-        trusted = sum(abs(r.absolute["C, %"]) > 20.0 and r.damping_mark == "trust" for r in rows)
-        table.add_row("damping trusted, off by > 20 %", str(trusted))
-        console.print(table)
-    table = Table("fault", "S, %", "of C's bar", "verdict of S, C", title="one fault at a time")
-    for name, fault in FAULTS.items():
-        rows = [identify(Setup(seed=seed, **fault)) for seed in range(options.faults)]
-        errors = " ".join(f"{each.absolute['S, %']:+.2f}" for each in rows)
-        bars = " ".join(f"{each.in_errors['C']:+.1f}" for each in rows)
-        marks = [f"{each.mark}/{each.damping_mark}" for each in rows]
-        same = len({*marks}) == 1
-        table.add_row(name, errors, bars, marks[0] if same else ", ".join(marks))
-    console.print(table)
-    times: dict[Literal["tool", "base"], float] = {"tool": math.inf, "base": math.inf}
-    log = simulate(Setup())
-    for _ in range(3):
-        for frame in times:
-            begun = time.process_time()
-            palpate.identify(palpate.prepare(log.recording, force_frame=frame))
-            times[frame] = min(times[frame], time.process_time() - begun)
-    ratio = times["tool"] / times["base"]
-    console.print(
-        f"CPU of prepare and identify: {times['tool']:.2f} s, {ratio:.2f} times that without"
-    )
-
-
-if __name__ == "__main__":
-    main()
