@@ -15,7 +15,7 @@ from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, lie_between_samples
+from palpate.recordings.poses import align_signs, interpolate_columns, lie_between_samples
 from palpate.recordings.recording import (
     GRAVITY,
     TORQUE_UNITS,
@@ -765,6 +765,7 @@ def _step(time: Floats) -> float:
 def _interpolate(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
     if values.dtype.kind not in "fiu":
         raise InvalidParameterError("segment must be on the clock of the position or the force")
-    if values.ndim == 1:
-        return np.interp(wanted, time, values.astype(np.float64))
-    return np.column_stack([_interpolate(wanted, time, column) for column in values.T])
+    numbers = values.astype(np.float64)
+    if numbers.ndim == 1:
+        return np.interp(wanted, time, numbers)
+    return interpolate_columns(wanted, time, numbers)

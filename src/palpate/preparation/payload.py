@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, worst
+from palpate.recordings.poses import interpolate_columns
 from palpate.validation import Floats
 from palpate.writing import as_toml, write_text
 
@@ -151,12 +152,9 @@ class Payload:
     def bias_at(self, time: Floats) -> Floats:
         """Return the bias at some times of the log that it was found from, shape (k, 6)."""
         bias: Floats = np.tile(self.bias, (len(time), 1))
-        if not len(self.bias_times):
-            return bias
-        changes: list[Floats] = [
-            np.interp(time, self.bias_times, column) for column in self.bias_changes.T
-        ]
-        return bias + np.column_stack(changes)
+        if len(self.bias_times):
+            bias += interpolate_columns(time, self.bias_times, self.bias_changes)
+        return bias
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as numbers, lists and dictionaries."""

@@ -53,6 +53,12 @@ class Preparation:
     window: tuple[float | None, float | None] | None = None
     strict: bool = False
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends of the window, s; infinite without one."""
+        low, high = self.window or (None, None)
+        return -math.inf if low is None else low, math.inf if high is None else high
+
     def __post_init__(self) -> None:
         instance("columns", self.columns, Columns)
         units = {"penetration" if k == "position" else k: unit for k, unit in self.units.items()}

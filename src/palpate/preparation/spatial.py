@@ -61,6 +61,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
+from palpate.recordings.poses import interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
@@ -104,13 +105,11 @@ def along_normal(
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
         signals = replace(signals, depth=-signals.depth)
-    low, high = settings.window or (None, None)
-    ends = -math.inf if low is None else low, math.inf if high is None else high
-    signals = signals.taken(between(signals.time, *ends, recording.source))
+    signals = signals.taken(between(signals.time, *settings.ends, recording.source))
     recorded, late = signals.force, settings.delay
     signals = _check_orientation(recording, roles, signals, settings, findings)
     with stage(_LOGGER, "payload"):
-        compensated = compensate(signals, settings, ends, recording.source)
+        compensated = compensate(signals, settings, recording.source)
     if compensated is not None:
         signals, recorded = compensated.signals, recorded[compensated.kept]
         zero: Baseline | None = compensated.baseline
@@ -176,12 +175,10 @@ def compensate_log(recording: Recording, settings: Preparation) -> "Compensated"
     """
     roles = choose_roles(recording, settings.columns)
     signals = build_signals(roles.recording, roles, settings.units, strict=settings.strict)
-    low, high = settings.window or (None, None)
-    ends = -math.inf if low is None else low, math.inf if high is None else high
     if not {"orientation", "force", "depth"} <= signals.clocks.keys() or signals.force.ndim == 1:
         words = "a payload needs a force in space and a pose; name the channels with --force, "
         raise RecordingError.of(recording.source, f"{words}--position and --orientation")
-    found = compensate(signals, settings, ends, recording.source)
+    found = compensate(signals, settings, recording.source)
     if found is None:
         raise never_free(recording.source)
     return found
@@ -240,9 +237,7 @@ UNLIKELY = 1e3  # times the 99th percentile of a channel: a bit error
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
 
 
-def compensate(
-    signals: Signals, settings: Preparation, ends: tuple[float, float], source: str
-) -> Compensated | None:
+def compensate(signals: Signals, settings: Preparation, source: str) -> Compensated | None:
     """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
 
     None without such a wrench, with a given interval of free air, or where the log has none: then
@@ -255,7 +250,7 @@ def compensate(
         values = unit_quaternions(values, source) if role == "orientation" else values
         known = np.abs(values[np.isfinite(values)])
         likely = np.abs(values) <= (UNLIKELY * np.percentile(known, 99.0) if known.size else 0.0)
-        if (inside := between(time, *ends, source) & likely.all(axis=1)).any():
+        if (inside := between(time, *settings.ends, source) & likely.all(axis=1)).any():
             streams[role] = time[inside], values[inside]
     if not {"depth", "orientation", "force"} <= streams.keys():
         return None
@@ -264,11 +259,11 @@ def compensate(
     )
     torque = np.zeros_like(force)
     if "torque" in streams:
-        torque = _at(time, *streams["torque"])
+        torque = interpolate_columns(time, *streams["torque"])
     clocks = stamps, turns, time
     if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
         return None
-    pose = stamps, position, _at(stamps, turns, orientation)
+    pose = stamps, position, interpolate_columns(stamps, turns, orientation)
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
     late = settings.delay
     delay = None
@@ -305,7 +300,7 @@ def compensate(
         without_zeroings(time, wrench[:, :3], fit.zeroed), ((half, half), (0, 0)), "edge"
     )
     smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
-    force = external_force(fit, quick, at, _at(at, time, smooth)) @ payload.mount.T
+    force = external_force(fit, quick, at, interpolate_columns(at, time, smooth)) @ payload.mount.T
     force = rotate_to_base(force, signals.orientation, source)
     kept = np.isfinite(force).all(axis=1) & (at >= time[0]) & (at <= time[-1])
     blocks = fit.blocks
@@ -321,11 +316,6 @@ def compensate(
         motion,
         applied,
     )
-
-
-def _at(wanted: Floats, time: Floats, values: Floats) -> Floats:
-    """Interpolate columns linearly."""
-    return np.column_stack([np.interp(wanted, time, column) for column in values.T])
 
 
 @log_stage("frame of the force")
