@@ -5,7 +5,6 @@ each channel, which decodes them block by block.
 """
 
 import bz2
-import itertools
 import re
 import shutil
 import sqlite3
@@ -48,7 +47,6 @@ _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are dec
 _LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
 _HIGHEST_RATIO = 2000  # size of unpacked chunks over the file; time stamps alone prevent more
-_MOST_DESCRIBED = 10_000  # schemas, channels and metadata; more are a bomb
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
 # The header of an MCAP message: kind, length, channel, number, log time, publish time.
 _HEAD = np.dtype("u1, <i8, <u2, <u4, <i8, <u8")
@@ -318,7 +316,6 @@ class _Mcap:
         self.topics: dict[int, Topic] = {}
         self.messages = 0
         self.unpacked = 0  # bytes of chunks
-        self.described = set[int]()  # schemas, channels and metadata
         self.unknown = 0  # messages of channels without a channel record
         self.claimed: int | None = None  # the number of messages that the file states
         self.ended = False
@@ -359,23 +356,14 @@ class _Mcap:
             self._lost(f"it lists {self.claimed} messages, but {self.messages} were read")
 
     def _take(self, data: bytes, starts: list[int], end: int) -> None:
-        """Process complete records in order."""
+        """Process complete records, the messages last: what describes them precedes them."""
         view, begins = np.frombuffer(data, np.uint8), np.array(starts, np.int64)
         sizes = np.diff(begins, append=end)
         kinds = view[begins]
+        for k in np.flatnonzero(_IS_OTHER[kinds]).tolist():
+            self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
         is_message = (kinds == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
-        others = np.flatnonzero(_IS_OTHER[kinds]).tolist()
-        first = 0
-        # Not a list: a chunk among them may hold records that the summary after it repeats.
-        new = (k for k in others if self._is_new(data[starts[k] : starts[k] + sizes[k]]))
-        for k in itertools.chain(new, [len(starts)]):
-            # A schema or channel precedes its messages; chunks may lie between single messages.
-            if k > first:
-                which = is_message[first:k]
-                self._messages(view, begins[first:k][which], sizes[first:k][which])
-            if k < len(starts):
-                self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
-            first = k + 1
+        self._messages(view, begins[is_message], sizes[is_message])
 
     def _messages(self, view: Bytes, begins: Starts, sizes: Starts) -> None:
         if not len(begins):
@@ -390,14 +378,6 @@ class _Mcap:
             lengths = sizes[which] - _HEAD.itemsize
             times = heads["f4"][which].astype(np.int64)
             self.topics[channel].add(Block(view, begins[which] + _HEAD.itemsize, lengths, times))
-
-    def _is_new(self, record: bytes) -> bool:
-        """Whether a description is not a repetition, nor one of too many; each splits a block."""
-        if record[0] in (Opcode.CHUNK, Opcode.FOOTER):
-            return True
-        new = hash(record) not in self.described and len(self.described) < _MOST_DESCRIBED
-        self.described.add(hash(record))
-        return new
 
     def _other(self, kind: int, data: bytes) -> None:
         self.ended = self.ended or kind == Opcode.FOOTER
