@@ -85,17 +85,24 @@ def read(path: Path, request: Request) -> Recording:
 
 
 def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> pa.Table:
-    """Read a column; text and lists may have any length, so read them in parts while they fit."""
+    """Read a column; text and lists may have any length."""
     kind = table.schema_arrow.field(name).type
     if pa.types.is_primitive(kind) or pa.types.is_decimal(kind):
         return table.read(columns=[name])
+    return read_in_parts(table, [name], _ROWS_AT_ONCE, request)
+
+
+def read_in_parts(
+    table: parquet.ParquetFile, names: list[str], rows: int, request: Request
+) -> pa.Table:
+    """Read columns of Parquet some rows at a time; raise ValueError if they exceed the cap."""
     batches, size = [], 0
-    for batch in table.iter_batches(_ROWS_AT_ONCE, columns=[name]):
+    for batch in table.iter_batches(rows, columns=names):
         batches.append(batch)
         size += batch.nbytes
         if size > request.max_size:
             raise ValueError(excess("it needs", size, request.max_size))
-    return pa.Table.from_batches(batches) if batches else table.read(columns=[name])
+    return pa.Table.from_batches(batches) if batches else table.read(columns=names)
 
 
 def _reserve(data: memoryview, request: Request) -> None:

@@ -250,7 +250,7 @@ class _LeRobot:
             raise ValueError(f"its fps is {rate}")
         self.rate: float | None = rate
         self._places: dict[int, tuple[Path, int]] = {}  # file and first row of each episode
-        self._cache: tuple[Path, int, Any] | None = None
+        self._decoded: tuple[Path, Any] | None = None  # the last file, with its rows
         if (root / "meta/episodes").is_dir():
             self.lengths = self._from_metadata(root)
         else:
@@ -315,36 +315,22 @@ class _LeRobot:
         return replace(of_columns, **named)
 
     def _rows(self, path: Path, first: int, count: int, request: Request) -> Any:
-        """Read rows of a file; a group of rows that several episodes share is decoded once."""
-        pa = import_extra("pyarrow", "a LeRobot data set", "recordings")
-        try:
-            with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
-                names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
-                about, begin, parts = file.metadata, 0, []
-                count = about.num_rows - first if count < 0 else count
-                for k in range(about.num_row_groups):
-                    end = begin + about.row_group(k).num_rows
-                    if begin < first + count and first < end:
-                        if self._cache is None or self._cache[:2] != (path, k):
-                            batches, size = [], 0
-                            for batch in file.iter_batches(_MOST_ROWS, [k], names):
-                                batches.append(batch)
-                                size += batch.nbytes
-                                if size > request.max_size:
-                                    words = excess("its columns need", size, request.max_size)
-                                    raise RecordingError.of(request.source, words)
-                            self._cache = path, k, pa.Table.from_batches(batches)
-                        at = max(first - begin, 0)
-                        parts.append(self._cache[2].slice(at, first + count - begin - at))
-                    begin = end
-        except FileNotFoundError:
-            words = f"its file {path.name} is missing; copy the whole data set"
-            raise RecordingError.of(request.source, words) from None
-        table = pa.concat_tables(parts) if parts else None
-        if table is None or table.num_rows != count:
+        """Read rows of a file; a file with several episodes is decoded once."""
+        if self._decoded is None or self._decoded[0] != path:
+            try:
+                with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
+                    names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
+                    table = self._arrow.read_in_parts(file, names, _MOST_ROWS, request)
+            except FileNotFoundError:
+                words = f"its file {path.name} is missing; copy the whole data set"
+                raise RecordingError.of(request.source, words) from None
+            self._decoded = path, table
+        table = self._decoded[1]
+        count = table.num_rows - first if count < 0 else count
+        if table.num_rows < first + count:
             words = f"{path.name} has fewer rows than the description says; copy it again"
             raise RecordingError.of(request.source, words)
-        return table
+        return table.slice(first, count)
 
     def _is_wanted(self, name: str, request: Request) -> bool:
         if name in _COUNTERS:
