@@ -15,13 +15,11 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import MOST_COLUMNS, read_text
-from palpate.recordings.opening import Draft, Request, excess, first_line
-from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
+from palpate.recordings.recording import Faults, Recording
 
 # Exceptions that pyarrow raises on a damaged file.
-_DAMAGED = (
-    pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError, struct.error,
-)  # fmt: skip
+_DAMAGED = (*FAULTS, pa.ArrowException)
 _NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
 _UNITS = (b"unit", b"units", b"Unit", b"Units")
 # Metadata that is not readable text.
@@ -49,11 +47,11 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file has another format, is cut off or too damaged, or has no requested column.
     """
-    source = printable(path)
     with path.open("rb") as file:
         begin = file.read(len(_BEGIN))
-    draft = Draft(source, request)
-    try:
+    draft = Draft(request)
+    remedy = "copy it again or let the recorder close its file"
+    with request.explain_damage("the file is cut off or damaged", remedy, _DAMAGED):
         if begin.startswith(b"PAR1"):
             with parquet.ParquetFile(path, page_checksum_verification=True) as table:
                 # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
@@ -75,13 +73,6 @@ def read(path: Path, request: Request) -> Recording:
         _reserve(memoryview(content), request)
         batches = _batches(pa.BufferReader(content), draft.losses)
         return read_columns(batches.schema, lambda n: batches.select([n]), draft)
-    except RecordingError:
-        raise
-    except _DAMAGED as error:
-        raise draft.error(
-            f"the file is cut off or damaged ({first_line(error)}); copy it again or let the "
-            "recorder close its file"
-        ) from None
 
 
 def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> pa.Table:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
 from palpate.recordings.nested import Findings
-from palpate.recordings.opening import Draft, Request, excess, first_line
+from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
@@ -36,8 +36,6 @@ _COUNTERS = frozenset(("index", "frame_index", "episode_index", "task_index"))
 _NO_NUMBERS = frozenset(("image", "video", "string", "audio"))
 _NUMBERED = re.compile(r"(\d+)(?:-of-\d+)?\.parquet$")
 _MOST_ROWS = 8192  # read at once
-_FAULTS = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
-           ValueError)  # fmt: skip
 
 
 class DataSet(Protocol):
@@ -71,7 +69,7 @@ def describe_data_set(path: Path) -> DataSet | None:
     """
     if not is_dataset(path):
         return None
-    with open_data_set(path) as data:
+    with open_data_set(path, printable(path)) as data:
         return data
 
 
@@ -81,7 +79,7 @@ def is_dataset(path: Path) -> bool:
 
 
 @contextmanager
-def open_data_set(path: Path) -> Iterator[DataSet]:
+def open_data_set(path: Path, source: str) -> Iterator[DataSet]:
     """Open a data set for reading.
 
     Raises
@@ -89,23 +87,18 @@ def open_data_set(path: Path) -> Iterator[DataSet]:
     RecordingError
         Its description is damaged, or it holds no episodes.
     """
-    source = printable(path)
+    request = Request(source)
     with ExitStack() as files:
-        try:
+        with request.explain_damage("the description of the data set is damaged", "copy it again"):
             if (root := _root_of(path)) is not None:
                 data: DataSet = _LeRobot(root, None if root == path else path)
             elif _is_replay(path):
                 data = _ReplayBuffer(path)
             else:
                 hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), source)
-        except RecordingError:
-            raise
-        except _FAULTS as error:
-            words = f"the description of the data set is damaged ({first_line(error)})"
-            raise RecordingError(f"{source}: {words}; copy it again") from None
+                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), request)
         if not data.lengths:
-            raise RecordingError(f"{source}: the data set holds no episodes; copy it again")
+            raise request.error("the data set holds no episodes; copy it again")
         yield data
 
 
@@ -124,20 +117,18 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The data set is damaged, has no episode of this number, or more than 100.
     """
-    source = printable(path)
-    with open_data_set(path) as data:
+    source = request.source
+    with open_data_set(path, source) as data:
         numbers = list(data.lengths)
         if request.episode is not None:
             if request.episode not in data.lengths:
-                words = (
-                    f"has no episode {request.episode}; it has {len(numbers)}, from {numbers[0]} on"
-                )
-                raise RecordingError(f"{source}: {words}")
+                count = f"it has {len(numbers)}, from {numbers[0]} on"
+                raise request.error(f"has no episode {request.episode}; {count}")
             numbers = [request.episode]
         elif len(numbers) > MOST_EPISODES:
             words = f"holds {len(numbers)} episodes, more than {MOST_EPISODES} of one object"
             remedy = "choose one with --episode, or identify each with palpate fleet"
-            raise RecordingError(f"{source}: {words}; {remedy}")
+            raise request.error(f"{words}; {remedy}")
         episodes = []
         for k, number in enumerate(numbers):
             whose = replace(request, source=f"{source}, episode {number}")
@@ -173,10 +164,10 @@ def read_episodes(
         The data set cannot be read at all.
     """
     source = printable(path)
-    with open_data_set(path) as data:
+    with open_data_set(path, source) as data:
         known = list(data.lengths)
         for place in numbers:
-            request = Request(max_size=int(max_size), source=source)
+            request = Request(source, max_size=int(max_size))
             try:
                 yield known[place], _episode(data, known[place], request)
             except RecordingError as error:
@@ -185,12 +176,8 @@ def read_episodes(
 
 def _episode(data: DataSet, number: int, request: Request) -> Recording:
     """Read an episode, without channels that repeat another one."""
-    try:
+    with request.explain_damage("the episode cannot be read", "copy the data set again"):
         recording = data.channels(number, request)
-    except RecordingError:
-        raise
-    except _FAULTS as error:
-        raise RecordingError(f"{request.source}: cannot be read: {first_line(error)}") from None
     channels = _without_repeats(recording.channels)
     rate = {} if data.rate is None else {"rate": data.rate}
     clocks = {name: clock for name, clock in recording.clocks.items() if name in channels}
@@ -302,9 +289,9 @@ class _LeRobot:
             inside = sorted(table["episode_index"].unique().to_pylist())
             if inside != [number]:
                 words = f"{file.name} does not have its rows where the description says"
-                raise RecordingError(f"{request.source}: {words}; copy the data set again")
+                raise request.error(f"{words}; copy the data set again")
             table = table.drop_columns(["episode_index"])
-        draft = Draft(request.source, request)
+        draft = Draft(request)
         of_columns: Recording = self._arrow.read_columns(
             table.schema, lambda name: table.select([name]), draft
         )
@@ -323,13 +310,13 @@ class _LeRobot:
                     table = self._arrow.read_in_parts(file, names, _MOST_ROWS, request)
             except FileNotFoundError:
                 words = f"its file {path.name} is missing; copy the whole data set"
-                raise RecordingError.of(request.source, words) from None
+                raise request.error(words) from None
             self._decoded = path, table
         table = self._decoded[1]
         count = table.num_rows - first if count < 0 else count
         if table.num_rows < first + count:
             words = f"{path.name} has fewer rows than the description says; copy it again"
-            raise RecordingError.of(request.source, words)
+            raise request.error(words)
         return table.slice(first, count)
 
     def _is_wanted(self, name: str, request: Request) -> bool:
@@ -370,11 +357,11 @@ def _demonstrations(group: Any) -> dict[int, str]:
 class _Demonstrations:
     """A group ``data`` with the groups ``demo_0``, ``demo_1`` …, each with a group ``obs``."""
 
-    def __init__(self, file: Any, source: str) -> None:
+    def __init__(self, file: Any, request: Request) -> None:
         self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
         self._data = file["data"]
         self._names = _demonstrations(self._data)
-        walk = self._hdf5.Walk(Findings(source, Request()))
+        walk = self._hdf5.Walk(Findings(request))
         stated = dict(walk.attributes(self._data))
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
@@ -390,7 +377,7 @@ class _Demonstrations:
     def channels(self, number: int, request: Request) -> Recording:
         """Read the observations and the actions, without the observations that follow each."""
         group = self._data[self._names[number]]
-        walk = self._hdf5.Walk(Findings(request.source, request))
+        walk = self._hdf5.Walk(Findings(request))
         if "obs" in group:
             walk.group(group["obs"], ())
         for name in group:
@@ -438,13 +425,13 @@ class _ReplayBuffer:
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the samples of an episode; pictures are skipped unread."""
-        found, end = Findings(request.source, request), int(self._ends[number])
+        found, end = Findings(request), int(self._ends[number])
         rows = slice(end - self.lengths[number], end)
         for name in self._names:
             try:  # the codecs of pictures are mostly unknown
                 array = self._group[f"data/{name}"]
                 shape = (rows.stop - rows.start, *array.shape[1:])
-            except _FAULTS as error:
+            except FAULTS as error:
                 found.omit(name, f"cannot be opened: {first_line(error)}")
                 continue
             chunk = math.prod(array.chunks) * array.dtype.itemsize

@@ -21,11 +21,8 @@ from palpate.recordings.nested import (
     plain_numbers,
     read_text,
 )
-from palpate.recordings.opening import FORCE_CURVES, Request, excess, first_line
-from palpate.recordings.recording import Recording, printable
-
-# Exceptions that h5py raises on a damaged file.
-DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
+from palpate.recordings.opening import FAULTS, FORCE_CURVES, Request, excess, first_line
+from palpate.recordings.recording import Recording
 
 _LONGEST_TEXT = 4096
 
@@ -52,10 +49,9 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is not HDF5, is too damaged, or holds no time series.
     """
-    source = printable(path)
-    with open_file(path, source) as file:
+    with open_file(path, request.source) as file:
         if not _is_afm(file):
-            walk = Walk(Findings(source, request))
+            walk = Walk(Findings(request))
             walk.group(file, ())
             for name, words in walk.attributes(file):
                 walk.found.note(name, words)
@@ -74,7 +70,7 @@ def open_file(path: Path, source: str) -> Iterator[h5py.File]:
     """
     try:
         file = h5py.File(path, "r", locking=False)
-    except DAMAGED as error:
+    except FAULTS as error:
         raise RecordingError(f"{source}: {_why(error)}") from None
     with file:
         yield file
@@ -97,7 +93,7 @@ def _is_afm(file: h5py.File) -> bool:
     """Whether the file holds force curves that afmformats exported."""
     try:
         return read_text(file.attrs.get("software")) == "afmformats" and "0" in file
-    except DAMAGED:
+    except FAULTS:
         return False
 
 
@@ -116,7 +112,7 @@ class Walk:
             for attribute, part in _PLOTTED.items():  # axes are one name or several
                 for name in np.atleast_1d(group.attrs.get(attribute, ())).tolist():
                     self.found.plots["/".join((*path, read_text(name) or ""))] = part
-        except DAMAGED as error:
+        except FAULTS as error:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
             return
         for name in names:
@@ -140,7 +136,7 @@ class Walk:
             elif isinstance(item, h5py.Group):
                 self._notes(item, whole)
                 self.group(item, (*path, name))
-        except DAMAGED as error:
+        except FAULTS as error:
             self.found.lose(whole, f"cannot be read: {first_line(error)}")
 
     def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
@@ -213,7 +209,7 @@ class Walk:
                     words = str(value)
                 if words is not None:
                     yield read_text(name) or "", words
-        except DAMAGED:  # attributes are optional; reading the arrays reports the damage
+        except FAULTS:  # attributes are optional; reading the arrays reports the damage
             return
 
 
@@ -243,9 +239,8 @@ def read_matlab(path: Path, request: Request) -> Recording:
     RecordingError
         The file is too damaged, or holds no time series.
     """
-    source = printable(path)
-    with open_file(path, source) as file:
-        walk = _Variables(Findings(source, request))
+    with open_file(path, request.source) as file:
+        walk = _Variables(Findings(request))
         walk.group(file, ())
         return walk.found.recording()
 
@@ -299,7 +294,7 @@ class _Variables(Walk):
                     self.dataset(value, own, name)
                 else:
                     self.group(value, (*own, name))
-            except DAMAGED as error:
+            except FAULTS as error:
                 self.found.lose("/".join((*own, name)), f"cannot be read: {first_line(error)}")
 
 

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import RecordingError, import_extra
+from palpate.errors import import_extra
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
 from palpate.recordings.opening import Request
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.recording import Recording
 
 Order = Literal["little", "big"]
 
@@ -80,7 +80,6 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file has another version, is too damaged, or holds no time series.
     """
-    source = printable(path)
     size = path.stat().st_size
     with path.open("rb") as file:
         begin = file.read(128)
@@ -90,11 +89,11 @@ def read(path: Path, request: Request) -> Recording:
         recording: Recording = hdf5.read_matlab(path, request)
         return recording
     if not begin.startswith(b"MATLAB 5.0"):
-        raise RecordingError(
-            f"{source}: this is not a MATLAB file of version 5 to 7.3; save it again with "
-            "save(name, '-v7') or '-v7.3'"
+        raise request.error(
+            "this is not a MATLAB file of version 5 to 7.3; save it again with save(name, '-v7') "
+            "or '-v7.3'"
         )
-    found = Findings(source, request)
+    found = Findings(request)
     for name, value in _variables(path, size, found):
         if name:  # MATLAB stores the data of its objects in a variable without a name
             _take(value, (), name, found)

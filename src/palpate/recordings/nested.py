@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.recordings.opening import Draft, first_line, within
+from palpate.recordings.opening import FAULTS, Draft, first_line, within
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import clock_rank, detect_epoch_unit
 
@@ -49,8 +49,6 @@ _NO_SERIES = {
     "complex": "holds complex numbers",
     "sparse": "is a sparse matrix, not a time series",
 }
-# Exceptions that the libraries raise on damaged data.
-_FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,7 +173,7 @@ class Findings(Draft):
         self.request.reserve(8 * math.prod(leaf.shape))
         try:
             values = leaf.read()
-        except _FAULTS as error:
+        except FAULTS as error:
             self.lose(leaf.channel, f"cannot be read: {first_line(error)}")
             return
         unit = leaf.unit

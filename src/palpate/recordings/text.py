@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError, RecordingError
 from palpate.recordings.opening import Draft, Request, excess, first_line
-from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.recording import Faults, Recording
 from palpate.recordings.text_layout import (
     SPACES,
     WHOLE_THOUSANDS,
@@ -127,8 +127,8 @@ class _Text:
         Whether the last line had no line end; valid after the last block.
     """
 
-    def __init__(self, path: Path, source: str, most: int) -> None:
-        self.path, self.source, self.most = path, source, most
+    def __init__(self, path: Path, request: Request) -> None:
+        self.path, self.request = path, request
         self.size = path.stat().st_size
         self.encoding = "utf-8"
         self.losses: list[str] = []
@@ -147,9 +147,9 @@ class _Text:
                 yield _strip_returns(rest[:cut])
             rest = rest[cut:]
             if len(rest) > LONGEST_LINE:
-                raise RecordingError(
-                    f"{self.source}: a line, or a run of empty lines, exceeds "
-                    f"{LONGEST_LINE >> 20} MiB; this is not a table"
+                raise self.request.error(
+                    f"a line, or a run of empty lines, exceeds {LONGEST_LINE >> 20} MiB; this is "
+                    "not a table"
                 )
         self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
         rest += b"\n"
@@ -189,14 +189,14 @@ class _Text:
         begin = head[:HEAD].rstrip(b"\0")  # a loss of power leaves zeros at the end
         controls = len(begin) - len(begin.translate(None, _CONTROLS))
         if (head and not begin) or controls > MOST_CONTROLS * len(begin):
-            raise RecordingError(
-                f"{self.source}: this is neither a text file (UTF-8, Latin-1, or UTF-16 with a "
-                "byte-order mark) nor in another known format; expected a table, such as CSV"
+            raise self.request.error(
+                "this is neither a text file (UTF-8, Latin-1, or UTF-16 with a byte-order mark) "
+                "nor in another known format; expected a table, such as CSV"
             )
         if b"\r" in begin and b"\n" not in begin:
-            raise RecordingError(
-                f"{self.source}: its lines end in carriage returns alone, which palpate does not "
-                "read; convert the file: tr '\\r' '\\n'"
+            raise self.request.error(
+                "its lines end in carriage returns alone, which palpate does not read; convert the "
+                "file: tr '\\r' '\\n'"
             )
         yield head.removeprefix(codecs.BOM_UTF8)
         yield from chunks
@@ -213,18 +213,15 @@ class _Text:
                         made += len(chunk)
                         self.fraction = min(raw.tell() / self.size, 1.0)
                         yield chunk
-                        if made > self.most:
-                            raise RecordingError.of(
-                                self.source, excess("its text takes", made, self.most)
-                            )
+                        if made > self.request.max_size:
+                            most = self.request.max_size
+                            raise self.request.error(excess("its text takes", made, most))
                 except RecordingError:
                     raise
                 except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                     if not made:
-                        raise RecordingError(
-                            f"{self.source}: the compressed file cannot be read "
-                            f"({first_line(error)}); copy it again"
-                        ) from None
+                        words = f"the compressed file cannot be read ({first_line(error)})"
+                        raise self.request.error(f"{words}; copy it again") from None
                     self.losses.append(
                         f"the compressed data end early or are damaged, after {made} bytes of text"
                     )
@@ -393,11 +390,10 @@ class _Table:
     """
 
     def __init__(self, path: Path, request: Request, kinds: Mapping[str, str]) -> None:
-        self.source = printable(path)
         self.request = request
         self.columns: list[_Column] = []
         self.lost: dict[str, tuple[int, str]] = {}  # reason: number of rows, the first row
-        self.text = _Text(path, self.source, request.max_size)
+        self.text = _Text(path, request)
         self.rows: list[Sequence[int]] = []  # the row in the file of each sample
         self.begins = [0]  # index in ``rows`` at which each block begins
         self.skipped: dict[str, int] = {}  # kind of lines outside the table: the first of them
@@ -433,12 +429,12 @@ class _Table:
         """Find the layout and the kinds of the columns."""
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
-        named = self.request.header_row
-        layout = detect_layout(lines, self.source, named) if len(lines) > (named or 0) else None
+        source, named = self.request.source, self.request.header_row
+        layout = detect_layout(lines, source, named) if len(lines) > (named or 0) else None
         # The notes are long, no rows follow them, or a later table may have more rows.
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
-            layout = detect_layout(lines, self.source, named)
+            layout = detect_layout(lines, source, named)
         self.layout: TextLayout = layout
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
@@ -456,7 +452,7 @@ class _Table:
         """Count a skipped row, with a reason such as "has more cells than the header"."""
         place = f"row {row}" + f" ({cell[:40]!r})" * bool(cell)
         if self.request.strict:
-            raise RecordingError(f"{self.source}: {place} {what}; drop --strict to skip such rows")
+            raise self.request.error(f"{place} {what}; drop --strict to skip such rows")
         count, first = self.lost.get(what, (0, place))
         self.lost[what] = count + 1, first
 
@@ -645,7 +641,7 @@ class _Table:
 
     def recording(self) -> Recording:
         """Return the recording."""
-        draft = Draft(self.source, self.request, notes=dict(self.layout.notes))
+        draft = Draft(self.request, notes=dict(self.layout.notes))
         channels, units = draft.channels, draft.units
         for column in self.columns:
             fault, made = column.fault(), column.channels()
@@ -673,7 +669,8 @@ class _Table:
             lengths = [sum(map(len, part)) for part in parts]
             channels["segment"] = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
         if self.request.channels and not channels:
-            raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
+            source = self.request.source
+            raise MissingChannelError(self.request.channels[0], self.layout.header, source)
         draft.losses = [
             f"{first} {what}; palpate skipped it"
             if count == 1

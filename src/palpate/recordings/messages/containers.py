@@ -68,7 +68,7 @@ def read(path: Path, request: Request) -> Recording:
         The file cannot be read, was not closed (ROS 1 and SQLite bags), or holds no numbers; or it
         is damaged and the request is strict.
     """
-    collection = Collection(printable(path), request)
+    collection = Collection(request)
     folder = path.parent if path.name == METADATA else path
     if folder.is_dir():
         _read_folder(folder, collection)
@@ -129,9 +129,8 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
             begin = file.read(16)
         reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
         if reader is None:
-            raise RecordingError(
-                f"{printable(path)}: this is not a bag or an MCAP file; check what wrote it"
-            )
+            words = f"{printable(path.name)} is not a bag or an MCAP file; check what wrote it"
+            raise collection.error(words)
         for fraction in reader(plain, collection):
             collection.request.report(part[0] + (part[1] - part[0]) * fraction)
 
@@ -158,13 +157,11 @@ def _unpack_file(path: Path, collection: Collection) -> Iterator[Path]:
 
 def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
     bag = Rosbag1(path)
-    try:
+    what = "the bag was not closed by its recorder or is damaged"
+    remedy = f"close it with: rosbag reindex {collection.request.source}"
+    # rosbags may raise anything on a damaged file.
+    with collection.request.explain_damage(what, remedy, (Exception,)):
         bag.open()
-    except Exception as error:  # rosbags may raise anything on a damaged file
-        raise collection.error(
-            f"the bag was not closed by its recorder or is damaged ({first_line(error)}); close it "
-            f"with: rosbag reindex {printable(path)}"
-        ) from None
     unpack = partial(_unpack_bag_chunk, request=collection.request)
     bag.chunks = {at: each._replace(decompressor=unpack) for at, each in bag.chunks.items()}
     with closing(bag):
@@ -222,16 +219,13 @@ def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
 def _read_closed_sqlite(path: Path, collection: Collection) -> Iterator[float]:
     # rosbags converts the path to a URI, in which ?, # and % have other meanings.
     bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
-    try:
-        bag.open()
-    except Exception as error:
-        why = f"{printable(path.name)} is an SQLite file, but "
-        if isinstance(error, ReaderError):
+    why = f"{printable(path.name)} is an SQLite file, but "
+    remedy = "copy it again, or recover it with: sqlite3 FILE .recover"
+    with collection.request.explain_damage(f"{why}damaged or cut off", remedy, (Exception,)):
+        try:
+            bag.open()
+        except ReaderError:
             raise collection.error(f"{why}not a ROS 2 bag; check what wrote it") from None
-        raise collection.error(
-            f"{why}damaged or cut off ({first_line(error)}); copy it again, or recover it with: "
-            "sqlite3 FILE .recover"
-        ) from None
     with closing(bag):
         assert bag.dbconn is not None
         most = min(collection.request.largest_block, (1 << 31) - 1)
