@@ -11,10 +11,11 @@ import palpate
 from benchmarks.payload import FAULTS, IDEAL, STILL, Setup, identify, random_setup, simulate
 from palpate import Recording, RecordingError, prepare
 from palpate.preparation.flange_motion import motion_of
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import regressors, rotation, skew
 from palpate.preparation.settings import Preparation
 from palpate.preparation.spatial import compensate_log
+from palpate.recordings.recording import GRAVITY
 
 
 def without(recording: Recording, word: str) -> Recording:

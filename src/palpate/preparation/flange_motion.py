@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.preparation.payload import GRAVITY
 from palpate.recordings.poses import align_signs, interpolate_columns, multiply, rotate
+from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of

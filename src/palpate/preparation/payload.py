@@ -16,7 +16,6 @@ from palpate.recordings.poses import interpolate_columns
 from palpate.validation import Floats
 from palpate.writing import as_toml, write_text
 
-GRAVITY = 9.80665  # m/s², along −z of the frame of the pose
 VERSION = 1  # of the fields
 LARGEST = 1_000_000  # bytes; a payload has 2 kB, and 150 bytes for each knot of its drift
 #: Shapes of the arrays; −1 is the number of knots of the drift.

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from palpate.contact import run_slices
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import Payload
+from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
 SHIFT = 5e-3  # s, of the difference for the clock

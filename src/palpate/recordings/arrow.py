@@ -1,6 +1,5 @@
 """Parquet, Feather and Arrow, read by pyarrow: each column of numbers or text is a channel."""
 
-import json
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
@@ -14,14 +13,13 @@ import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.nested import MOST_COLUMNS, read_text
+from palpate.recordings.nested import MOST_COLUMNS, UNIT_FIELDS, read_text
 from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording
+from palpate.recordings.times import EPOCHS
 
 # Exceptions that pyarrow raises on a damaged file.
 _DAMAGED = (*FAULTS, pa.ArrowException)
-_NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
-_UNITS = (b"unit", b"units", b"Unit", b"Units")
 # Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
 _ROWS_AT_ONCE = 1024
@@ -170,9 +168,9 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
         asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
         raise draft.error(f"no column {asked}; available: {there}")
     for k, form in enumerate(wanted):
-        unit = next(
-            (read_text(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None
-        )
+        about = form.metadata or {}
+        stated = (about.get(name.encode()) for name in UNIT_FIELDS)
+        unit = read_text(next(filter(None, stated), None))
         try:
             table = table_of(form.name)
             table.validate(full=True)
@@ -185,8 +183,8 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
                     request.reserve(_size_of_words(values))
                 request.reserve(8 * len(values))
                 draft.channels[name], own_unit, fault = _values(name, values)
-                if stated := own_unit or unit:
-                    draft.units[name] = stated
+                if own_unit or unit:
+                    draft.units[name] = str(own_unit or unit)
                 if fault is not None:
                     draft.faults[name] = fault
         except RecordingError:
@@ -270,7 +268,7 @@ def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
     whole = pa.int32() if values.type.bit_width == 32 else pa.int64()
     counts = values.cast(whole).cast(pa.int64())
     try:
-        return compute.multiply_checked(counts, _NANOSECONDS[unit]), "ns"
+        return compute.multiply_checked(counts, 10**9 // EPOCHS[unit]), "ns"
     except pa.ArrowInvalid:
         return counts, unit
 
@@ -282,15 +280,8 @@ def _name(column: str) -> str:
 
 def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
     """The metadata of a file, without long texts."""
-    notes = {
+    return {
         str(read_text(name)): str(read_text(words))
         for name, words in metadata.items()
         if name not in _NO_NOTES and len(words) <= 200
     }
-    try:  # pandas stores an index of equal steps here, not as a column
-        [index] = json.loads(metadata[b"pandas"])["index_columns"]
-        if index["kind"] == "range" and (index["name"] is not None or index["step"] != 1):
-            notes["index"] = f"from {index['start']} in steps of {index['step']}, by pandas"
-    except (KeyError, TypeError, ValueError):
-        pass
-    return notes

@@ -9,7 +9,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import (
@@ -26,8 +25,6 @@ from palpate.recordings.recording import Recording
 
 _LONGEST_TEXT = 4096
 
-_CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
-_UNITS = ("units", "unit", "Units", "Unit")
 _FRAMES = ("frame_id", "frame")
 # NeXus: attributes of a group NXdata that name the arrays to plot, and the arrays for the axes.
 _PLOTTED = {"signal": "signal", "axes": "axis"}
@@ -78,15 +75,10 @@ def open_file(path: Path, source: str) -> Iterator[h5py.File]:
 
 def _why(error: BaseException) -> str:
     words = first_line(error)
-    if found := _CUT.search(str(error)):
-        here, whole = (format_bytes(int(digits)) for digits in found.groups())
-        return (
-            f"the file is cut off after {here} of {whole}, and HDF5 cannot read it; copy it again "
-            "or let the recorder close its file"
-        )
     if "signature not found" in words:
         return "this is not an HDF5 file; check its suffix and the program that wrote it"
-    return f"the file is damaged and cannot be read ({words}); copy it again"
+    remedy = "copy it again or let the recorder close its file"
+    return f"the file is cut off or damaged, and HDF5 cannot read it ({words}); {remedy}"
 
 
 def _is_afm(file: h5py.File) -> bool:
@@ -155,7 +147,7 @@ class Walk:
             if not fields:
                 read = lambda: np.asarray(item[()])  # noqa: E731
                 stated = dict(self.attributes(item))
-                unit = next((stated[each] for each in _UNITS if stated.get(each)), None)
+                unit = next((stated[each] for each in UNIT_FIELDS if stated.get(each)), None)
                 self.found.add(path, name, item.shape, read, unit=unit)
             elif set(fields) == {"real", "imag"}:
                 self.found.omit(whole, "holds complex numbers")

@@ -77,9 +77,7 @@ class Collection(Draft):
         return topic
 
     def lost(self, sentence: str) -> None:
-        """Report an unreadable part; raise RecordingError if the request is strict."""
-        if self.request.strict:
-            raise self.error(f"{sentence}; drop --strict to use the rest of the file")
+        """Report an unreadable part, once."""
         if sentence not in self.losses:
             self.losses.append(sentence)
 

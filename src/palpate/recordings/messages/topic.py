@@ -24,8 +24,6 @@ from palpate.recordings.recording import Faults
 
 # Undecodable messages after which palpate gives up on a topic: some 0.1 s per topic.
 PATIENCE = 1000
-# Largest number of layouts kept for comparison.
-MOST_LAYOUTS = 256
 #: Largest number of layouts in a topic. All messages of a length are compared with each.
 MOST_PARSED = 4096
 _BATCH = 4096  # messages in a batch of Python objects, some 1 kB each
@@ -238,8 +236,7 @@ class BinaryTopic(Topic):
         # Parse the first message before copying, so that images are skipped without a copy.
         if not known and not self._new_layout(block.message(int(which[0])), known):
             which = which[1:]
-        if self.omitted or self._parsed > MOST_PARSED:
-            self.undecodable += len(which) * (not self.omitted)
+        if self.omitted:
             return
         matrix = gather(block.data, block.starts[which], length)
         tried = 0
@@ -271,8 +268,6 @@ class BinaryTopic(Topic):
             self.fail(str(error))
             return False
         self._choose(layout)
-        if sum(map(len, self._layouts.values())) > MOST_LAYOUTS:
-            self._layouts = {layout.length: known}
         known.append(layout)
         return True
 
