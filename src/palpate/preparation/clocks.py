@@ -496,13 +496,8 @@ class _Taking:
                 ]
                 columns = [c * size for c, size in zip(columns, sizes, strict=True)]
             lengths = {name: column.size for name, column in zip(names, columns, strict=True)}
-            if len({*lengths.values()}) > 1:
-                listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
-                raise RecordingError.of(
-                    self.recording.source,
-                    f"the channels of one vector must have the same length: {listed}; choose one "
-                    f"with --{'position' if role == 'depth' else role}",
-                )
+            option = f"--{'position' if role == 'depth' else role}"
+            self._check_lengths("the channels of one vector", lengths, f"choose one with {option}")
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
             if role == "orientation":  # interpolation needs it
@@ -583,13 +578,8 @@ class _Taking:
                     "samples are evenly spaced and you know the rate; --no-time gives the "
                     "stiffness alone",
                 )
-            if len({*lengths.values()}) > 1:
-                listed = " and ".join(f"{role} has {length}" for role, length in lengths.items())
-                raise RecordingError.of(
-                    recording.source,
-                    f"channels at one rate must have the same length: {listed} samples; choose "
-                    "others with --position and --force, or name their clocks with --time",
-                )
+            remedy = "choose others with --position and --force, or name their clocks with --time"
+            self._check_lengths("channels at one rate", lengths, remedy)
             return Stream(None, np.arange(next(iter(lengths.values()))) / rate, "s", values)
         time = recording.channel(clock)
         dated = time.dtype.kind in "mM"  # for example from pandas: nanoseconds since 1970
@@ -599,18 +589,20 @@ class _Taking:
             time = whole if known.all() else np.where(known, whole.astype(np.float64), np.nan)
         elif time.dtype.kind not in "iu":
             time = recording.numbers(clock, strict=False)
-        if any(length != len(time) for length in lengths.values()):
-            listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
-            raise RecordingError.of(
-                recording.source,
-                f"channels on one clock must have the same length: {clock!r} has {len(time)}, "
-                f"{listed}; name the right clock with --time",
-            )
+        remedy = "name the right clock with --time"
+        self._check_lengths("channels on one clock", {clock: len(time), **lengths}, remedy)
         given = "ns" if dated else self.units.get("time")
         unit = given or self._choose_unit(clock, "time")
         if given or unit != next(iter(UNITS["time"])):
             self.stated.add("time")
         return Stream(clock, time, unit, values)
+
+    def _check_lengths(self, what: str, lengths: Mapping[str, int], remedy: str) -> None:
+        """Refuse channels of different lengths."""
+        if len({*lengths.values()}) > 1:
+            listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
+            words = f"{what} must have the same length: {listed}; {remedy}"
+            raise RecordingError.of(self.recording.source, words)
 
     def _running(self, stream: Stream, what: str) -> tuple[Times, Channels, NDArray[np.int64]]:
         """The samples of a stream whose time increases, and their part numbers."""

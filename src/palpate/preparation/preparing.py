@@ -1,6 +1,5 @@
 """Making a contact from a recording, a data frame or arrays."""
 
-import dataclasses
 import logging
 import os
 from collections.abc import Mapping, Sequence
@@ -211,7 +210,7 @@ def prepare(
         contact = prepare_contact(whole, settings)
     if source is None and provenance is None:
         return contact
-    return dataclasses.replace(
+    return replace(
         contact,
         source=contact.source if source is None else source,
         provenance={**(provenance or {}), **contact.provenance},
@@ -278,10 +277,10 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     if used is None and roles.velocity == Columns().velocity:  # palpate may have written it
         used = VelocityFilter.from_notes(recording.notes)
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
-    return dataclasses.replace(
+    return replace(
         contact,
         source=recording.source,
-        prepared=dataclasses.replace(contact.prepared, recording=recorded, way=prepare_contact),
+        prepared=replace(contact.prepared, recording=recorded, way=prepare_contact),
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,
@@ -311,7 +310,7 @@ def _contacts_of_groups(
         clocks = {clock for name in names if (clock := recording.clocks.get(name)) is not None}
         source = f"{recording.source}:{group}" if recording.source else group
         channels = {name: recording.channels[name] for name in {*names, *clocks}}
-        part = dataclasses.replace(recording, channels=channels, source=source, findings=())
+        part = replace(recording, channels=channels, source=source, findings=())
         contacts.append(prepare_contact(part, settings))
     words = (
         f"palpate takes {len(groups)} groups for contacts with one object: {', '.join(groups[:6])}"
@@ -319,7 +318,7 @@ def _contacts_of_groups(
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = join_contacts(contacts)
     findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
-    return dataclasses.replace(contact, source=recording.source, findings=findings)
+    return replace(contact, source=recording.source, findings=findings)
 
 
 def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contact:
@@ -339,7 +338,7 @@ def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contac
     remedy = "if they are several objects, choose one with --episode, or use palpate fleet"
     contact = join_contacts(contacts)
     findings = (Check.CHANNELS.finding(words, remedy), *contact.findings)
-    return dataclasses.replace(contact, source=recording.source, findings=findings)
+    return replace(contact, source=recording.source, findings=findings)
 
 
 def _log_roles(roles: Roles) -> None:

@@ -17,7 +17,7 @@ from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE, UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
-from palpate.validation import Floats, instance, number_in, pair_in, shown
+from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
@@ -91,10 +91,8 @@ class Preparation:
             )
         if self.normal is not None:
             normal_given(self.normal)
-        if self.force_frame not in (None, *get_args(ForceFrame)):
-            raise InvalidParameterError(
-                f"force_frame must be tool or base, not {shown(self.force_frame)}"
-            )
+        if self.force_frame is not None:
+            check_choice("force_frame", self.force_frame, get_args(ForceFrame))
         if self.tool_weight is not None:
             number_in("tool_weight", self.tool_weight, 0.0, 1e6)
         if self.payload is not None:

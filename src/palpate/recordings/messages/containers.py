@@ -292,8 +292,8 @@ def _until_damaged(
             else:
                 bad += 1
     except apsw.TooBigError:
-        size, most = (collection.request.largest_block,) * 2
-        collection.lost(f"palpate reads the bag up to a message: {excess('it needs', size, most)}")
+        most = collection.request.largest_block
+        collection.lost(f"palpate reads the bag up to a message: {excess('it needs', most, most)}")
     except Exception as error:  # rosbags may raise anything on a damaged file
         collection.lost(f"the bag is damaged; palpate reads it up to there: {first_line(error)}")
     if bad:
@@ -398,10 +398,14 @@ class _Mcap:
             self._note("written as", " by ".join(each for each in maker if each))
 
     def _chunk(self, chunk: mcap.Chunk) -> None:
+        request = self.collection.request
+        most = max(request.largest_block, _HIGHEST_RATIO * self.path.stat().st_size)
         try:
-            self.collection.request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
+            request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
             self.unpacked += chunk.uncompressed_size
-            self._check_unpacked()
+            if self.unpacked > most:  # far more than any recording has
+                self.ended = True
+                raise ValueError(excess("this and all before need", self.unpacked, most))
             data = _unpack_mcap_chunk(chunk)
             starts, end = _whole_records(data)
             if end != chunk.uncompressed_size:
@@ -414,14 +418,6 @@ class _Mcap:
             )
         else:
             self._take(data, starts, end)
-
-    def _check_unpacked(self) -> None:
-        """Raise if all chunks together unpack to far more bytes than any recording has."""
-        request, size = self.collection.request, self.path.stat().st_size
-        most = max(request.largest_block, _HIGHEST_RATIO * size)
-        if self.unpacked > most:
-            self.ended = True
-            raise ValueError(excess("this and all before need", self.unpacked, most))
 
     def _channel(self, channel: mcap.Channel) -> None:
         if channel.id in self.topics:  # repeated in another chunk or in the summary
