@@ -3,7 +3,7 @@
 import logging
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from operator import attrgetter
 from typing import Any, Literal, Protocol, TypeAlias
 
@@ -26,8 +26,12 @@ from palpate.recordings import Recording, open_recording
 from palpate.recordings.opening import within
 from palpate.recordings.times import iso_nanoseconds, past_midnight
 from palpate.stages import stage
+from palpate.validation import arguments
 
 _LOGGER = logging.getLogger(__name__)
+
+
+_ARRAYS = ("time", "penetration", "force", "velocity", "segment", "position")
 
 
 class Frame(Protocol):
@@ -170,27 +174,10 @@ def prepare(
         Arrays are missing or differ in type or length, their time does not increase within a
         segment, or a setting is outside its range.
     """
-    settings = Preparation(
-        columns=columns or Columns(),
-        velocity_window=velocity_window,
-        units=units or {},
-        flip=flip,
-        tare=tare,
-        delay=delay,
-        surface=surface,
-        normal=normal,
-        force_frame=force_frame,
-        tool_weight=tool_weight,
-        payload=payload,
-        rate=rate,
-        no_time=no_time,
-        spot=spot,
-        window=window,
-        strict=strict,
-    )
-    arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
-    arrays |= {"segment": segment, "position": position}
-    given = {name: values for name, values in arrays.items() if values is not None}
+    options = {name: value for name, value in arguments(locals()).items() if value is not None}
+    own = {each.name for each in fields(Preparation)}
+    settings = Preparation(**{name: value for name, value in options.items() if name in own})
+    given = {name: options[name] for name in _ARRAYS if name in options}
     if recording is None and position is not None:
         settings = replace(settings, columns=Columns(force="force", position="position"))
         contact = prepare_contact(_recording_of_arrays(given, settings), settings)

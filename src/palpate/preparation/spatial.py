@@ -403,8 +403,7 @@ def _join_pieces(
 ) -> tuple[Contact, list[Place]]:
     """Join the pieces, each with its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
-    clocks, depths, velocities, forces, labels, places = [], [], [], [], [], []
-    filters, lost = list[VelocityFilter](), 0
+    channels, places, filters, lost = [], list[Place](), list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
@@ -418,11 +417,9 @@ def _join_pieces(
             surface = Surface(float(settings.surface), 0.0, "as given")
         else:
             surface = find_surface(own.depth, velocity, own.force, rule)
-        clocks.append(signals.time)
-        forces.append(own.force)
-        depths.append(own.depth - surface.position)
-        velocities.append(velocity)
-        labels.append(signals.part if episode is None else np.full(len(signals.time), number))
+        label = signals.part if episode is None else np.full(len(signals.time), number)
+        depth = own.depth - surface.position
+        channels.append((signals.time, depth, velocity, own.force, label))
         position = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
         position = position if episode is None else episode.place
         times = float(signals.time[0]), float(signals.time[-1])
@@ -439,12 +436,13 @@ def _join_pieces(
     # An estimator takes one number for the uncertainty of all surfaces.
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)
+    time, depth, velocity, force, segment = map(np.concatenate, zip(*channels, strict=True))
     contact = Contact(
-        np.concatenate(clocks),
-        penetration=np.concatenate(depths),
-        velocity=np.concatenate(velocities),
-        force=np.concatenate(forces),
-        segment=np.concatenate(labels),
+        time,
+        penetration=depth,
+        velocity=velocity,
+        force=force,
+        segment=segment,
         provenance=made,
         surface_deviation=float(np.median(known)) if one else None,
         findings=findings,

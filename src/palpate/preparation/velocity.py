@@ -211,10 +211,8 @@ def _slope(t: Floats, x: Floats, width: int) -> Floats:
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
         return _local_slope(t, x, width, np.arange(t.size))
-    slope, weights = np.empty(t.size), np.arange(-half, half + 1.0)
-    slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / (
-        step * (weights @ weights)
-    )
+    slope, weights = np.empty(t.size), _slope_weights(width, 2)
+    slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / step
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
     return slope

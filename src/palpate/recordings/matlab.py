@@ -80,7 +80,6 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file has another version, is too damaged, or holds no time series.
     """
-    size = path.stat().st_size
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
@@ -94,7 +93,7 @@ def read(path: Path, request: Request) -> Recording:
             "or '-v7.3'"
         )
     found = Findings(request)
-    for name, value in _variables(path, size, found):
+    for name, value in _variables(path, found):
         if name:  # MATLAB stores the data of its objects in a variable without a name
             _take(value, (), name, found)
     return found.recording()
@@ -130,8 +129,9 @@ def _take_structs(value: Struct, group: tuple[str, ...], name: str, found: Findi
             _take(inner, own, field, found, texts[0].strip() if texts else None)
 
 
-def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Value]]:
+def _variables(path: Path, found: Findings) -> Iterator[tuple[str, Value]]:
     """The complete variables of a file; report the others."""
+    size = path.stat().st_size
     with path.open("rb") as file:
         order: Order = "big" if file.read(128)[126:] == b"MI" else "little"
         for number in range(1, size):
