@@ -295,18 +295,15 @@ def normal_given(given: str | Sequence[float]) -> Normal:
     try:
         parts = given.split(",") if isinstance(given, str) else given
         vector = np.array([float(part) for part in parts])
-        if not vector.size or not np.isfinite(vector).all() or not vector.any():
-            raise ValueError
-        vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
-        length = float(np.linalg.norm(vector))
-        if vector.shape != (3,) or not math.isfinite(length) or length == 0.0:
+        if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
             raise ValueError
     except (TypeError, ValueError):
         raise InvalidParameterError(
             "normal must be x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54, not "
             f"{shown(given)}"
         ) from None
-    return Normal(vector / length)
+    vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
+    return Normal(vector / np.linalg.norm(vector))
 
 
 def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:

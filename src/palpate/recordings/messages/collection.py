@@ -4,6 +4,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 from functools import partial
 
+from palpate.errors import list_names
 from palpate.recordings.messages.layout import (
     UndecodableError,
     message_fields,
@@ -101,7 +102,7 @@ class Collection(Draft):
                 self.types[topic.name] = topic.type_name
         unread = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
         if unread:
-            self.omit(NOT_ASKED, _few(unread))
+            self.omit(NOT_ASKED, list_names(sorted(unread)))
         self._check(list(self.channels))
         self.request.report(1.0)
         return self.done()
@@ -121,7 +122,7 @@ class Collection(Draft):
             asked = "" if self.request.channels is None else " that were requested"
             self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
-            self.omit(topic.name, f"palpate skips long lists: {_few(topic.skipped)}")
+            self.omit(topic.name, f"palpate skips long lists: {list_names(sorted(topic.skipped))}")
 
     def _add(self, above: str, found: Found) -> None:
         names = {path: f"{above}.{path}" for path in found.columns}
@@ -169,17 +170,11 @@ class Collection(Draft):
                 there = sorted({topic.name for topic in self._topics.values()})
                 why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
                 reason = f"{wanted!r} has no readable numbers" + "".join(f" ({w})" for w in why[:1])
-                raise self.error(f"{reason}; available topics: {_few(there)}")
+                raise self.error(f"{reason}; available topics: {list_names(there)}")
         if not names:
             words = ". ".join(["readable numbers", *[*self.losses, *self.omissions][:2]])
             remedy = "record a topic with the force and one with the position"
             raise self.error(f"no topic has {words}; {remedy}")
-
-
-def _few(names: set[str] | list[str]) -> str:
-    shown = sorted(names)
-    more = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
-    return ", ".join(shown[:10]) + more
 
 
 def _find_unit(type_name: str, field: str) -> str | None:
