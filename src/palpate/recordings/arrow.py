@@ -1,7 +1,7 @@
 """Parquet, Feather and Arrow, read by pyarrow: each column of numbers or text is a channel."""
 
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -197,7 +197,9 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
     if not draft.channels:
         reasons = [*draft.losses, *draft.omissions, "it has no columns of numbers"]
         raise draft.error(f"no column can be read: {reasons[0]}")
-    draft.notes = _notes(schema.metadata or {})
+    for title, words in (schema.metadata or {}).items():
+        if title not in _NO_NOTES:
+            draft.note(str(read_text(title)), read_text(words))
     return draft.done()
 
 
@@ -276,12 +278,3 @@ def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
 def _name(column: str) -> str:
     """The name of a channel; pandas invents a name for an index without one."""
     return "index" if column.startswith("__index_level_") else column
-
-
-def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
-    """The metadata of a file, without long texts."""
-    return {
-        str(read_text(name)): str(read_text(words))
-        for name, words in metadata.items()
-        if name not in _NO_NOTES and len(words) <= 200
-    }

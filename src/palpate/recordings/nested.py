@@ -18,8 +18,6 @@ MOST_COLUMNS = 256
 # Names of the clock of a single array.
 _OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
 
-_MOST_NOTES = 60
-
 #: Largest number of structs in an array; more are another kind of table.
 OBJECTS = 256
 
@@ -90,12 +88,6 @@ class Findings(Draft):
 
     leaves: dict[tuple[tuple[str, ...], str], Leaf] = field(default_factory=dict)
     group_frames: dict[str, str] = field(default_factory=dict)
-
-    def note(self, name: str, words: object) -> None:
-        """Keep a note of the file, cut after 200 characters."""
-        if len(self.notes) < _MOST_NOTES:
-            text = " ".join(str(words).split())
-            self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
 
     def add(
         self,

@@ -390,6 +390,7 @@ def first_line(error: BaseException) -> str:
     return words if len(words) <= 160 else f"{words[:159]}…"
 
 
+_MOST_NOTES = 60
 _USED = "palpate uses the rest of the file; pass --strict to fail instead"
 
 
@@ -418,6 +419,12 @@ class Draft:
     def error(self, words: str) -> RecordingError:
         """Return an error that names the file."""
         return self.request.error(words)
+
+    def note(self, name: str, words: object) -> None:
+        """Keep a note of the file, cut after 200 characters."""
+        if len(self.notes) < _MOST_NOTES:
+            text = " ".join(str(words).split())
+            self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
 
     def omit(self, name: str, reason: str) -> None:
         """Report that something is skipped, and why."""

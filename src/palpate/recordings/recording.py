@@ -249,14 +249,11 @@ def printable(path: str | Path) -> str:
 
 
 def _fault(value: Any) -> str:
-    blank = isinstance(value, str) and not value.strip()
-    return "the value is missing" if blank else f"{_shown(value)} is not a number"
-
-
-def _shown(value: Any) -> str:
-    """Any value on one line, cut after some 40 characters."""
-    text = repr(value.strip()[:40] if isinstance(value, str) else value)
-    return text if len(text) < 200 else f"{text[:40]}…"
+    if isinstance(value, str):
+        value = value.strip()
+        if not value:
+            return "the value is missing"
+    return f"{shown(value, 45)} is not a number"
 
 
 def read_truth(notes: Mapping[str, str]) -> ForceLaw | None:

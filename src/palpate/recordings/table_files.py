@@ -58,8 +58,8 @@ def write_columns(
         raise InvalidParameterError(f"{path}: the name of a table must end in .parquet or .csv")
 
 
-def has_parquet() -> bool:
-    """Whether pyarrow, which writes Parquet, is installed."""
+def has_pyarrow() -> bool:
+    """Whether pyarrow is installed, which writes Parquet and reads long texts."""
     return find_spec("pyarrow") is not None
 
 

@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from palpate.errors import MissingChannelError, RecordingError
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording
+from palpate.recordings.table_files import has_pyarrow
 from palpate.recordings.text_layout import (
     SPACES,
     WHOLE_THOUSANDS,
@@ -602,7 +603,7 @@ class _Table:
         if block.translate(None, _PLAIN) != pattern * rows:
             return None
         large = self.text.size > (HEAD if self.text.compressed else LARGE)
-        parse = _parse_with_arrow if large and _pyarrow_csv() is not None else _parse_with_numpy
+        parse = _parse_with_arrow if large and has_pyarrow() else _parse_with_numpy
         try:
             arrays = parse(block, delimiter, dtypes)
         except ValueError:  # pyarrow's own is one
@@ -719,7 +720,7 @@ def _concatenate_numbers(rows: Sequence[Sequence[int]]) -> Sequence[int]:
 
 
 def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
-    arrow, csv = import_module("pyarrow"), _pyarrow_csv()
+    arrow, csv = import_module("pyarrow"), import_module("pyarrow.csv")
     names = [str(k) for k in range(len(dtypes))]
     types = [arrow.float64() if dtype.kind == "f" else arrow.int64() for dtype in dtypes]
     table = csv.read_csv(
@@ -740,12 +741,3 @@ def _parse_with_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> li
         comments=None,
     )
     return [table[name].copy() for name in table.dtype.names or ()]
-
-
-@cache
-def _pyarrow_csv() -> Any:
-    """The module; None if it is not installed."""
-    try:
-        return import_module("pyarrow.csv")
-    except ImportError:
-        return None

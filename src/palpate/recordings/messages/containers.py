@@ -44,7 +44,6 @@ _LZ4 = b"\x04\x22\x4d\x18"
 _MAGIC = b"\x89MCAP0\r\n"
 _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
 _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
-_LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
 _HIGHEST_RATIO = 2000  # size of unpacked chunks over the file; time stamps alone prevent more
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
@@ -392,10 +391,11 @@ class _Mcap:
             self.claimed = record.message_count
         elif isinstance(record, mcap.Metadata):
             for name, words in record.metadata.items():
-                self._note(f"{record.name}.{name}" if record.name else name, words)
+                own = f"{record.name}.{name}" if record.name else name
+                self.collection.note(one_line(own), words)
         else:
             maker = (record.profile, record.library)
-            self._note("written as", " by ".join(each for each in maker if each))
+            self.collection.note("written as", " by ".join(filter(None, maker)))
 
     def _chunk(self, chunk: mcap.Chunk) -> None:
         request = self.collection.request
@@ -426,10 +426,6 @@ class _Mcap:
         self.topics[channel.id] = self.collection.topic(
             channel.topic, schema.name, channel.message_encoding, schema.encoding, schema.data
         )
-
-    def _note(self, name: str, words: str) -> None:
-        if len(words) <= _LONGEST_NOTE:
-            self.collection.notes[one_line(name)] = one_line(" ".join(words.split()))
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{printable(self.path.name)}: {sentence}")
