@@ -140,9 +140,8 @@ def _prepare_channels(
     if "velocity" not in values:
         runs, window = list(contact.segments()), settings.velocity_window
         with stage(_LOGGER, "velocity by the filter"):
-            velocity, used, lost = estimate_velocities(
-                contact.time, contact.penetration, runs, window
-            )
+            motion = contact.time, contact.penetration
+            velocity, used, lost = estimate_velocities(*motion, runs, window)
         words = {**contact.provenance, "velocity": describe_filter(used, lost)}
         contact = replace(contact, velocity=velocity, velocity_filter=used, provenance=words)
     if held is not None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import SHORTEST_STEP, number_runs, run_slices
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, Severity
 from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
@@ -195,9 +195,8 @@ def settle_stamps(
         return time, keep, []
     copies = again.copy()
     for column in columns:
-        same = (column[1:] == column[:-1]) | (
-            (column[1:] != column[1:]) & (column[:-1] != column[:-1])
-        )
+        unknown = column != column
+        same = (column[1:] == column[:-1]) | (unknown[1:] & unknown[:-1])
         copies[1:] &= same.reshape(len(same), -1).all(axis=1)
     others = int(np.count_nonzero(again & ~copies))
     # At rest, samples with one time of a slow clock are equal too: equal rows are copies only if
@@ -491,9 +490,8 @@ class _Taking:
                     remedy = "pass --unit force=N if the values are forces in N"
                     self.findings.append(Check.UNITS.finding(f"{words} m/s²", remedy))
             elif role == "torque":
-                sizes = [
-                    TORQUE_UNITS.get(self.recording.unit_of(name) or "", 1.0) for name in names
-                ]
+                stated = [self.recording.unit_of(name) or "" for name in names]
+                sizes = [TORQUE_UNITS.get(unit, 1.0) for unit in stated]
                 columns = [c * size for c, size in zip(columns, sizes, strict=True)]
             lengths = {name: column.size for name, column in zip(names, columns, strict=True)}
             option = f"--{'position' if role == 'depth' else role}"
@@ -535,9 +533,8 @@ class _Taking:
         return column
 
     def _say_rows(self, words: str, remedy: str, *, many: bool) -> None:
-        self.findings.append(
-            Check.ROWS.finding(words, remedy, severity="with-care" if many else "note")
-        )
+        severity: Severity = "with-care" if many else "note"
+        self.findings.append(Check.ROWS.finding(words, remedy, severity=severity))
 
     def _choose_unit(self, name: str, kind: str, usual: str | None = None) -> str:
         """The unit from the recording or the channel's name; else the usual one, else SI."""
@@ -614,9 +611,8 @@ class _Taking:
             stream = replace(stream, time=time[keep], values=taken)
         label = stream.values.get("segment")
         numbers = None if label is None else number_runs(label, label.size)
-        rows = select_increasing_rows(
-            stream.time, numbers, largest=LATEST / unit_size("time", stream.unit)
-        )
+        largest = LATEST / unit_size("time", stream.unit)
+        rows = select_increasing_rows(stream.time, numbers, largest=largest)
         if not rows.keep.any():
             there = len(stream.time)
             reason = "no sample has a valid time" if there else "the recording has no samples"
@@ -729,13 +725,11 @@ class _Taking:
             )
         if not keep.all():
             words = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"
-            self.findings.append(
-                Check.CLOCK.finding(f"{words}: the other clock has no sample near them")
-            )
+            words += ": the other clock has no sample near them"
+            self.findings.append(Check.CLOCK.finding(words))
         taken = {role: channel[keep] for role, channel in values.items()}
-        return self._make_signals(
-            at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64), recorded
-        )
+        part = np.zeros(np.count_nonzero(keep), dtype=np.int64)
+        return self._make_signals(at[keep], taken, part, recorded)
 
 
 def origin_of(*streams: Stream) -> int | float:

@@ -35,9 +35,8 @@ def exclude_load_transfer(contact: Contact) -> Contact:
     """
     if any(finding.check == Check.LOAD_TRANSFER for finding in contact.findings):
         return contact
-    found = find_load_transfer(
-        contact.penetration, contact.velocity, contact.force, contact.segment
-    )
+    channels = contact.penetration, contact.velocity, contact.force, contact.segment
+    found = find_load_transfer(*channels)
     if found is None:
         return contact
     out, finding = found

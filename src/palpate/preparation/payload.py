@@ -200,17 +200,12 @@ class Payload:
                 content = file.read(LARGEST + 1)
             if len(content) > LARGEST:
                 raise ValueError(f"it has more than {LARGEST} bytes")
-            given = tomllib.loads(content.decode())
+            return _payload_of(tomllib.loads(content.decode()))
         except OSError as error:
             raise RecordingError(f"{path}: {error.strerror or 'cannot be read'}") from None
         except (ValueError, RecursionError) as error:
-            raise RecordingError(f"{path}: not a payload in TOML: {error}") from None
-        try:
-            return _payload_of(given)
-        except ValueError as error:
-            raise RecordingError(
-                f"{path}: not a payload: {error}; palpate payload LOG --save-config FILE writes one"
-            ) from None
+            remedy = "palpate payload LOG --save-config FILE writes one"
+            raise RecordingError(f"{path}: not a payload in TOML: {error}; {remedy}") from None
 
 
 def load_of(parameters: Floats, g: Floats, w: Floats, a: Floats, products: Floats) -> Floats:

@@ -28,15 +28,8 @@ LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axi
 FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
-MASS, ARM, INERTIA, LEVER, MOUNT, CLOCK = (
-    0,
-    slice(1, 4),
-    slice(4, 10),
-    slice(10, 13),
-    slice(13, 16),
-    16,
-)
-SIZE = 17
+MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
+MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
 OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 

@@ -613,9 +613,8 @@ class _Choosing:
         measured = [names for names in found if not is_wanted(names[0])]
         measured = [names for names in measured if names[0] in recording.plots] or measured
         if kind in UNITS or kind == "position":  # prefer millimetres to volts
-            measured = [
-                names for names in measured if self._convertible(names[0], kind)
-            ] or measured
+            fitting = [names for names in measured if self._convertible(names[0], kind)]
+            measured = fitting or measured
         if kind in ("position", "force"):  # a constant is a fixed frame, or not measured
             measured = [names for names in measured if self._moves(names)] or measured
         if kind == "position":  # the tip is the body that touches the material

@@ -391,9 +391,8 @@ def never_touches(force: Floats, position: Floats) -> bool:
         return False
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in known.T))
     changes = np.linalg.norm(known - np.median(known, axis=0), axis=1)
-    return not (changes > NOISES_OF_TOUCH * noise).any() and not depends_on_position(
-        force, position
-    )
+    constant = not (changes > NOISES_OF_TOUCH * noise).any()
+    return constant and not depends_on_position(force, position)
 
 
 def grows(position: Floats, force: Floats) -> bool:

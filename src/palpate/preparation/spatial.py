@@ -133,11 +133,9 @@ def along_normal(
     with stage(_LOGGER, "contact normal"):
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
-    held = (
-        None
-        if settings.no_time
-        else find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
-    )
+    held = None
+    if not settings.no_time:
+        held = find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
     if held is not None:
         force = held.taken(signals.force)
         signals = replace(signals.taken(held.before), force=force, fresh=held.after)
@@ -296,9 +294,8 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
     steps = [float(np.median(np.diff(each))) for each in (signals.time, time)]
     half = round(0.5 * min(steps[0], LONGEST_MEAN) / steps[1])
     mean = np.full(2 * half + 1, payload.sign / (2 * half + 1))
-    padded = np.pad(
-        without_zeroings(time, wrench[:, :3], fit.zeroed), ((half, half), (0, 0)), "edge"
-    )
+    steady = without_zeroings(time, wrench[:, :3], fit.zeroed)
+    padded = np.pad(steady, ((half, half), (0, 0)), "edge")
     smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
     force = external_force(fit, quick, at, interpolate_columns(at, time, smooth)) @ payload.mount.T
     force = rotate_to_base(force, signals.orientation, source)
@@ -390,11 +387,8 @@ def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
         words = "the probe travels over the material and stays for a second at one place only"
         elsewhere, end = "elsewhere, and are excluded", ""
     words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
-    return [
-        Check.EPISODES.finding(
-            words, "pass --spot inf if it is all one material", severity="with-care"
-        )
-    ]
+    remedy = "pass --spot inf if it is all one material"
+    return [Check.EPISODES.finding(words, remedy, severity="with-care")]
 
 
 @log_stage("surface and velocity of each place")
@@ -407,9 +401,8 @@ def _join_pieces(
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
-        velocity, used, count = estimate_velocities(
-            signals.time, own.depth, runs, settings.velocity_window
-        )
+        window = settings.velocity_window
+        velocity, used, count = estimate_velocities(signals.time, own.depth, runs, window)
         if (fresh := signals.fresh) is not None:
             signals, velocity = signals.taken(fresh), velocity[fresh]
             own = replace(own, depth=own.depth[fresh], force=own.force[fresh])
@@ -499,9 +492,8 @@ def project_on_normal(signals: Signals, settings: Preparation, source: str) -> A
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
         words = "palpate found the contact normal from the motion in which the force grows"
-        result.findings.append(
-            Check.DIRECTION.finding(words, "pass it if known, such as --normal z")
-        )
+        remedy = "pass it if known, such as --normal z"
+        result.findings.append(Check.DIRECTION.finding(words, remedy))
     return result
 
 

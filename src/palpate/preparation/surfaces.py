@@ -385,9 +385,8 @@ def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | Non
         return None
     # The standard deviation of a uniform distribution between the two others.
     model = abs(others[0] - others[1]) / math.sqrt(12.0)
-    return Surface(
-        position, math.hypot(error, model), "where the force departs from that in free air"
-    )
+    words = "where the force departs from that in free air"
+    return Surface(position, math.hypot(error, model), words)
 
 
 def _intercept(x: Floats, root: Floats) -> tuple[float, float]:

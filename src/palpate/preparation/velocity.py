@@ -56,9 +56,8 @@ def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
     turn = np.maximum(turn, 1e-6)
     if used.penalty is None:
         k = np.arange(-(used.samples // 2), used.samples // 2 + 1.0)
-        gain: Floats = np.sin(np.multiply.outer(turn, k)) @ _slope_weights(
-            used.samples, used.degree
-        )
+        weights = _slope_weights(used.samples, used.degree)
+        gain: Floats = np.sin(np.multiply.outer(turn, k)) @ weights
         return gain / turn
     c = 2.0 + np.cos(turn)
     bend = (2.0 - 2.0 * np.cos(turn)) ** 2

@@ -205,15 +205,14 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
 
 def _size_of_words(values: pa.ChunkedArray) -> int:
     """Size of a dictionary-encoded text column after decoding."""
-    if not (
-        pa.types.is_string(values.type.value_type)
-        or pa.types.is_large_string(values.type.value_type)
-    ):
+    if not _is_text(values.type.value_type):
         return 0
-    longest = [
-        compute.max(compute.binary_length(chunk.dictionary)).as_py() for chunk in values.chunks
-    ]
-    return max((each or 0 for each in longest), default=0) * len(values)
+    lengths = (compute.binary_length(chunk.dictionary) for chunk in values.chunks)
+    return max((compute.max(each).as_py() or 0 for each in lengths), default=0) * len(values)
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
 def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:
@@ -222,7 +221,7 @@ def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | Non
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
         values = values.cast(kind)
-    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+    if _is_text(kind):
         return values.fill_null("").to_numpy(), None, None
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
         values, unit = _nanoseconds(values)

@@ -365,9 +365,8 @@ class _Demonstrations:
         stated = dict(walk.attributes(self._data))
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
-        rates = [
-            each.get("control_freq") for each in (arguments.get("env_kwargs"), arguments) if each
-        ]
+        places = arguments.get("env_kwargs"), arguments
+        rates = [each.get("control_freq") for each in places if each]
         self.rate = next((float(rate) for rate in rates if rate), None)
         self.lengths = {
             number: int(self._data[name].attrs.get("num_samples", -1))

@@ -268,9 +268,8 @@ class _Matrix:
             return Struct(({},) * count)
         if len(fields) > _MOST_FIELDS:
             raise _WrongError(f"a struct of {len(fields)} fields is not a time series")
-        return Struct(
-            tuple(
-                {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}
-                for _ in range(count)
-            )
-        )
+        items = [
+            {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}
+            for _ in range(count)
+        ]
+        return Struct(tuple(items))

@@ -78,9 +78,8 @@ def _as_parquet(
             arrays.append(pa.StringArray.from_buffers(len(words), *text))
             continue
         numbers = [None, pa.py_buffer(np.ascontiguousarray(values))]
-        arrays.append(
-            pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), numbers)
-        )
+        kind = pa.from_numpy_dtype(values.dtype)
+        arrays.append(pa.Array.from_buffers(kind, len(values), numbers))
     fields = [
         pa.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
         for name, array in zip(columns, arrays, strict=True)

@@ -419,9 +419,8 @@ class _Table:
             request.report(self.text.fraction)
             made = sum(column.size * column.width for column in self.columns if column.pieces)
             # Texts take memory in addition to the pointers to them; equal texts are kept only once.
-            request.reserve(
-                8 * (made - counted) + any(c.kind == "text" for c in self.columns) * len(block)
-            )
+            has_text = any(column.kind == "text" for column in self.columns)
+            request.reserve(8 * (made - counted) + has_text * len(block))
             counted = made
         if self.words:
             self._add_last_words(row - self.words.count(b"\n"))
@@ -531,9 +530,8 @@ class _Table:
             if cells is not None:
                 self._add_cells(range(row, row + len(cells[0])), cells)
             else:
-                records = list(
-                    self._records(self.text.decode(piece).split("\n")[:-1], row, self._lose)
-                )
+                lines = self.text.decode(piece).split("\n")[:-1]
+                records = list(self._records(lines, row, self._lose))
                 if records:
                     rows, found = zip(*records, strict=True)
                     self._add_cells(rows, _transpose(found, len(self.columns)))
@@ -689,12 +687,11 @@ class _Table:
             encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
             draft.notes["encoding"] = encoding
         rows = _concatenate_numbers(self.rows)
-        recording = replace(
-            draft.done(rows), settings=self.layout.settings, table=self.layout.place
-        )
+        settings, place = self.layout.settings, self.layout.place
+        recording = replace(draft.done(rows), settings=settings, table=place)
         if draft.losses and not len(rows):
-            place = f"; {self.layout.place}" * bool(self.layout.place)
-            raise draft.error(f"no row can be read: {draft.losses[0]}{place}")
+            where = f"; {place}" * bool(place)
+            raise draft.error(f"no row can be read: {draft.losses[0]}{where}")
         return recording
 
 

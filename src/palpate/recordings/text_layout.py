@@ -166,9 +166,8 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
     first = 1
     counted = [str(place) for place in range(len(header))]  # as pandas numbers unnamed columns
     if not table.named and (report or header not in (counted, ["", *counted[:-1]])):
-        header = _read_commented_header(
-            commented, header, "" if not body else delimiter, source, top
-        )
+        mark = delimiter if body else ""
+        header = _read_commented_header(commented, header, mark, source, top)
         first = 0
     if not header:
         raise RecordingError(f"{source}: the file has only notes; expected a header and samples")
@@ -307,12 +306,9 @@ def _read_description(report: Iterable[str], delimiter: str, decimal: str) -> li
     """Names and values in lines of text, the latter with decimal points."""
     pairs = []
     for line in report:
-        mark = next(
-            (mark for mark in (delimiter, "\t", ";") if mark.strip(" ") and mark in line), ""
-        )
-        filled = [
-            cell.strip() for cell in (split_cells(line, mark) if mark else [line]) if cell.strip()
-        ]
+        marks = [each for each in (delimiter, "\t", ";") if each.strip(" ") and each in line]
+        cells = split_cells(line, marks[0]) if marks else [line]
+        filled = [cell.strip() for cell in cells if cell.strip()]
         if len(filled) == 1:
             filled = re.split(r":\s+|\s*=\s*", filled[0], maxsplit=1)
         value = " ".join(filled[1:])
@@ -352,9 +348,8 @@ def _read_setting(name: str, value: str) -> tuple[str, float] | None:
     """
     stated = find_unit(name) or ""
     bare = name.replace(stated, "").strip(" ()[],:_") if stated else name
-    setting, sizes = next(
-        (what for words, what in _SETTINGS.items() if re.search(words, bare, re.I)), ("", {})
-    )
+    fitting = (what for words, what in _SETTINGS.items() if re.search(words, bare, re.I))
+    setting, sizes = next(fitting, ("", {}))
     number = _VALUE.fullmatch(value)
     size = sizes.get(plain_unit(number[2] or stated), 0.0) if number else 0.0
     amount = size * float(number[1]) if number else 0.0

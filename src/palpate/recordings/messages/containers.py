@@ -423,9 +423,8 @@ class _Mcap:
         if channel.id in self.topics:  # repeated in another chunk or in the summary
             return
         schema = self.schemas.get(channel.schema_id) or mcap.Schema(0, b"", "", "")
-        self.topics[channel.id] = self.collection.topic(
-            channel.topic, schema.name, channel.message_encoding, schema.encoding, schema.data
-        )
+        form = channel.message_encoding, schema.encoding, schema.data
+        self.topics[channel.id] = self.collection.topic(channel.topic, schema.name, *form)
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{printable(self.path.name)}: {sentence}")
