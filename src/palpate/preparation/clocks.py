@@ -525,15 +525,13 @@ class _Taking:
             text = recording.faults[name].text if name in recording.faults else first
             samples = "1 sample" if count == 1 else f"{count} samples"
             words = f"palpate excluded {samples} of {name!r} without a usable number"
-            self._say_rows(
-                f"{words}: {text.strip()[:40]!r}",
-                "check the recorder, or pass --strict to fail instead",
-                many=count > MOST_SKIPPED * column.size,
-            )
+            words += f": {text.strip()[:40]!r}"
+            self._report_excluded(words, "the recorder", count, column.size)
         return column
 
-    def _say_rows(self, words: str, remedy: str, *, many: bool) -> None:
-        severity: Severity = "with-care" if many else "note"
+    def _report_excluded(self, words: str, cause: str, count: int, samples: int) -> None:
+        severity: Severity = "with-care" if count > MOST_SKIPPED * samples else "note"
+        remedy = f"check {cause}, or pass --strict to fail instead"
         self.findings.append(Check.ROWS.finding(words, remedy, severity=severity))
 
     def _choose_unit(self, name: str, kind: str, usual: str | None = None) -> str:
@@ -623,17 +621,11 @@ class _Taking:
             place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
             raise RecordingError(f"{place}: the time runs backward; sort the samples by time")
         if rows.skipped:
-            reasons = {
-                "without a time": rows.untimed,
-                "with the previous time": rows.repeated,
-                "with an earlier time": rows.late,
-            }
-            listed = ", ".join(f"{count} {words}" for words, count in reasons.items() if count)
-            self._say_rows(
-                f"palpate skipped {rows.skipped} of {rows.keep.size} {what}: {listed}",
-                "check the recorder's clock, or pass --strict to fail instead",
-                many=rows.skipped > MOST_SKIPPED * rows.keep.size,
-            )
+            reasons = "without a time", "with the previous time", "with an earlier time"
+            counts = zip((rows.untimed, rows.repeated, rows.late), reasons, strict=True)
+            listed = ", ".join(f"{count} {reason}" for count, reason in counts if count)
+            words = f"palpate skipped {rows.skipped} of {rows.keep.size} {what}: {listed}"
+            self._report_excluded(words, "the recorder's clock", rows.skipped, rows.keep.size)
         if rows.restarts:
             times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
             words = f"the recorder restarted {times}: contacts are separated there"
@@ -655,10 +647,9 @@ class _Taking:
             what = "is not a valid time"
         elif time[sample] < before:
             what = f"runs back from {before:g} {stream.unit}"
-        raise RecordingError(
-            f"{self.recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}, but "
-            "time must increase within a segment; drop --strict to skip such samples"
-        )
+        words = f"{time[sample]:g} {stream.unit} {what}, but time must increase within a segment"
+        place = self.recording.place(clock, sample)
+        raise RecordingError(f"{place}: {words}; drop --strict to skip such samples")
 
     def _make_signals(
         self,

@@ -490,14 +490,12 @@ class _Choosing:
         ] or [
             v for v in vectors if v.stem == name and len(v) == size and (size == 4 or not v.second)
         ]
-        if len(below) == 1:
-            self.reasons[role] = f"the {role} of {name}"
-            return below[0].components
         single = [each for each in channels if within(each, name) and self._kind(each) == kind]
-        if len(single) == 1:
-            self.reasons[role] = f"the {role} of {name}"
-            return (single[0],)
-        raise self._missing(name)
+        for fitting in ([each.components for each in below], [(each,) for each in single]):
+            if len(fitting) == 1:
+                self.reasons[role] = f"the {role} of {name}"
+                return fitting[0]
+        raise MissingChannelError(name, list(channels), self.recording.source)
 
     def _channel(self, name: str) -> str | None:
         """The channel of this name, or the only channel that has this name before a unit."""
@@ -505,9 +503,6 @@ class _Choosing:
             return name
         found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
         return found[0] if len(found) == 1 else None
-
-    def _missing(self, name: str) -> MissingChannelError:
-        return MissingChannelError(name, list(self.recording.channels), self.recording.source)
 
     def _missing_roles(self, has_depth: bool, has_force: bool) -> MissingChannelError:
         """The error that says which quantities are recorded, and which are missing."""

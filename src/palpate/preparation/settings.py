@@ -175,11 +175,9 @@ def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
     length = np.linalg.norm(orientation, axis=1)
     wrong = np.abs(length - 1.0) > UNIT_LENGTH
     if wrong.mean() > 0.1:
-        raise RecordingError.of(
-            source,
-            "the orientation is not a quaternion x, y, z, w: its norm is "
-            f"{float(np.nanmedian(length)):.3g}, not 1; choose its channels with --orientation",
-        )
+        words = f"its norm is {float(np.nanmedian(length)):.3g}, not 1"
+        words = f"the orientation is not a quaternion x, y, z, w: {words}"
+        raise RecordingError.of(source, f"{words}; choose its channels with --orientation")
     with np.errstate(invalid="ignore", divide="ignore"):
         unit: Floats = orientation / length[:, None]
     return unit
@@ -236,14 +234,12 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
     angle = largest_turn(orientation)
     if weight is not None or angle <= LARGEST_TURN:
         return []
-    return [
-        Check.ORIENTATION.finding(
-            f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's "
-            "weight along each axis of the sensor, and --tool-weight is missing",
-            "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation",
-            mark="with-care",
-        )
-    ]
+    words = (
+        f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
+        "along each axis of the sensor, and --tool-weight is missing"
+    )
+    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
+    return [Check.ORIENTATION.finding(words, remedy, mark="with-care")]
 
 
 # The contact normal: given as an axis or a vector, or found from the forces.

@@ -682,14 +682,13 @@ def check_force_direction(
             return []
     if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
         return []
-    return [
-        Check.DIRECTION.finding(
-            f"{of} {math.degrees(angle):.0f}° away from the {other}: a wrong frame, a reversed or "
-            "swapped axis, a force offset, friction, or a probe that slides down a slope",
-            "compare the axes of force and position, then pass --force-frame tool or --normal z",
-            mark="do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
-        )
-    ]
+    words = (
+        f"{of} {math.degrees(angle):.0f}° away from the {other}: a wrong frame, a reversed or "
+        "swapped axis, a force offset, friction, or a probe that slides down a slope"
+    )
+    remedy = "compare the axes of force and position, then pass --force-frame tool or --normal z"
+    mark: Mark = "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care"
+    return [Check.DIRECTION.finding(words, remedy, mark=mark)]
 
 
 def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:

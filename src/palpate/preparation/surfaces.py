@@ -98,11 +98,8 @@ def baseline_between(
 
 def never_free(source: str) -> RecordingError:
     """Return the error for a recording without free air."""
-    return RecordingError.of(
-        source,
-        "palpate found no free air to tare the force; pass an interval without contact, such as "
-        "--tare 0:2",
-    )
+    words = "palpate found no free air to tare the force; pass an interval without contact"
+    return RecordingError.of(source, f"{words}, such as --tare 0:2")
 
 
 def free_samples(time: Floats, height: Floats, force: Floats) -> NDArray[np.bool_] | None:

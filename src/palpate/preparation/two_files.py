@@ -230,8 +230,6 @@ def _describe(name: str, offset: Delay, drift: float) -> Finding:
     sentence = f"{name}'s clock is {words} {way}; it was moved"
     if not drift:
         return Check.CLOCK_OFFSET.finding(sentence)
-    return Check.CLOCK_OFFSET.finding(
-        f"{sentence}; it drifts by {rounded(1e3 * abs(drift), 2)} ms over the recording",
-        "identify shorter parts, --start and --stop: palpate finds the offset of each",
-        damping="with-care",
-    )
+    sentence += f"; it drifts by {rounded(1e3 * abs(drift), 2)} ms over the recording"
+    remedy = "identify shorter parts, --start and --stop: palpate finds the offset of each"
+    return Check.CLOCK_OFFSET.finding(sentence, remedy, damping="with-care")

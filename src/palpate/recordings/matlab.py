@@ -145,11 +145,8 @@ def _variables(path: Path, found: Findings) -> Iterator[tuple[str, Value]]:
                 return
             there = size - file.tell()
             if length > there:
-                found.lose(
-                    name,
-                    f"the file is cut off here: it holds {format_bytes(there)} of "
-                    f"{format_bytes(length)}",
-                )
+                share = f"{format_bytes(there)} of {format_bytes(length)}"
+                found.lose(name, f"the file is cut off here: it holds {share}")
                 return
             try:
                 yield _Matrix(_content(file, tag, kind, length, found.request), order).variable()

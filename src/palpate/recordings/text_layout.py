@@ -162,15 +162,18 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         raise RecordingError(f"{source}: the file is empty; expected a header and samples")
     delimiter = separator or table.mark or _delimiter(body)
     commented = notes.pop("", None)  # the last comment line, which may be the header
-    header = _cells(body[0], delimiter, source, top + 1) if body else []
+    header = _names(body[0], delimiter) if body else []
     first = 1
     counted = [str(place) for place in range(len(header))]  # as pandas numbers unnamed columns
     if not table.named and (report or header not in (counted, ["", *counted[:-1]])):
-        mark = delimiter if body else ""
-        header = _read_commented_header(commented, header, mark, source, top)
+        header = _read_commented_header(commented, header, delimiter if body else "")
         first = 0
     if not header:
         raise RecordingError(f"{source}: the file has only notes; expected a header and samples")
+    longest = max(map(len, header))
+    if longest > LONGEST_NAME:
+        words = f"row {top + first} is not a header: one of its cells has {longest} characters"
+        raise RecordingError(f"{source}: {words}")
     if first == 0 and header[0] == "column 1":
         notes["header"] = "none: the columns are numbered"
     if len(header) > MOST_COLUMNS:
@@ -413,26 +416,14 @@ def _names(line: str, delimiter: str) -> list[str]:
     return [cell.replace("\0", " ").strip() for cell in split_cells(line, delimiter)]
 
 
-def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
-    cells = _names(line, delimiter)
-    longest = max(map(len, cells), default=0)
-    if longest > LONGEST_NAME:
-        raise RecordingError(
-            f"{source}: row {row} is not a header: one of its cells has {longest} characters"
-        )
-    return cells
-
-
-def _read_commented_header(
-    commented: str | None, row: Sequence[str], delimiter: str, source: str, top: int
-) -> list[str]:
+def _read_commented_header(commented: str | None, row: Sequence[str], delimiter: str) -> list[str]:
     """The names in the last comment, as rostopic and NumPy write them; else numbered columns.
 
     In ``%time,field.x`` the sign belongs to the name, in ``# time, force`` it does not.
     """
     line = (commented or "").lstrip("# ")
     line = line.lstrip("% ") if line.startswith("% ") else line
-    names = _cells(line, delimiter or _delimiter([line]), source, top)
+    names = _names(line, delimiter or _delimiter([line]))
     if line and (len(names) == len(row) or (not row and len(names) > 1)):
         return names
     return [f"column {place}" for place in range(1, len(row) + 1)]

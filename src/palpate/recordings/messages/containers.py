@@ -412,10 +412,8 @@ class _Mcap:
                 raise ValueError("it is shorter than stated")
         except Exception as error:  # mcap and the decompressors may raise anything
             first, last = chunk.message_start_time / 1e9, chunk.message_end_time / 1e9
-            self._lost(
-                f"a chunk of {last - first:.3g} s from {first:.3f} s on cannot be read: "
-                f"{first_line(error)}"
-            )
+            what = f"a chunk of {last - first:.3g} s from {first:.3f} s on"
+            self._lost(f"{what} cannot be read: {first_line(error)}")
         else:
             self._take(data, starts, end)
 

@@ -204,10 +204,11 @@ class BinaryTopic(Topic):
         """Read messages."""
         if self._cdr and block.message(0).startswith(_ZSTD):  # ROS 2 can compress each message
             block = self._unpack_block(block)
-        if len(block.starts):
-            parts = self._parts(block)
-            if not self.omitted:
-                self._extend(parts, block.times)
+        parts: list[_Part] = []
+        for length in np.unique(block.lengths).tolist():
+            self._match(block, np.flatnonzero(block.lengths == length), length, parts)
+        if not self.omitted:
+            self._extend(parts, block.times)
 
     def _unpack_block(self, block: Block) -> Block:
         messages, times = [], []
@@ -224,14 +225,8 @@ class BinaryTopic(Topic):
             times.append(time)
         return Block.joined(messages, times)
 
-    def _parts(self, block: Block) -> list[_Part]:
-        """Messages grouped by layout: their indices, the layout, the bytes."""
-        parts: list[_Part] = []
-        for length in np.unique(block.lengths).tolist():
-            self._match(block, np.flatnonzero(block.lengths == length), length, parts)
-        return parts
-
     def _match(self, block: Block, which: Starts, length: int, parts: list[_Part]) -> None:
+        """Group messages of one length by layout: their indices, the layout, the bytes."""
         known = self._layouts.setdefault(length, [])
         # Parse the first message before copying, so that images are skipped without a copy.
         if not known and not self._new_layout(block.message(int(which[0])), known):
