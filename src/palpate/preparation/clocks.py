@@ -185,10 +185,9 @@ def settle_stamps(
     if arrivals is not None:
         times, tick = _spread(arrivals)
         many = time.size / np.unique(arrivals).size
-        words = (
-            f"samples arrive in packets of about {many:.0f}, every "
-            f"{tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
-        )
+        period = f"{tick * unit_size('time', unit) * 1e3:.3g} ms"
+        words = f"samples arrive in packets of about {many:.0f}, every {period}"
+        words += ": palpate spread them evenly"
         return times, keep, [Check.CLOCK.finding(words, "stamp each sample when it is taken")]
     again[1:] = time[1:] == time[:-1]
     if not again.any():
@@ -203,10 +202,8 @@ def settle_stamps(
     # they outnumber the rows that repeat a time with other values.
     if others > COARSE * time.size and others >= np.count_nonzero(copies):
         times, tick = _spread(time)
-        words = (
-            f"the clock ticks every {tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread "
-        )
-        words += f"{np.count_nonzero(again)} samples evenly within its ticks"
+        words = f"the clock ticks every {tick * unit_size('time', unit) * 1e3:.3g} ms: palpate "
+        words += f"spread {np.count_nonzero(again)} samples evenly within its ticks"
         return times, keep, [Check.CLOCK.finding(words, "stamp the samples by a finer clock")]
     count = int(np.count_nonzero(copies))
     words = f"palpate dropped {count} row{'s' * (count > 1)} that {'were' if count > 1 else 'was'} "
@@ -516,10 +513,8 @@ class _Taking:
         column = measurable(before)
         if self.strict and column is not before:
             sample = int(np.nanargmax(np.abs(before)))
-            raise RecordingError(
-                f"{recording.place(name, sample)}: {before[sample]:g} is beyond {LARGEST:g}; drop "
-                "--strict to exclude such values"
-            )
+            what = f"{recording.place(name, sample)}: {before[sample]:g} is beyond {LARGEST:g}"
+            raise RecordingError(f"{what}; drop --strict to exclude such values")
         if count := int(np.count_nonzero(~np.isfinite(column))):
             first = str(recording.channels[name][int(np.argmin(np.isfinite(column)))])
             text = recording.faults[name].text if name in recording.faults else first
@@ -683,18 +678,16 @@ class _Taking:
         source, units = self.recording.source, {stream.unit for stream in streams}
         if len(units) > 1:
             listed = ", ".join(sorted(units))
-            raise RecordingError(
-                f"{source}: the clocks are in {listed}; pass one unit, such as --unit time=s"
-            )
+            words = f"the clocks are in {listed}; pass one unit, such as --unit time=s"
+            raise RecordingError(f"{source}: {words}")
         origin = origin_of(*streams)
         on_time = []
         for stream in streams:
             time, values, part = self._running(stream, f"samples of {stream.clock}")
             if part.size and part.max() > 0:
-                raise RecordingError(
-                    f"{self.recording.place(stream.clock or 'time')}: the recorder restarted, so "
-                    "palpate cannot match the clocks; record again, or cut the file there"
-                )
+                what = "the recorder restarted, so palpate cannot match the clocks"
+                place = self.recording.place(stream.clock or "time")
+                raise RecordingError(f"{place}: {what}; record again, or cut the file there")
             on_time.append((stream.seconds(time, origin), values, stream.clock))
         recorded = [each[:2] for each in on_time]
         on_time.sort(key=lambda each: _step(each[0]), reverse=True)
@@ -710,10 +703,8 @@ class _Taking:
                 if kind in self.made:
                     self.made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
         if not keep.any():
-            raise RecordingError(
-                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap; list "
-                f"them with palpate info {source or 'FILE'}"
-            )
+            what = f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap"
+            raise RecordingError(f"{what}; list them with palpate info {source or 'FILE'}")
         if not keep.all():
             words = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"
             words += ": the other clock has no sample near them"

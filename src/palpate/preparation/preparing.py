@@ -299,9 +299,8 @@ def _contacts_of_groups(
         channels = {name: recording.channels[name] for name in {*names, *clocks}}
         part = replace(recording, channels=channels, source=source, findings=())
         contacts.append(prepare_contact(part, settings))
-    words = (
-        f"palpate takes {len(groups)} groups for contacts with one object: {', '.join(groups[:6])}"
-    )
+    listed = ", ".join(groups[:6])
+    words = f"palpate takes {len(groups)} groups for contacts with one object: {listed}"
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = join_contacts(contacts)
     findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)

@@ -333,10 +333,8 @@ def _check_orientation(
     if orientation is not None and frame == "base":
         findings += turn_findings(orientation, settings.tool_weight)
     if frame == "tool" and orientation is None:
-        raise RecordingError(
-            f"{recording.source}: --force-frame tool needs an orientation; name its channels with "
-            "--orientation x,y,z,w"
-        )
+        what = f"{recording.source}: --force-frame tool needs an orientation"
+        raise RecordingError(f"{what}; name its channels with --orientation x,y,z,w")
     return signals if frame == "tool" else replace(signals, orientation=None)
 
 

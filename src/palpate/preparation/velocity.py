@@ -183,17 +183,15 @@ def velocities_of_rows(
         with np.errstate(over="ignore", invalid="ignore"):
             whole[whole] = ~spikes_of_rows(penetration[whole], threads=threads).any(axis=1)
         whole &= np.isfinite(velocity).all(axis=1)
-    filters = [
-        _spline_filter(penalty) if good else None
-        for penalty, good in zip(penalties.tolist(), whole.tolist(), strict=True)
-    ]
-    made: list[VelocityFilter] = []
-    for row, known in enumerate(filters):
-        if known is None:
+    filters: list[VelocityFilter] = []
+    for row in range(count):
+        if whole[row]:
+            used = _spline_filter(float(penalties[row]))
+        else:
             clock = time if time.ndim == 1 else time[row]
-            velocity[row], known, _ = estimate_velocities(clock, penetration[row], [slice(None)])
-        made.append(known)
-    return velocity, made
+            velocity[row], used, _ = estimate_velocities(clock, penetration[row], [slice(None)])
+        filters.append(used)
+    return velocity, filters
 
 
 def _longest(width: int, samples: int) -> float:

@@ -122,10 +122,9 @@ def _explained(request: Request) -> Iterator[None]:
             yield
         except errors.MissingMetaDataError as error:
             missing = ", ".join(map(str, error.meta_keys))
-            raise request.error(
-                f"the file is not calibrated (it lacks: {missing}); calibrate the cantilever and "
-                "save the curve again"
-            ) from None
+            what = f"the file is not calibrated (it lacks: {missing})"
+            remedy = "calibrate the cantilever and save the curve again"
+            raise request.error(f"{what}; {remedy}") from None
 
 
 _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")

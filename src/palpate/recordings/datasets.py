@@ -439,9 +439,5 @@ class _ReplayBuffer:
             elif array.dtype.kind not in "iufb" or array.shape[0] < end:
                 found.omit(name, "holds no number for each sample")
             else:
-                found.add((), name, shape, partial(_rows_of, array, rows))
+                found.add((), name, shape, partial(array.__getitem__, rows))
         return found.recording()
-
-
-def _rows_of(array: Any, rows: slice) -> NDArray[Any]:
-    return np.asarray(array[rows])

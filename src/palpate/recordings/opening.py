@@ -302,10 +302,9 @@ def _copy_stream(file: Path, content: IO[bytes], request: Request) -> None:
             while chunk := stream.read(1 << 20):
                 content.write(chunk)
                 if content.tell() > request.max_size:
-                    raise request.error(
-                        f"more than {format_bytes(request.max_size)} arrived; pass a larger "
-                        "--max-size, or write the data to a file and name that file"
-                    )
+                    size = format_bytes(request.max_size)
+                    remedy = "pass a larger --max-size, or write the data to a file and name that"
+                    raise request.error(f"more than {size} arrived; {remedy}")
         content.flush()
     except OSError as error:
         raise unreadable(request.source, error) from None
@@ -359,10 +358,8 @@ def regular_size(path: Path, source: str = "") -> int:
         if stat.S_ISDIR(status.st_mode):
             raise RecordingError(f"{source}: this is a folder; name a file in it instead")
         if not stat.S_ISREG(status.st_mode):
-            raise RecordingError(
-                f"{source}: palpate cannot read a recording from a device or socket; write it to "
-                "a file"
-            )
+            words = "palpate cannot read a recording from a device or socket; write it to a file"
+            raise RecordingError(f"{source}: {words}")
         with path.open("rb"):
             pass
     except (OSError, ValueError) as error:

@@ -148,10 +148,8 @@ class _Text:
                 yield _strip_returns(rest[:cut])
             rest = rest[cut:]
             if len(rest) > LONGEST_LINE:
-                raise self.request.error(
-                    f"a line, or a run of empty lines, exceeds {LONGEST_LINE >> 20} MiB; this is "
-                    "not a table"
-                )
+                what = f"a line, or a run of empty lines, exceeds {LONGEST_LINE >> 20} MiB"
+                raise self.request.error(f"{what}; this is not a table")
         self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
         rest += b"\n"
         if cut := self._end_of_text(rest, len(rest)):
@@ -195,10 +193,8 @@ class _Text:
                 "nor in another known format; expected a table, such as CSV"
             )
         if b"\r" in begin and b"\n" not in begin:
-            raise self.request.error(
-                "its lines end in carriage returns alone, which palpate does not read; convert the "
-                "file: tr '\\r' '\\n'"
-            )
+            what = "its lines end in carriage returns alone, which palpate does not read"
+            raise self.request.error(f"{what}; convert the file: tr '\\r' '\\n'")
         yield head.removeprefix(codecs.BOM_UTF8)
         yield from chunks
 

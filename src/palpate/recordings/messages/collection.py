@@ -150,10 +150,7 @@ class Collection(Draft):
                     self.units.setdefault(name, unit)
             if len(frame) == 1 and frame[0]:
                 self.frames[name] = frame[0]
-        self._moving(above, names, found)
-
-    def _moving(self, above: str, names: dict[str, str], found: Found) -> None:
-        """Note the child frame of a transform; velocities of an odometry are in it."""
+        # The child frame of a transform; velocities of an odometry are in it.
         moving = found.frames.get("child_frame_id", [])
         if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf: it is in the name
             return
