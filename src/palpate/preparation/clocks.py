@@ -663,13 +663,11 @@ class _Taking:
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
         known.pop("torque", None)
         if "orientation" in values:
-            roles = "depth", "orientation", "force", "torque"
-            known["clocks"] = {
-                role: (own, np.asarray(channels[role], dtype=np.float64))
-                for own, channels in streams
-                for role in roles
-                if role in channels
-            }
+            known["clocks"] = {}
+            for own, channels in streams:
+                for role in ("depth", "orientation", "force", "torque"):
+                    if role in channels:
+                        known["clocks"][role] = own, np.asarray(channels[role], float)
         stated = frozenset(self.stated)
         return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
 

@@ -135,10 +135,8 @@ class Payload:
         numpy.ndarray, shape (k, 6)
             N and N·m.
         """
-        g, w, a = (
-            np.asarray(each) @ self.mount
-            for each in (specific_force, angular_velocity, angular_acceleration)
-        )
+        motion = specific_force, angular_velocity, angular_acceleration
+        g, w, a = (np.asarray(each) @ self.mount for each in motion)
         return load_of(self.parameters, g, w, a, w[:, :, None] * w[:, None])
 
     @property

@@ -141,9 +141,8 @@ class _Free:
             weight = self.weight[used, k, None]
             scores = weight * (self.jacobian[used, k] - self.columns[used] @ coupling[k]) @ inverse
             if weight.any():
-                covariance += long_run_covariance(
-                    scores, self.rest[used, k], (), self.columns.shape[1]
-                )
+                knots = self.columns.shape[1]
+                covariance += long_run_covariance(scores, self.rest[used, k], (), knots)
         # Few turns do not show all of the wander, which the prior of the bias allows for.
         error = np.sqrt(np.diag(covariance) + 1e-300)
         inflation = np.maximum(1.0, np.sqrt(np.diag(inverse)) / error)

@@ -386,10 +386,9 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     try:
         channels = {str(name): _array(recorded[name]) for name in list(recorded.columns)}
     except (AttributeError, TypeError, KeyError, ValueError):
-        raise InvalidParameterError(
-            "recording must be a Recording, a path, or a pandas or polars DataFrame, not "
-            f"{type(recorded).__name__}; {BY_NAME}"
-        ) from None
+        allowed = "a Recording, a path, or a pandas or polars DataFrame"
+        words = f"recording must be {allowed}, not {type(recorded).__name__}; {BY_NAME}"
+        raise InvalidParameterError(words) from None
     return Recording(channels)
 
 

@@ -73,10 +73,8 @@ class Preparation:
         if not (self.tare is None or isinstance(self.tare, str)):
             pair_in("tare", self.tare, -1e12, 1e12)
         if isinstance(self.delay, str) and self.delay != "find":
-            raise InvalidParameterError(
-                "delay must be 'find', a time in s, or a time and its standard error, not "
-                f"{shown(self.delay)}"
-            )
+            allowed = "'find', a time in s, or a time and its standard error"
+            raise InvalidParameterError(f"delay must be {allowed}, not {shown(self.delay)}")
         if not isinstance(self.delay, str):
             late, *error = self.delay if isinstance(self.delay, tuple) else (self.delay,)
             number_in("delay", late, -LONGEST_DELAY, LONGEST_DELAY)
@@ -85,10 +83,8 @@ class Preparation:
         if not (self.surface is None or isinstance(self.surface, str)):
             number_in("surface", self.surface, -1e6, 1e6)
         elif self.surface not in (None, *get_args(SurfaceRule)):
-            raise InvalidParameterError(
-                "surface must be a number in m, threshold, baseline, fit or estimate, not "
-                f"{shown(self.surface)}"
-            )
+            allowed = "a number in m, threshold, baseline, fit or estimate"
+            raise InvalidParameterError(f"surface must be {allowed}, not {shown(self.surface)}")
         if self.normal is not None:
             normal_given(self.normal)
         if self.force_frame is not None:
@@ -122,10 +118,8 @@ def _check_unit(channel: str, unit: Any) -> None:
         raise InvalidParameterError(f"units must name {', '.join(UNITS)}, not {shown(channel)}")
     if not isinstance(unit, str) or not unit_size(channel, unit):
         known = list(UNITS[channel])
-        raise InvalidParameterError(
-            f"unit of the {channel} must be one of {', '.join(known)} or a multiple such as "
-            f"0.0098{known[0]}, not {shown(unit)}"
-        )
+        allowed = f"one of {', '.join(known)} or a multiple such as 0.0098{known[0]}"
+        raise InvalidParameterError(f"unit of the {channel} must be {allowed}, not {shown(unit)}")
 
 
 def check_flip(flip: Sequence[str]) -> set[str]:
@@ -133,9 +127,8 @@ def check_flip(flip: Sequence[str]) -> set[str]:
     names = {flip} if isinstance(flip, str) else set(flip)
     for channel in names:
         if channel not in FLIPPED:
-            raise InvalidParameterError(
-                f"flip must name {' or '.join(FLIPPED)}, not {shown(channel)}"
-            )
+            allowed = " or ".join(FLIPPED)
+            raise InvalidParameterError(f"flip must name {allowed}, not {shown(channel)}")
     return names
 
 
@@ -294,10 +287,8 @@ def normal_given(given: str | Sequence[float]) -> Normal:
         if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
             raise ValueError
     except (TypeError, ValueError):
-        raise InvalidParameterError(
-            "normal must be x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54, not "
-            f"{shown(given)}"
-        ) from None
+        allowed = "x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54"
+        raise InvalidParameterError(f"normal must be {allowed}, not {shown(given)}") from None
     vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
     return Normal(vector / np.linalg.norm(vector))
 
@@ -334,10 +325,8 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     if not firm.any():
         if depends_on_position(f, p):
             raise no_normal(source, f"no force is {NOISES:g} times its noise")
-        words = (
-            "no contact found: no force exceeds the noise; if the probe touches, pass the normal"
-        )
-        raise NoContactError.of(source, f"{words}, such as --normal z")
+        remedy = "if the probe touches, pass the normal, such as --normal z"
+        raise NoContactError.of(source, f"no contact found: no force exceeds the noise; {remedy}")
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:

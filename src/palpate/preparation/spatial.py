@@ -250,11 +250,10 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
         likely = np.abs(values) <= (UNLIKELY * np.percentile(known, 99.0) if known.size else 0.0)
         if (inside := between(time, *settings.ends, source) & likely.all(axis=1)).any():
             streams[role] = time[inside], values[inside]
-    if not {"depth", "orientation", "force"} <= streams.keys():
+    needed = "depth", "orientation", "force"
+    if not streams.keys() >= {*needed}:
         return None
-    (stamps, position), (turns, orientation), (time, force) = (
-        streams[role] for role in ("depth", "orientation", "force")
-    )
+    (stamps, position), (turns, orientation), (time, force) = (streams[role] for role in needed)
     torque = np.zeros_like(force)
     if "torque" in streams:
         torque = interpolate_columns(time, *streams["torque"])
@@ -269,15 +268,8 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
         delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
     quick, slow = motion_of(*pose), motion_of(*pose, SLOW)
     motion = slow if does_turn(slow) else quick
-    fit = find_payload(
-        motion,
-        time,
-        wrench,
-        delay=delay,
-        known=settings.payload,
-        weight=settings.tool_weight,
-        source=source,
-    )
+    tool, weight = settings.payload, settings.tool_weight
+    fit = find_payload(motion, time, wrench, delay=delay, known=tool, weight=weight, source=source)
     if fit is None and settings.payload is not None:
         words = "--payload needs a second of free air, to find the bias of the sensor"
         raise RecordingError.of(source, f"{words}; record the approach too")
@@ -376,11 +368,9 @@ def _project_place(own: Signals, whole: AlongNormal, settings: Preparation) -> A
 
 def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
     left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
-    words, elsewhere, end = (
-        f"the probe travels over the material: {len(pieces)} places, each prepared separately",
-        "between them, or less than a second at one",
-        "; one law for all of them is an average",
-    )
+    words = f"the probe travels over the material: {len(pieces)} places, each prepared separately"
+    elsewhere = "between them, or less than a second at one"
+    end = "; one law for all of them is an average"
     if len(pieces) == 1:
         words = "the probe travels over the material and stays for a second at one place only"
         elsewhere, end = "elsewhere, and are excluded", ""

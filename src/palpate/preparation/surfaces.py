@@ -303,12 +303,9 @@ def report_assumed_surface(
     remedy: str = "record from before the touch, or pass the surface, such as --surface 0.7mm",
 ) -> Finding:
     """Report that the surface is assumed where the shallowest sample is."""
-    return Check.SURFACE.finding(
-        f"{reason}, so the surface position is assumed (the shallowest sample): K, B and n depend "
-        "on it, stiffness and damping at working depth do not",
-        remedy,
-        severity="with-care",
-    )
+    words = f"{reason}, so the surface position is assumed (the shallowest sample)"
+    words += ": K, B and n depend on it, stiffness and damping at working depth do not"
+    return Check.SURFACE.finding(words, remedy, severity="with-care")
 
 
 def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
@@ -528,10 +525,8 @@ class _Path:
 
     def long_enough(self, start: int, stop: int) -> bool:
         """Whether an interval is long enough for an episode."""
-        return (
-            stop - start >= FEWEST_OF_AN_EPISODE
-            and float(self.time[stop - 1] - self.time[start]) >= SHORTEST
-        )
+        duration = float(self.time[stop - 1] - self.time[start])
+        return stop - start >= FEWEST_OF_AN_EPISODE and duration >= SHORTEST
 
     def extent(self, start: int, stop: int) -> tuple[Floats, float]:
         """The median position of an interval, and the largest distance from it across n."""

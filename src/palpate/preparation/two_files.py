@@ -65,14 +65,9 @@ class FilePair:
 
     def signals(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """Times since the clock's origin [s] and values, of position and of force."""
-        first, second = (
-            (
-                each.seconds(each.time, origin_of(each)),
-                np.column_stack([*each.values.values()]).astype(float),
-            )
-            for each in self.streams
-        )
-        return first, second
+        times = [each.seconds(each.time, origin_of(each)) for each in self.streams]
+        values = [np.column_stack([*each.values.values()]).astype(float) for each in self.streams]
+        return (times[0], values[0]), (times[1], values[1])
 
     def moved(self, lag: float) -> Recording:
         """Return the recording with the force's clock moved back by a lag after the origins, s."""

@@ -3,6 +3,7 @@
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,9 +60,7 @@ def read(path: Path, request: Request) -> Recording:
                 if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
                     words = excess("its columns need", 8 * rows * wanted, request.max_size)
                     raise draft.error(words)
-                return read_columns(
-                    schema, lambda name: _parquet_column(table, name, request), draft
-                )
+                return read_columns(schema, partial(_parquet_column, table, request), draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -73,7 +72,7 @@ def read(path: Path, request: Request) -> Recording:
         return read_columns(batches.schema, lambda n: batches.select([n]), draft)
 
 
-def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> pa.Table:
+def _parquet_column(table: parquet.ParquetFile, request: Request, name: str) -> pa.Table:
     """Read a column; text and lists may have any length."""
     kind = table.schema_arrow.field(name).type
     if pa.types.is_primitive(kind) or pa.types.is_decimal(kind):

@@ -244,11 +244,8 @@ class _LeRobot:
             self.lengths = self._from_names(root)
         if only is not None:
             whole = only.absolute()
-            self.lengths = {
-                number: length
-                for number, length in self.lengths.items()
-                if self._places[number][0].absolute() == whole
-            }
+            inside = [n for n in self.lengths if self._places[n][0].absolute() == whole]
+            self.lengths = {number: self.lengths[number] for number in inside}
 
     def _from_names(self, root: Path) -> dict[int, int]:
         lengths: dict[int, int] = {}
@@ -368,10 +365,8 @@ class _Demonstrations:
         places = arguments.get("env_kwargs"), arguments
         rates = [each.get("control_freq") for each in places if each]
         self.rate = next((float(rate) for rate in rates if rate), None)
-        self.lengths = {
-            number: int(self._data[name].attrs.get("num_samples", -1))
-            for number, name in self._names.items()
-        }
+        groups = {number: self._data[name] for number, name in self._names.items()}
+        self.lengths = {k: int(each.attrs.get("num_samples", -1)) for k, each in groups.items()}
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the observations and the actions, without the observations that follow each."""

@@ -139,12 +139,8 @@ class Findings(Draft):
         if not self.channels:
             raise self.error(self._nothing())
         self.clocks = {name: clock for name, clock in self.clocks.items() if clock in self.channels}
-        self.frames = {
-            channel: frame
-            for channel in self.channels
-            for name, frame in self.group_frames.items()
-            if within(channel, name)
-        }
+        for name, frame in self.group_frames.items():
+            self.frames |= {each: frame for each in self.channels if within(each, name)}
         return self.done()
 
     def _find_clock(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:

@@ -115,9 +115,8 @@ class Request:
 
     def wants(self, name: str) -> bool:
         """Whether a channel, or any channel of a topic or group, is requested."""
-        return self.channels is None or any(
-            within(name, wanted) or within(wanted, name) for wanted in self.channels
-        )
+        wanted = self.channels
+        return wanted is None or any(within(name, n) or within(n, name) for n in wanted)
 
     def report(self, fraction: float) -> None:
         """Report the fraction read so far to ``progress``."""

@@ -365,11 +365,8 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     commas = [cell for cell in filled if "," in cell and parse_number(cell, ".") is None]
     # If some numbers have no comma, a comma before three digits is not the decimal mark.
     plain = sum(parse_number(cell, ".") is not None for cell in filled)
-    column.has_thousands = (
-        decimal == "."
-        and plain > 0
-        and all(WHOLE_THOUSANDS.fullmatch(each.strip()) for each in commas)
-    )
+    whole = all(WHOLE_THOUSANDS.fullmatch(each.strip()) for each in commas)
+    column.has_thousands = decimal == "." and plain > 0 and whole
     return column
 
 

@@ -251,11 +251,8 @@ def _largest_block(lines: Sequence[str], top: int) -> NumberBlock:
         alone = len(filled) == 1 and (divided or len(line) > LONGEST_NAME)
         if alone or _header_above(lines, filled[:1], best.mark, count, numbers) is not None:
             best.header, best.first, best.named = filled[0], filled[0] + 1, True
-    best.others = [
-        b.header + 1
-        for b in blocks.values()
-        if b is not best and b.named and b.rows > 2 and b.score
-    ]
+    tables = [each for each in blocks.values() if each.named and each.rows > 2 and each.score]
+    best.others = [each.header + 1 for each in tables if each is not best]
     return best
 
 
@@ -322,18 +319,13 @@ def _read_description(report: Iterable[str], delimiter: str, decimal: str) -> li
     return pairs
 
 
+_RATES, _PERIODS = {"": 1.0, "Hz": 1.0, "kHz": 1e3}, {"": 1.0, **UNITS["time"]}
 _LENGTHS = UNITS["penetration"]
 _AREAS = {f"{unit}{square}": size**2 for unit, size in _LENGTHS.items() for square in ("²", "^2")}
 #: Words of settings that palpate uses, with their units in SI.
 _SETTINGS: dict[str, tuple[str, dict[str, float]]] = {
-    "(sampl|acqui|log|data|mess|abtast).*(rate|freq)|^fs$": (
-        "rate",
-        {"": 1.0, "Hz": 1.0, "kHz": 1e3},
-    ),
-    "(sampl|acqui|data|mess).*(interval|period)|^delta_x$": (
-        "interval",
-        {"": 1.0, **UNITS["time"]},
-    ),
+    "(sampl|acqui|log|data|mess|abtast).*(rate|freq)|^fs$": ("rate", _RATES),
+    "(sampl|acqui|data|mess).*(interval|period)|^delta_x$": ("interval", _PERIODS),
     "(tip|probe|indenter|ball|sphere).*radius": ("tip radius", _LENGTHS),
     "(tip|probe|indenter|ball|sphere).*diameter": ("tip diameter", _LENGTHS),
     "spring const|^k$": ("spring constant", {"N/m": 1.0, "mN/m": 1e-3, "N/mm": 1e3}),

@@ -229,13 +229,10 @@ def _read_closed_sqlite(path: Path, collection: Collection) -> Iterator[float]:
         assert bag.dbconn is not None
         most = min(collection.request.largest_block, (1 << 31) - 1)
         bag.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, most)
-        kinds = {
-            each.id: (
-                str(getattr(each.ext, "serialization_format", "cdr")),
-                "ros2idl" if each.msgdef.format.name == "IDL" else "ros2msg",
-            )
-            for each in bag.connections
-        }
+        kinds = {}
+        for each in bag.connections:
+            form = "ros2idl" if each.msgdef.format.name == "IDL" else "ros2msg"
+            kinds[each.id] = str(getattr(each.ext, "serialization_format", "cdr")), form
         found = bag.messages(bag.connections)
         total = bag.metadata.message_count
         yield from _read_rosbags(bag.connections, kinds, found, total, collection)
@@ -339,10 +336,8 @@ class _Mcap:
                 position += end
                 yield position / size
         if not self.ended:
-            self._lost(
-                f"the file is cut off (the recorder was probably killed) or damaged at byte "
-                f"{position}: palpate uses the {self.messages} messages before it"
-            )
+            what = f"is cut off (the recorder was probably killed) or damaged at byte {position}"
+            self._lost(f"the file {what}: palpate uses the {self.messages} messages before it")
         if self.unknown:
             self._lost(f"{self.unknown} messages are on channels that the file does not describe")
         if self.claimed is not None and self.claimed != self.messages:

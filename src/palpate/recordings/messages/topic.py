@@ -35,6 +35,7 @@ STAMPS = ("header.stamp", "timestamp", "stamp")
 
 Walk: TypeAlias = Callable[[bytes], Layout]
 _Rows: TypeAlias = slice | NDArray[np.int64]
+_Pieces: TypeAlias = list[tuple[_Rows, NDArray[Any]]]
 
 
 def find_stamp(paths: Iterable[str]) -> str | None:
@@ -56,9 +57,7 @@ class Found:
     """
 
     count: int = 0
-    columns: dict[str, list[tuple[_Rows, NDArray[Any]]]] = field(
-        default_factory=lambda: defaultdict(list)
-    )
+    columns: dict[str, _Pieces] = field(default_factory=lambda: defaultdict(list))
     times: set[str] = field(default_factory=set)
     types: dict[str, tuple[str, str]] = field(default_factory=dict)
     frames: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
