@@ -16,7 +16,7 @@ from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import motion_band
-from palpate.recordings.table_files import has_parquet, write_columns
+from palpate.recordings.table_files import has_pyarrow, write_columns
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
 from palpate.results import view
@@ -241,7 +241,7 @@ class Destination:
 
     folder: Path
     inputs: Sequence[Path] = ()
-    trace: str = field(init=False, default_factory=lambda: TRACES[not has_parquet()])
+    trace: str = field(init=False, default_factory=lambda: TRACES[not has_pyarrow()])
 
     def __post_init__(self) -> None:
         try:
