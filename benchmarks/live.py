@@ -35,7 +35,7 @@ from palpate.live.realtime import ask_for_realtime, pause_collection
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Session, Sink, Watching
-from palpate.live.view import law_lines, verdict_on
+from palpate.live.view import verdict_on
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
@@ -206,7 +206,7 @@ def _section(
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
-        notes.extend(law_lines(verdict))
+        notes.extend(verdict.lines())
     notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 

@@ -111,7 +111,7 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     import zenoh
 
     from palpate.live import zenoh as wire
-    from palpate.live.ordering import parse_address
+    from palpate.live.wires import parse_address
 
     session = wire.open_session(parse_address("zenoh", f"?listen={where}", wire.OPTIONS))
     publishers = [

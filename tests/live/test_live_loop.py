@@ -145,8 +145,8 @@ def test_a_law_is_shown_at_a_depth_that_stays():
     def look():
         taken = loop.counts.taken
         if taken % 250 == 0 and (verdict := shown.verdict(loop.status(), taken * T)):
-            depths.append(verdict["depth"])
-            own.append(verdict_on(loop.status())["depth"])
+            depths.append(verdict.law.depth)
+            own.append(verdict_on(loop.status()).law.depth)
 
     with rings() as (*rows, _):
         estimator, script = ViscoelasticContact(), arrivals(*measured(8.0))

@@ -18,7 +18,9 @@ from scripted import resident
 from wire_robots import POSE, ROBOTS, START, VECTORS, WRENCH, collect, force, free_port, position
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.ordering import (
+from palpate.live.ros import FORCES, POSITIONS, MessageReader
+from palpate.live.sources import Counts, SourceOptions, open_source
+from palpate.live.wires import (
     WAITING,
     Followed,
     Order,
@@ -30,8 +32,6 @@ from palpate.live.ordering import (
     parse_address,
     topic_names,
 )
-from palpate.live.ros import FORCES, POSITIONS, MessageReader
-from palpate.live.sources import Counts, SourceOptions, open_source
 from palpate.live.zenoh import attachment, parse_attachment
 from palpate.live.zeromq import PacketError, packed, unpacked
 

@@ -245,8 +245,8 @@ def _sinks(
 ) -> "list[Sink]":
     from palpate.live.console import Console
     from palpate.live.diagnosing import Diagnosing
-    from palpate.live.publishing import open_publisher
     from palpate.live.recorder import Recorder
+    from palpate.live.wires import open_publisher
     from palpate.writing import check_writable
 
     if record is not None:

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live import ros
-from palpate.live.ordering import parse_address, topic_names
-from palpate.live.publishing import RosWire
-from palpate.live.ros import RosTopics, dds_type
+from palpate.live.ros import RosTopics, RosWire, dds_type
 from palpate.live.sources import SourceOptions
+from palpate.live.wires import parse_address
 from palpate.recordings.messages.layout import Field, Group, Many, Number, Text
 
 if TYPE_CHECKING:
@@ -307,14 +306,13 @@ class DDSWire(RosWire):
 
     def __init__(self, address: str) -> None:
         given = parse_address("dds", address, OPTIONS)
-        super().__init__("dds", topic_names(given, 1)[0])
+        super().__init__(given)
         self._domain = given.whole("domain", 0, 0, 230)
         self._interface = given.options.get("interface")
         self._writers: list[tuple[Any, Any]] = []
 
     def open(self) -> None:
         """Join the domain."""
-        super().open()
         member = participant(self._domain, self._interface)
         from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
@@ -343,5 +341,4 @@ class DDSWire(RosWire):
 
     def close(self) -> None:
         """Leave the domain."""
-        super().close()
         self._writers.clear()

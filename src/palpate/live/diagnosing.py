@@ -8,6 +8,7 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact, VelocityFilter
+from palpate.digits import rounded
 from palpate.errors import PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
@@ -15,8 +16,7 @@ from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
 from palpate.live.sinks import PLACE, Session, Watching, diagnosis_basis
 from palpate.live.view import answer
-from palpate.results.parameters import law_name
-from palpate.results.view import number_lines
+from palpate.results.view import fit_rows, number_lines
 from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s
@@ -119,13 +119,9 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
 
 def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     """Diagnose these samples with the loop's method, and return the diagnosis as a status."""
-    page: dict[str, Any] = {
-        "at": time.strftime("%H:%M:%S"),
-        "window": [float(samples[0, 0]), float(samples[-1, 0])],
-        "samples": len(samples),
-        "method": status.get("method"),
-        "of": diagnosis_basis(status),
-    }
+    first, last = float(samples[0, 0]), float(samples[-1, 0])
+    about = f"the last {rounded(last - first, 2)} s at {time.strftime('%H:%M:%S')}"
+    page: dict[str, Any] = {"window": [first, last], "of": diagnosis_basis(status)}
     try:
         used = status.get("velocity_filter")
         step = float(status.get("sample_time", 1e-3))
@@ -135,15 +131,18 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
             result = result.at_depth(depth)
         diagnosis, lines = result.diagnosis, number_lines(result)
     except PalpateError as error:  # the probe touched nothing
-        return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
+        said = str(error)
+        return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}
+    texts = [diagnosis.remedy, *(f"{name}: {text}" for name, text in fit_rows(result))]
     return {
         **page,
         "said": f"{diagnosis.verdict.both}: {diagnosis.reason}",
         "verdict": diagnosis.verdict.as_dict(),
         "reason": diagnosis.reason,
-        "remedy": diagnosis.remedy,
-        "law": law_name(result),
-        "method": result.method,
+        "lines": [
+            *([text, ""] for text in texts if text),
+            [f"{about}; ± includes the systematic uncertainty", "soft"],
+        ],
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),
         "working_depths": [each.as_dict() for each in diagnosis.working_depths],

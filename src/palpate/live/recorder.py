@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import import_extra
-from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching
 from palpate.live.view import verdict_on
+from palpate.live.wires import NANO
 from palpate.writing import create_new_file
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def describe_run(status: dict[str, Any]) -> dict[str, str]:
     tare, preparation = status.get("tare"), str(status.get("preparation", ""))
     tared = "being measured" if tare is None else f"{tare:.6g} N was subtracted online"
     verdict = verdict_on(status)
-    told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
+    told = {"law": str(verdict.law.candidate)} if verdict and verdict.law.known else {}
     diagnosis = status.get("diagnosis", {})
     told |= {name: str(diagnosis[name]) for name in ("verdict", "reason") if name in diagnosis}
     return {

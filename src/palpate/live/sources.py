@@ -202,7 +202,7 @@ class Kind(NamedTuple):
     module, opener : str
         Module, and the callable in it that makes a source from an address and options.
     wire : str
-        Callable that makes a :class:`~palpate.live.publishing.Wire` from an address; empty if
+        Callable that makes a :class:`~palpate.live.wires.Wire` from an address; empty if
         estimates cannot be published this way.
     form : str
         Example of an address.

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, import_extra
 from palpate.live import ros
-from palpate.live.ordering import WireAddress, parse_address, topic_names
-from palpate.live.publishing import RosWire
-from palpate.live.ros import LONGEST, RosTopics, dds_type
+from palpate.live.ros import LONGEST, RosTopics, RosWire, dds_type, typestore
 from palpate.live.sources import SourceOptions
+from palpate.live.wires import WireAddress, parse_address
 from palpate.validation import shown
 
 if TYPE_CHECKING:
@@ -220,7 +219,7 @@ class ZenohWire(RosWire):
 
     def __init__(self, address: str) -> None:
         self._address = parse_address("zenoh", address, OPTIONS)
-        super().__init__("zenoh", topic_names(self._address, 1)[0])
+        super().__init__(self._address)
         self._domain = self._address.whole("domain", 0, 0, 1_000_000)
         self._session: zenoh.Session | None = None
         self._publishers: list[zenoh.Publisher] = []
@@ -230,7 +229,6 @@ class ZenohWire(RosWire):
 
     def open(self) -> None:
         """Open the session, and announce a node and topics to ``ros2 topic list``."""
-        super().open()
         self._session = open_session(self._address)
         import zenoh
 
@@ -238,7 +236,7 @@ class ZenohWire(RosWire):
         declare = self._session.liveliness().declare_token
         self._tokens = [declare(f"{node}/0/NN/%/%/palpate")]
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), self.store.hash_rihs01(type_name)
+            kind, checksum = dds_type(type_name), typestore().hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     topic_key(self._domain, name, type_name, checksum),
@@ -265,7 +263,6 @@ class ZenohWire(RosWire):
 
     def close(self) -> None:
         """Close the session."""
-        super().close()
         self._publishers.clear()
         self._tokens.clear()
         if self._session is not None:

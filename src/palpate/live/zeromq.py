@@ -13,10 +13,19 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, import_extra
-from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parse_address
-from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sources import Orientation, SourceOptions, Value
+from palpate.live.wires import (
+    AFTER,
+    BEFORE,
+    TOPICS,
+    Receipt,
+    Succession,
+    Wire,
+    WireAddress,
+    WireSource,
+    parse_address,
+)
 from palpate.validation import plain, shown
 
 if TYPE_CHECKING:
@@ -313,7 +322,7 @@ class ZeroMQWire(Endpoint, Wire):
 
         assert self._socket is not None  # it is open
         try:
-            self._socket.send_multipart([TOPICS[topic][0].encode(), data], zmq.NOBLOCK)
+            self._socket.send_multipart([TOPICS[topic].encode(), data], zmq.NOBLOCK)
         except zmq.Again:
             return False
         return True

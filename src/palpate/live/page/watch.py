@@ -15,8 +15,8 @@ from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
 from palpate.live.sinks import PLACE, Session, Watching, unpack_parameters, why_undiagnosed
-from palpate.live.view import certainty, describe_change, fact_texts, law_numbers, view_texts
-from palpate.validation import Floats, plain
+from palpate.live.view import LiveVerdict, describe_change, fact_texts, view_texts
+from palpate.validation import Floats, or_nan, plain
 
 #: Channels of a frame, after the time, in this order.
 CHANNELS = (
@@ -264,7 +264,7 @@ class Watch:
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
         self._sign, self._moved = (-1, -1), time.monotonic()
-        self._verdict: dict[str, Any] | None = None
+        self._verdict: LiveVerdict | None = None
         self._noticed = 0  # changes of the material
 
     def take(self) -> None:
@@ -305,7 +305,7 @@ class Watch:
         # The status reports a change of material only a little later.
         late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
         if self._verdict and len(row) and self._knows(column(row, "method")[0]) and not late:
-            found = law_numbers(self._verdict)
+            found = self._verdict.numbers()
         both = [found.get(name, (math.nan, math.nan)) for name in ("stiffness", "damping")]
         self.history.response = np.ravel(both)
 
@@ -364,8 +364,7 @@ class Watch:
         """Return the present stiffness and damping at the depth and frequency of the diagnosis."""
         depth, law = diagnosis["working_depths"][0]["depth"], self._law
         if self._verdict:
-            frequency = diagnosis["frequency"]
-            return law_numbers({**self._verdict, "depth": depth, "frequency": frequency})
+            return self._verdict.at(depth, or_nan(diagnosis["frequency"])).numbers()
         if law is None or law.relaxes:
             return {}
         parameters, _, covariance = unpack_parameters(row, len(law.symbols))
@@ -402,11 +401,9 @@ class Watch:
         if now and diagnosis.get("numbers") and not why_undiagnosed(diagnosis, self.loop):
             now |= self._where_diagnosed(row, diagnosis)
         # The motion's frequency, from the loop's law or the last diagnosis.
-        frequency = (verdict or diagnosis).get("frequency")
+        frequency = verdict.law.frequency if verdict else diagnosis.get("frequency")
         chosen = math.isfinite(self.chosen_depth)
-        sure = None
-        if verdict:
-            sure = {"certainty": certainty(verdict)}
+        sure = {"certainty": verdict.certainty} if verdict else None
         # Alive if it has written anything lately, or still opens its source.
         alive = not self._begun or time.monotonic() - self._moved < ALIVE
         state = self.loop.get("state", "none") if alive and not ended else "dead"
