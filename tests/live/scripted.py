@@ -16,7 +16,6 @@ from palpate import OnlinePreparation
 from palpate.live.loop import Loop
 from palpate.live.ring import CAPACITY, COLUMNS, ESTIMATE, RowReader, Writer
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
 
 T = 1e-3
@@ -159,22 +158,16 @@ class Looking:
     def __init__(self, path, name="looking"):
         self.path, self.name = path, name
 
-    def run(self, session, commands):
-        watching = Watching(session)
-        rows = 0
-        names = (
-            session.samples.name,
-            session.estimates.name,
-            session.shared_json,
-            *session.shared_by_sink.values(),
-        )
+    def run(self, watching, commands):
+        rows, reader = 0, watching.reader
+        statuses = (watching.shared_json, watching._own, *watching._others.values())
+        names = (each.name for each in (reader.samples, reader._estimates, *statuses))
         self.path.with_suffix(".began").write_text(" ".join(names))
         while watching.wait(0.02):
             rows += len(watching.take().rows)
             watching.tell({"rows": rows})
         rows += len(watching.take().rows)
         self.path.write_text(f"{rows} {watching.dropped} {watching.status()['stopped']}")
-        watching.close()
 
 
 class Hanging:
@@ -183,7 +176,7 @@ class Hanging:
     def __init__(self, path):
         self.path = path
 
-    def run(self, session, commands):
+    def run(self, watching, commands):
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         self.path.write_text(str(os.getpid()))
         while True:
@@ -203,5 +196,5 @@ def in_a_process(code, **options):
 class Failing:
     name = "failing"
 
-    def run(self, session, commands):
+    def run(self, watching, commands):
         raise SystemExit(1)

@@ -21,7 +21,7 @@ from palpate.live.page.watch import plain
 from palpate.live.recorder import describe_run
 from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Watching, why_outdated
+from palpate.live.sinks import why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import NUMBERS, headline, law_card_texts, verdict_on
 from palpate.live.wires import AFTER, Fields, describe_status, parse_address
@@ -315,12 +315,10 @@ class Reading:
     def __init__(self, path):
         self.path = path
 
-    def run(self, session, commands):
-        watching = Watching(session)
+    def run(self, watching, commands):
         while watching.wait(0.1):
             if said := watching.others()["diagnosis"].get("said"):
                 self.path.write_text(said)
-        watching.close()
 
 
 class Heard(Replay):

@@ -34,7 +34,7 @@ from palpate.live.ring import (
     SharedJson,
     Writer,
 )
-from palpate.live.sinks import Session
+from palpate.live.sinks import Session, Watching
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
 DELAY = 0.009
@@ -183,7 +183,9 @@ def watched(monkeypatch):
     monkeypatch.setattr(watch, "ALIVE", 0.0)
     writers, shared_json, own = (Writer(64), Writer(64, len(ESTIMATE))), SharedJson(), SharedJson()
     addresses = [each.address for each in writers]
-    seen = watch.Watch(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
+    seen = watch.Watch(
+        Watching(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
+    )
     yield writers, shared_json, seen
     seen.run.close()
     for each in (own, shared_json, *writers):

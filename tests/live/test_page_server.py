@@ -27,7 +27,7 @@ from palpate.live.page import Page, server, watch
 from palpate.live.page.sink import token_for
 from palpate.live.page.watch import CHANNELS, HEADER
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
-from palpate.live.sinks import Session
+from palpate.live.sinks import Session, Watching
 from palpate.live.sources import EndOfSourceError, Replay
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -96,8 +96,8 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     page = Page(port=0, **options)
     ours, theirs = Pipe()
     addresses = writer.address, estimates.address
-    session = Session(*addresses, shared_json.name, {"page": own.name}, own.name)
-    thread = threading.Thread(target=page.run, args=(session, theirs))
+    watching = Watching(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
+    thread = threading.Thread(target=page.run, args=(watching, theirs))
     thread.start()
     try:
         yield Served(page=page, writer=writer, own=own, commands=ours, loop=loop, rows=written[-1])
@@ -106,7 +106,7 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
         thread.join(20.0)
         assert not thread.is_alive()
         page.close()
-        for each in (shared_json, own, writer, estimates):
+        for each in (watching, shared_json, own, writer, estimates):
             each.close()
 
 

@@ -21,7 +21,6 @@ from palpate.live.choices import State
 from palpate.live.sinks import (
     NOT_DIAGNOSED,
     PLACE,
-    Session,
     Watching,
     print_line,
     unpack_parameters,
@@ -168,11 +167,11 @@ class Console:
     def __init__(self, *, quiet: bool = False) -> None:
         self._quiet = quiet
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Print until the loop stops, then print the summary."""
         if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
             sys.stdout.reconfigure(errors="replace")
-        self._watching = Watching(session)
+        self._watching = watching
         self._terminal = sys.stdout is not None and sys.stdout.isatty()
         self._depth, self._said = ShownDepth(), list[str]()
         self._next, self._heard = 0.0, True
@@ -189,7 +188,6 @@ class Console:
             self._print("the loop has ended unexpectedly; its last counts:")
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
-        self._watching.close()
 
     def _print(self, words: str, end: str = "\n") -> None:
         self._heard = self._heard and print_line(words, end)

@@ -14,7 +14,7 @@ from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
-from palpate.live.sinks import PLACE, Session, Watching, diagnosis_basis
+from palpate.live.sinks import PLACE, Watching, diagnosis_basis
 from palpate.live.view import answer
 from palpate.results.view import fit_rows, number_lines
 from palpate.validation import Floats, finite_or_none
@@ -49,10 +49,9 @@ class Diagnosing:
     def __init__(self, window: float = WINDOW, every: float = EVERY) -> None:
         self._window, self._every = window, every
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Diagnose until the loop stops."""
         lower_priority()
-        watching = Watching(session)
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
         page, tare = dict[str, Any](), None
         while watching.wait(_LOOKED_EVERY):
@@ -66,7 +65,6 @@ class Diagnosing:
                 page = diagnose_samples(samples, status)
                 due = time.monotonic() + self._every
             watching.tell(page)
-        watching.close()
 
 
 def recent(samples: Floats, window: float, delay: float) -> Floats:

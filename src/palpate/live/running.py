@@ -24,7 +24,7 @@ from palpate.live.realtime import (
     start,
 )
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
-from palpate.live.sinks import Session, Sink
+from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.sources import Source
 from palpate.preparation import OnlinePreparation, Payload, PayloadCompensation
 from palpate.settings import ChangeDetector, OutlierRejection
@@ -229,9 +229,9 @@ def _start_sinks(
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     show_name(sink.name)
     give_way(gently=getattr(sink, "gently", True))
-    with suppress(BrokenPipeError):
+    with suppress(BrokenPipeError), closing(Watching(session)) as watching:
         commands.send(_THERE)
-        sink.run(session, commands)
+        sink.run(watching, commands)
 
 
 @contextmanager

@@ -70,8 +70,8 @@ class Sink(Protocol):
     def name(self) -> str:
         """Unique name of the sink."""
 
-    def run(self, session: Session, commands: Connection) -> None:
-        """Run, in a separate process, until the loop's status has ``"stopped": true``.
+    def run(self, watching: "Watching", commands: Connection) -> None:
+        """Run, in a separate process, until the loop has stopped: ``watching.wait(seconds)``.
 
         ``commands.send(LiveCommand(…))`` sends the loop a command.
         """

@@ -25,7 +25,7 @@ from palpate.digits import parameter
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
 from palpate.live.loop import TAKEN
-from palpate.live.sinks import PLACE, Session, Sink, Watching, unpack_parameters
+from palpate.live.sinks import PLACE, Sink, Watching, unpack_parameters
 from palpate.live.sources import (
     SOURCES,
     Arrival,
@@ -440,41 +440,33 @@ class Pairing:
         return self._take_complete_pairs()
 
     def _take_complete_pairs(self) -> list[Pair]:
-        pairs = []
-        leaders, followers = self._leaders, self._followers
+        pairs, leaders, followers = [], self._leaders, self._followers
         while leaders:
             stamp = leaders[0].stamp
             while len(followers) >= 2 and followers[1].stamp <= stamp:
                 followers.popleft()
-            if not followers or (len(followers) == 1 and followers[0].stamp < stamp):
+            if not followers or followers[-1].stamp < stamp:
                 break  # the next one has not arrived yet
-            leader = leaders.popleft()
-            value = self._interpolate(stamp)
+            leader, before = leaders.popleft(), followers[0]
+            after = before if before.stamp >= stamp else followers[1]
+            value = self._value_at(stamp, before, after)
             if value is not None:
-                alone = len(followers) == 1 or followers[0].stamp == stamp
-                other = followers[0] if alone else followers[1]
-                pairs.append(Pair(stamp, leader.value, value, max(leader.there, other.there)))
+                pairs.append(Pair(stamp, leader.value, value, max(leader.there, after.there)))
         return pairs
 
-    def _interpolate(self, stamp: int) -> Value | tuple[float, ...] | None:
-        before = self._followers[0]
-        if before.stamp == stamp:
-            return before.value
-        if before.stamp > stamp:
-            return self._near(before, stamp)
-        after = self._followers[1]
+    def _value_at(
+        self, stamp: int, before: Stamped, after: Stamped
+    ) -> Value | tuple[float, ...] | None:
+        """Interpolate between two neighbours, which may be the same, or take the nearer one."""
         span = after.stamp - before.stamp
-        if span <= 2 * self._tolerance:
+        if 0 < span <= 2 * self._tolerance:
             part = (stamp - before.stamp) / span
             between: Value | tuple[float, ...] = _between(before.value, after.value, part)
             return between
-        nearer = before if 2 * (stamp - before.stamp) <= span else after
-        return self._near(nearer, stamp)
-
-    def _near(self, sample: Stamped, stamp: int) -> Value | tuple[float, ...] | None:
-        away = abs(sample.stamp - stamp)
+        nearest = before if 2 * (stamp - before.stamp) <= span else after
+        away = abs(nearest.stamp - stamp)
         if away <= self._tolerance:
-            return sample.value
+            return nearest.value
         self._count_unpaired(
             1,
             f"the nearest sample of the other topic is {away / NANO:.3g} s away: raise "
@@ -619,9 +611,9 @@ class Publisher:
         self._seen = self._learned = math.nan
         self._told = 0.0
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Publish until the loop stops."""
-        self._watching = Watching(session)
+        self._watching = watching
         try:
             self._wire.open()
             self._go_on()
@@ -629,7 +621,6 @@ class Publisher:
             print(f"palpate: {error}", file=sys.stderr)
         finally:
             self._wire.close()
-            self._watching.close()
 
     def _go_on(self) -> None:
         waiting = self._watching.take().rows

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.live.choices import LiveCommand
-from palpate.live.sinks import Session, print_line
+from palpate.live.sinks import Watching, print_line
 from palpate.validation import shown, whole_in
 
 if TYPE_CHECKING:
@@ -95,21 +95,20 @@ class Page:
             raise InvalidParameterError("this Page was already used in a run: make a new one")
         return dict(self.__dict__)
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Serve the page until the loop has stopped."""
         # Bad requests are counted and shown; a log of them could fill the disk.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
-        asyncio.run(self._serve(session, commands))
+        asyncio.run(self._serve(watching, commands))
 
-    async def _serve(self, session: Session, commands: Connection) -> None:
+    async def _serve(self, watching: Watching, commands: Connection) -> None:
         from uvicorn import Config
 
         from palpate.live.page.server import MOST_BYTES, Server, protocols
         from palpate.live.page.watch import Watch
 
-        watch = Watch(session)
-        server = Server(watch, _sender(commands))
+        server = Server(Watch(watching), _sender(commands))
         http, websockets = protocols(server.served)
         config = Config(
             server.app(self.token),
@@ -133,7 +132,6 @@ class Page:
             serving.cancel()
             with suppress(asyncio.CancelledError):
                 await serving
-            watch.run.close()
 
 
 async def _quietly(config: "Config", listening: socket.socket) -> None:

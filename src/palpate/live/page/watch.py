@@ -14,7 +14,7 @@ from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching, unpack_parameters, why_undiagnosed
+from palpate.live.sinks import PLACE, Watching, unpack_parameters, why_undiagnosed
 from palpate.live.view import LiveVerdict, describe_change, fact_texts, view_texts
 from palpate.validation import Floats, or_nan, plain
 
@@ -238,7 +238,7 @@ _NOTICED = 0.1  # s: a change is noticed within some tens of samples
 
 
 class Watch:
-    """State of the run of a session, and the page's text about it.
+    """State of a run, and the page's text about it.
 
     Attributes
     ----------
@@ -250,8 +250,8 @@ class Watch:
         How often the history was recomputed; every client then receives it again.
     """
 
-    def __init__(self, session: Session) -> None:
-        self.run = Watching(session)
+    def __init__(self, run: Watching) -> None:
+        self.run = run
         self.loop = self.run.status()
         self.history = History(1e-3)
         self._begun = False
