@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from palpate import HuntCrossley, InvalidParameterError, lab
-from palpate.live.laboratory import Laboratory, Setup
+from palpate.live.laboratory import Laboratory, start_bench
 from palpate.live.sources import EndOfSourceError
 
 STEP = 1e-3
@@ -142,7 +142,7 @@ def test_what_the_loop_does_not_take_in_time_is_lost_and_counted():
 
 def test_without_mujoco_an_ideal_probe_is_taken_and_said(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    bench, probe, words = Setup("ball", "three-sines", 1e-3, 0, "twin-pantograph").bench()
+    bench, probe, words = start_bench("ball", "three-sines", "twin-pantograph", 1e-3)
     assert probe == "ideal probe"
     assert "needs MuJoCo" in words
     assert len(bench.advance(10)) == 10

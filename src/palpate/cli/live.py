@@ -266,11 +266,9 @@ def _sinks(
 def _direction(text: str) -> list[float]:
     """Parse three comma-separated numbers."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        numbers = []
-    if len(numbers) != 3:
         raise InvalidParameterError(
             f"--direction must be three numbers such as 0,0,-1, not {text!r}"
-        )
-    return numbers
+        ) from None
+    return [x, y, z]

@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -34,29 +34,23 @@ _BLOCK = 0.01
 _BEHIND = 1.0  # s late, after which the laboratory's clock is reset
 
 
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """Initial configuration of the laboratory."""
-
-    material: str
-    motion: str
-    sample_time: float
-    seed: int
-    probe: str
-
-    def bench(self) -> tuple[OngoingBench, str, str]:
-        """Return the bench, its probe's name, and a message if the probe was replaced."""
-        probe = IdealProbe() if self.probe == "ideal" else TwinPantograph()
-        touched, sensors = MATERIALS[self.material], Sensors(sample_time=self.sample_time)
-        try:
-            bench = Bench(touched, TRAJECTORIES[self.motion], probe, sensors)
-            return OngoingBench(bench, self.seed), probe.name, ""
-        except MissingExtraError as error:
-            own, name, _ = replace(self, probe="ideal").bench()
-            return own, name, f"using an {name} instead of the {probe.name}: {error}"
+def start_bench(
+    material: str, motion: str, probe: str, sample_time: float
+) -> tuple[OngoingBench, str, str]:
+    """Return the bench, its probe's name, and a message if the probe was replaced."""
+    wanted = IdealProbe() if probe == "ideal" else TwinPantograph()
+    bench = Bench(
+        MATERIALS[material], TRAJECTORIES[motion], wanted, Sensors(sample_time=sample_time)
+    )
+    try:
+        return OngoingBench(bench), wanted.name, ""
+    except MissingExtraError as error:
+        ideal = IdealProbe()
+        words = f"using an {ideal.name} instead of the {wanted.name}: {error}"
+        return OngoingBench(replace(bench, probe=ideal)), ideal.name, words
 
 
-def press(setup: Setup, ring: Address, connection: Connection) -> None:
+def press(chosen: dict[str, str], probe: str, step: float, ring: Address, end: Connection) -> None:
     """Write samples until the other end closes the connection."""
     show_name("lab")
     give_way(gently=False)
@@ -64,16 +58,18 @@ def press(setup: Setup, ring: Address, connection: Connection) -> None:
         closing(Writer(made=ring)) as writer,
         suppress(BrokenPipeError, ConnectionResetError, EOFError),
     ):
-        _Pressing(setup, writer, connection).run()
+        _Pressing(chosen, probe, step, writer, end).run()
 
 
 class _Pressing:
-    def __init__(self, setup: Setup, writer: Writer, connection: Connection) -> None:
-        self._setup, self._writer, self._connection = setup, writer, connection
-        self._bench, self._probe, words = setup.bench()
+    def __init__(
+        self, chosen: dict[str, str], probe: str, step: float, writer: Writer, end: Connection
+    ) -> None:
+        self._first, self._writer, self._connection = chosen, writer, end
+        self._bench, self._probe, words = start_bench(**chosen, probe=probe, sample_time=step)
         self._say(words)
         self._began = time.monotonic() + _BLOCK  # the rest of its lead is gained immediately
-        self._block = max(round(_BLOCK / setup.sample_time), 1)
+        self._block = max(round(_BLOCK / step), 1)
 
     def run(self) -> None:
         while True:
@@ -91,8 +87,7 @@ class _Pressing:
         try:
             rows = self._bench.advance(self._block)
         except InvalidParameterError as error:
-            first = {"material": self._setup.material, "motion": self._setup.motion}
-            self._say(f"{error}; palpate returned to the first material", **first)
+            self._say(f"{error}; palpate returned to the first material", **self._first)
             return
         dues = rows[:, 0] + self._began
         now = time.monotonic()
@@ -120,8 +115,8 @@ _LOOK_AGAIN = 2e-4  # s, if the laboratory is late
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
     """Return the laboratory of ``lab:MATERIAL`` or ``lab:MATERIAL,MOTION``."""
     material, _, motion = address.partition(",")
-    chosen, step = (material or "ball", motion or "three-sines"), options.sample_time or 1e-3
-    return Laboratory(*chosen, sample_time=step, seed=options.seed)
+    chosen = material or "ball", motion or "three-sines"
+    return Laboratory(*chosen, sample_time=options.sample_time or 1e-3)
 
 
 class Laboratory:
@@ -136,8 +131,6 @@ class Laboratory:
         "ball" and "three-sines".
     sample_time : float
         Time between samples, s, in [1e-4, 1e-2]. Default: 1e-3.
-    seed : int
-        Seed of noise, bias and encoder phases. Default: 0.
     probe : str
         ``"twin-pantograph"`` or ``"ideal"``, which also replaces the former if MuJoCo is not
         installed. Default: ``"twin-pantograph"``.
@@ -149,7 +142,6 @@ class Laboratory:
         motion: str = "three-sines",
         *,
         sample_time: float = 1e-3,
-        seed: int = 0,
         probe: str = "twin-pantograph",
     ) -> None:
         given = {"material": material, "motion": motion}
@@ -159,7 +151,6 @@ class Laboratory:
                 f"the laboratory's --rate must be in [{1.0 / _LONGEST:g}, {1.0 / _SHORTEST:g}] Hz, "
                 f"not {1.0 / sample_time:g}"
             )
-        self._setup = Setup(material, motion, sample_time, seed, probe)
         self.sample_time, self.counts = sample_time, Counts()
         materials = list(MATERIALS)
         #: Options and their choices. "material" lifts the probe first, "change" does not.
@@ -189,7 +180,7 @@ class Laboratory:
         """Start the process and wait until the rig is ready."""
         self._ring = Writer(CAPACITY, WIDTH)
         self._reader = Reader(self._ring.address)
-        given = self._setup, self._ring.address
+        given = self._chosen, self._probe, self.sample_time, self._ring.address
         self._process, self._connection = start("laboratory", press, *given)
         self._open = True
         if not self._connection.poll(_STARTING):
