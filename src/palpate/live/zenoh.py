@@ -26,9 +26,6 @@ ROUTER = "tcp/127.0.0.1:7447"
 _LONGEST = 1 << 20
 # Sample number and time of sending, each int64, then the length of the publisher's id, and the id.
 _ATTACHED = struct.Struct("<qqB16s")
-# The format of rmw_zenoh 0.2.0 to 0.2.3, with a name before each value.
-_NAMED = struct.Struct("<16sq17sq11sB16s")
-_NAMES = (b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid")
 
 
 def attachment(number: int, written: int, sender: bytes) -> bytes:
@@ -38,14 +35,10 @@ def attachment(number: int, written: int, sender: bytes) -> bytes:
 
 def parse_attachment(data: bytes) -> tuple[int, int, bytes] | None:
     """Return number, time (ns since 1970) and sender; None if it is not an rmw_zenoh attachment."""
-    if len(data) == _ATTACHED.size and data[16] == 16:
-        number, written, _, sender = _ATTACHED.unpack(data)
-        return number, written, sender
-    if len(data) == _NAMED.size:
-        first, number, second, written, third, size, sender = _NAMED.unpack(data)
-        if (first, second, third) == _NAMES and size == 16:
-            return number, written, sender
-    return None
+    if len(data) != _ATTACHED.size or data[16] != 16:
+        return None
+    number, written, _, sender = _ATTACHED.unpack(data)
+    return number, written, sender
 
 
 def topic_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
