@@ -16,7 +16,7 @@ import numpy as np
 from palpate._core import Status
 from palpate.errors import printable
 from palpate.estimators.estimate import Estimate
-from palpate.force_laws import FORCE_LAWS
+from palpate.force_laws import FORCE_LAWS, ForceLaw
 from palpate.live.choices import State
 from palpate.live.sinks import (
     NOT_DIAGNOSED,
@@ -29,6 +29,7 @@ from palpate.live.sinks import (
 from palpate.live.view import (
     COUNTED,
     LiveVerdict,
+    Numbers,
     answer,
     duration_rows,
     headline,
@@ -102,6 +103,16 @@ class ShownDepth:
         return verdict.at(depth if math.isfinite(depth) else steady, frequency)
 
 
+def read_numbers(row: Floats, law: type[ForceLaw], depth: float) -> Numbers:
+    """Return stiffness and damping of the estimate in a row of the ring, at a depth and at rest."""
+    (parameters,), _, (covariance,) = unpack_parameters(row, len(law.symbols))
+    if not (depth > 0.0 and np.isfinite(parameters).all()):
+        return {}
+    made, taken = law.from_parameters(parameters), Status(int(row[0, PLACE["status"]]))
+    estimate = Estimate.from_law(made, covariance, status=taken, samples=1)
+    return {"stiffness": estimate.stiffness_at(depth), "damping": estimate.damping_at(depth)}
+
+
 def describe_depth(
     status: dict[str, Any],
     row: Floats,
@@ -131,18 +142,12 @@ def describe_depth(
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator starts"  # its law is not in the status yet
-    (parameters,), _, (covariance,) = unpack_parameters(row[None], len(kind.symbols))
-    if not np.isfinite(parameters).all():
-        return "no estimate yet"
     if verdict:
-        if not (now := verdict.numbers()):
-            return str(verdict)
-        at = describe_place(depth, verdict.law.frequency)
+        now, at = verdict.numbers(), describe_place(depth, verdict.law.frequency)
     else:
-        law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
-        estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
-        now = {"stiffness": estimate.stiffness_at(depth), "damping": estimate.damping_at(depth)}
-        at = describe_place(depth)
+        now, at = read_numbers(row[None], kind, depth), describe_place(depth)
+    if not now:
+        return str(verdict or "no estimate yet")
     return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
 
 

@@ -361,7 +361,6 @@ class Server:
         self.watch, self._send = watch, send
         self.served = Served()
         self._text, self._version, self._over = "{}", 0, False
-        self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
         known = {"channels": CHANNELS, "methods": default_settings(), "choices": CHOICES}
         self._hello = json.dumps({"kind": "hello", **known})
@@ -402,7 +401,6 @@ class Server:
                     page = self.watch.page(asdict(self.served), ended=last)
                     self._text = json.dumps({"kind": "page", **page})
                     self._version, self._over = self._version + 1, last
-            self._cached.clear()
             self._tick.set()
             self._tick = asyncio.Event()
             if last:
@@ -483,13 +481,11 @@ class Server:
             client.next = newest
         first = max(client.next, history.oldest)
         until = min(first + MOST_ROWS * client.every, history.total)
-        key = (first, until, client.every, client.skipped, client.void)
-        if key not in self._cached:
-            self._cached[key] = history.frame(
-                first, until, every=client.every, dropped=client.skipped, void=client.void
-            )
+        frame = history.frame(
+            first, until, every=client.every, dropped=client.skipped, void=client.void
+        )
         client.next, client.skipped, client.void = until, 0, False
-        return self._cached[key]
+        return frame
 
     async def _receive_all(self, client: Client) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
