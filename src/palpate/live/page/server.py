@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
-from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
 from starlette.datastructures import MutableHeaders
@@ -178,7 +177,9 @@ class Gate:
         given = asked.query_params.get("token", "")
         origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
         answer: ASGIApp = self.app
-        key = given or asked.cookies.get(_cookie_name(asked), "")
+        # Cookies are shared among the ports of a host.
+        cookie = f"{COOKIE}-{scope['server'][1]}"
+        key = given or asked.cookies.get(cookie, "")
         if self.token and not hmac.compare_digest(key.encode(), self.token.encode()):
             self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
@@ -188,7 +189,7 @@ class Gate:
         elif given and self.token is not None and not socket:
             # The cookie keeps the token, so it disappears from the address.
             answer = RedirectResponse("/", 303)
-            answer.set_cookie(_cookie_name(asked), given, httponly=True, samesite="strict")
+            answer.set_cookie(cookie, given, httponly=True, samesite="strict")
         await answer(scope, receive, send)
 
 
@@ -199,15 +200,6 @@ def _add_headers(send: Send) -> Send:
         await send(message)
 
     return sending
-
-
-def _cookie_name(asked: HTTPConnection) -> str:
-    """Return the cookie's name with the port, because cookies are shared among a host's ports."""
-    host = asked.headers.get("host", "")
-    try:
-        return f"{COOKIE}-{urlsplit(f'//{host}').port or 80}"
-    except ValueError:
-        return COOKIE
 
 
 # Requests of a browser.
