@@ -3,7 +3,6 @@
 import asyncio
 import hmac
 import json
-import math
 import mimetypes
 import time
 from collections.abc import Callable, Mapping
@@ -29,7 +28,7 @@ from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import DRAWINGS, STYLE
-from palpate.validation import finite_or_none, number_in, shown
+from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
 _MOST_PIECES = 16  # fragments of one message; a request has hundreds of bytes
@@ -209,9 +208,10 @@ THINNINGS = (1, 2, 4, 8)
 MOST_COMMANDS = 20  # in a burst; then one per COMMAND_TIME
 COMMAND_TIME = 0.1  # s
 
-#: Requests to the page itself rather than the loop.
-VIEWS = ("depth", "every")
-_OPTIONS = {"hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",)}
+_OPTIONS = {
+    "hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",),
+    "depth": ("value",),
+}  # fmt: skip
 _SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor", "method"})
 
 
@@ -257,6 +257,8 @@ def build_command(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -
         _only(options, *_OPTIONS[name])
         if name == "tare":
             options = {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
+        if name == "depth" and (depth := options["value"]) is not None:  # else the median
+            options = {"value": number_in("value", depth, 0.0, 10.0, open_low=True)}
         if name == "record":  # a browser must not choose the path
             options = {"on": bool(options["on"])}
     elif name == "estimator":
@@ -501,8 +503,8 @@ class Server:
             self._tell(client, str(error))
             return
         try:
-            if name in VIEWS:
-                self._view(client, name, options)
+            if name == "every":
+                self._thin(client, options)
             else:
                 command = build_command(name, options, self.watch.loop)
                 self._allowance.spend()
@@ -515,17 +517,9 @@ class Server:
         if not client.answers:  # one pending answer is enough
             client.answers.append(json.dumps({"kind": "refused", "words": words[:300]}))
 
-    def _view(self, client: Client, name: str, options: dict[str, Any]) -> None:
+    def _thin(self, client: Client, options: dict[str, Any]) -> None:
         _only(options, "value")
         value = options["value"]
-        if name == "depth":
-            depth = math.nan  # the median depth of the motion
-            if value is not None:
-                depth = number_in("value", value, 0.0, 10.0, open_low=True)
-            self._allowance.spend()  # recomputes the whole history
-            self.watch.chosen_depth = depth
-            self._send(LiveCommand("depth", {"value": finite_or_none(depth)}))  # for the diagnosis
-            return
         if value not in THINNINGS or isinstance(value, bool):
             raise InvalidParameterError(f"value must be one of {THINNINGS}")
         client.every = int(value)

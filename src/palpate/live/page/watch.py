@@ -208,7 +208,7 @@ class Watch:
         self.history = History(1e-3)
         self._begun = False
         self.recast = 0
-        self.depth = self.chosen_depth = math.nan
+        self.depth = math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._shown = ShownDepth()
@@ -248,8 +248,7 @@ class Watch:
         sign = self.run.shared_json.version, self.run.reader.samples.count
         if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
-        chosen = math.isfinite(self.chosen_depth)
-        self.depth = self.chosen_depth if chosen else self._shown.value
+        self.depth = or_nan(self.loop.get("depth") or self._shown.value)
         generation = float(self.loop.get("generation", math.nan))
         if self.history.show(self._law, self.depth, generation):
             self.recast += 1
@@ -359,7 +358,7 @@ class Watch:
             now |= self._where_diagnosed(row, diagnosis)
         # The motion's frequency, from the loop's law or the last diagnosis.
         frequency = verdict.law.frequency if verdict else diagnosis.get("frequency")
-        chosen = math.isfinite(self.chosen_depth)
+        chosen = self.loop.get("depth") is not None
         sure = {"certainty": verdict.certainty} if verdict else None
         # Alive if it has written anything lately, or still opens its source.
         alive = not self._begun or time.monotonic() - self._moved < ALIVE
