@@ -178,9 +178,7 @@ def watched(monkeypatch):
     monkeypatch.setattr(watch, "ALIVE", 0.0)
     writers, shared_json, own = (Writer(64), Writer(64, len(ESTIMATE))), SharedJson(), SharedJson()
     addresses = [each.address for each in writers]
-    seen = watch.Watch(
-        Watching(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
-    )
+    seen = watch.Watch(Watching(Session(*addresses, shared_json.name, {"page": own.name}), "page"))
     yield writers, shared_json, seen
     seen.run.close()
     for each in (own, shared_json, *writers):

@@ -96,7 +96,7 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     page = Page(port=0, **options)
     ours, theirs = Pipe()
     addresses = writer.address, estimates.address
-    watching = Watching(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
+    watching = Watching(Session(*addresses, shared_json.name, {"page": own.name}), "page")
     thread = threading.Thread(target=page.run, args=(watching, theirs))
     thread.start()
     try:

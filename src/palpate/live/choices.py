@@ -100,7 +100,7 @@ class LiveCommand:
         ``"tare"``, ``"hold"``, ``"resume"``, ``"reset"``, ``"estimator"`` (``method`` and its
         settings), ``"source"`` (an option that the source offers, such as the laboratory's
         material), ``"depth"`` (``value``: the working depth, m; None for the median), ``"record"``
-        (``path``; or ``on``: whether to record, to a file that the recorder names) or ``"stop"``.
+        (``on``: whether to record, to a file that the recorder names) or ``"stop"``.
     options : dict
         Options of the command.
     """

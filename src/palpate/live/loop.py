@@ -605,19 +605,13 @@ class Loop:
         elif command.name == "depth":
             self.depth = options["value"]
         elif command.name == "record":
-            path = options.get("path")
-            on = bool(options.get("on", path is not None))
-            wish, since = self.record["wish"] + 1, self.samples.count
+            on = bool(options["on"])
             # Stays on: the recorder ends a little after the command to end.
             self.every_sample = self.every_sample or on
-            self.record = {"wish": wish, "on": on, "path": path, "since": since}
+            wish, since = self.record["wish"] + 1, self.samples.count
+            self.record = {"wish": wish, "on": on, "since": since}
 
     def _begin(self, estimator: ContactEstimator) -> None:
-        if len(estimator.law_type.symbols) > MOST_PARAMETERS:
-            raise InvalidParameterError(
-                f"{estimator.method} has a law of {len(estimator.law_type.symbols)} parameters, "
-                f"and the loop takes at most {MOST_PARAMETERS}"
-            )
         self.estimator, self.laws = estimator, LawsInForce.of(estimator)
 
     def _exchange(self, estimator: ContactEstimator, text: str) -> None:

@@ -150,9 +150,7 @@ class Recorder:
         said = "no recording is running" if recording is None else recording.finish()
         if not asked["on"]:
             return None, said
-        path = asked.get("path")
-        named = datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap")
-        return _begun(Path(path) if path else self._folder / named)
+        return _begun(self._folder / datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap"))
 
 
 def _page(recording: "RunFile | None") -> dict[str, Any]:

@@ -5,7 +5,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -113,7 +112,7 @@ def run(
         shared_json = kept.enter_context(closing(SharedJson()))
         shared_by_sink = {sink.name: kept.enter_context(closing(SharedJson())) for sink in sinks}
         addresses = {name: each.name for name, each in shared_by_sink.items()}
-        session = Session(samples.address, estimates.address, shared_json.name, addresses, "")
+        session = Session(samples.address, estimates.address, shared_json.name, addresses)
         kept.callback(source.close)
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
@@ -204,8 +203,7 @@ def _start_sinks(
         for sink in sinks:
             if loop.stopped:
                 break
-            own = replace(session, own=session.shared_by_sink[sink.name])
-            process, connections[sink.name] = start(sink.name, _serve, sink, own)
+            process, connections[sink.name] = start(sink.name, _serve, sink, session)
             processes.append(process)
             # Anything that the sink opened here, such as a port, now belongs to its process.
             getattr(sink, "handed_over", lambda: None)()
@@ -229,7 +227,7 @@ def _start_sinks(
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     show_name(sink.name)
     give_way(gently=getattr(sink, "gently", True))
-    with suppress(BrokenPipeError), closing(Watching(session)) as watching:
+    with suppress(BrokenPipeError), closing(Watching(session, sink.name)) as watching:
         commands.send(_THERE)
         sink.run(watching, commands)
 

@@ -47,15 +47,12 @@ class Session:
         The loop's status, a :class:`palpate.live.ring.SharedJson`; ``"stopped": true`` at the end.
     shared_by_sink : dict
         Name of each sink, such as the diagnosis or the recorder, to its status.
-    own : str
-        The status that this sink writes.
     """
 
     samples: Address
     estimates: Address
     shared_json: str
     shared_by_sink: dict[str, str]
-    own: str
 
 
 class Sink(Protocol):
@@ -154,17 +151,13 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
 
 
 class Watching:
-    """Reads the rows and statuses of a session, from the loop's first row on."""
+    """Reads the rows and statuses of a session, from the loop's first row on, for one sink."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, sink: str) -> None:
         self.reader = RowReader(session.samples, session.estimates)
         self.shared_json = SharedJson(session.shared_json)
-        self._own = SharedJson(session.own)
-        self._others = {
-            name: SharedJson(each)
-            for name, each in session.shared_by_sink.items()
-            if each != session.own
-        }
+        self._others = {name: SharedJson(each) for name, each in session.shared_by_sink.items()}
+        self._own = self._others.pop(sink)
         self.dropped = 0
 
     def take(self) -> Taken:

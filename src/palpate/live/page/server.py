@@ -259,7 +259,7 @@ def build_command(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -
             options = {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
         if name == "depth" and (depth := options["value"]) is not None:  # else the median
             options = {"value": number_in("value", depth, 0.0, 10.0, open_low=True)}
-        if name == "record":  # a browser must not choose the path
+        if name == "record":
             options = {"on": bool(options["on"])}
     elif name == "estimator":
         if set(options) - _SETTINGS or "method" not in options:
