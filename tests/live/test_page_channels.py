@@ -172,12 +172,19 @@ def test_no_line_leads_from_one_estimator_to_the_next(history):
     assert not history.show(ESTIMATORS["kelvin-voigt"].law_type, 0.01, 2.0)
 
 
+LAW = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
+LAW |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
+OTHER = {"kind": "kelvin-voigt", "shown": []}
+STATUS = {"sample_time": 1e-3, "generation": 0, "law": LAW, "state": "contact"}
+
+
 @pytest.fixture
 def watched(monkeypatch):
     """A ring, the loop's board, and what a page sees of them at once."""
     monkeypatch.setattr(watch, "ALIVE", 0.0)
     writers, shared_json, own = (Writer(64), Writer(64, len(ESTIMATE))), SharedJson(), SharedJson()
     addresses = [each.address for each in writers]
+    shared_json.write({**STATUS, "state": "none"})
     seen = watch.Watch(Watching(Session(*addresses, shared_json.name, {"page": own.name}), "page"))
     yield writers, shared_json, seen
     seen.run.close()
@@ -189,8 +196,8 @@ def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
     _, shared_json, seen = watched
     seen.look()
     assert seen.page({})["state"] == "none"
-    shared_json.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
-    seen.take()
+    shared_json.write(STATUS)
+    seen.look()
     assert seen.page({})["state"] == "dead"  # it has been, and says nothing more
 
 
@@ -203,9 +210,8 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
             samples.write(*row[: len(SAMPLE)])
         seen.take()
 
-    law = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
-    law |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
-    shared_json.write({"sample_time": 1e-3, "generation": 0, "law": law, "state": "contact"})
+    shared_json.write(STATUS)
+    seen.look()
     write(0.0, 0.2)
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
@@ -215,7 +221,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
     assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own
     assert ["page: browsers", "1", ""] in page["facts"]["counts"]
     assert seen.page({})["now"]["parameters"] == [2000.0, 3000.0, 1.3]
-    shared_json.write({"sample_time": 1e-3, "generation": 1, "law": {"kind": "kelvin-voigt"}})
+    shared_json.write({**STATUS, "generation": 1, "law": OTHER})
     seen.look()
     write(0.401)  # the last one of the estimator before
     (change,) = seen.page({})["changes"]

@@ -104,15 +104,13 @@ def build_contact(
     return Contact(time, **signals, segment=np.cumsum(gaps), source="the last seconds")
 
 
-def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
+def _estimator(status: dict[str, Any]) -> ContactEstimator:
     """Return an estimator of the loop's method with the same laws and the same known exponent."""
-    method, settings = status.get("method"), status.get("settings", {})
-    if method is None:
-        return None
+    settings = status.get("settings", {})
     known = {name: settings[name] for name in CHOICES if name in settings}
     if (exponent := status.get("exponent")) is not None:
         known["exponent"] = exponent
-    return estimator_named(method)(**known)
+    return estimator_named(status["method"])(**known)
 
 
 def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:

@@ -134,6 +134,8 @@ def run(
         if payload is not None and payload.mark != "trust":
             reason = f": {payload.findings[0]}" if payload.findings else ""
             loop.say(f"payload {spoken(payload.mark)}{reason}")
+        # What a sink reads until the source is open.
+        shared_json.write({**loop.status(), "state": "none"})
         failed: dict[str, int] = {}
         with _start_sinks(sinks, session, loop, shared_json, failed) as started, pause_collection():
             # The sinks are ready before the source opens, so that no sample waits for them.

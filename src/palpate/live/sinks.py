@@ -156,6 +156,7 @@ class Watching:
     def __init__(self, session: Session, sink: str) -> None:
         self.reader = RowReader(session.samples, session.estimates)
         self.shared_json = SharedJson(session.shared_json)
+        self.shared_json.read()  # a later read, while the loop writes, has this one at least
         self._others = {name: SharedJson(each) for name, each in session.shared_by_sink.items()}
         self._own = self._others.pop(sink)
         self.dropped = 0

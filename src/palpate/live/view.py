@@ -320,7 +320,7 @@ Words = dict[str, Any]
 
 def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float) -> Words:
     """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
-    law, at = page["loop"].get("law") or {}, _describe_depth(page["depth"])
+    law, at = page["loop"]["law"], _describe_depth(page["depth"])
     tiles = []
     panels = [
         [f"{name.capitalize()} {at}", unit, name, f"{name}_error"] for name, unit in _UNITS.items()
@@ -425,7 +425,7 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
     ``contact_force`` is the present force, N, if the probe is in contact.
     """
     loop, others = page["loop"], page["others"]
-    lamp, title, words = _STATES.get(state, _STATES["none"])
+    lamp, title, words = _STATES[state]
     fault = loop.get("fault") or loop.get("tare_refused")
     recorder, truth = others.get("recorder", {}), loop.get("chosen", {}).get("truth")
     recorded = recorder.get("said") or ""

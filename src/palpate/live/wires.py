@@ -630,7 +630,7 @@ class Publisher:
             page, rows = self._watching.status(), self._watching.take().rows
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # The first sample sets the zero of the times.
-            if page and page["counts"]["taken"]:
+            if page["counts"]["taken"]:
                 waiting = self._publish(page, waiting)
                 self._tell(page, silent=not len(rows))
             time.sleep(_PAUSE)

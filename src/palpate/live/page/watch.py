@@ -203,10 +203,8 @@ class Watch:
     """
 
     def __init__(self, run: Watching) -> None:
-        self.run = run
-        self.loop = self.run.status()
-        self.history = History(1e-3)
-        self._begun = False
+        self.run, self.loop = run, run.status()
+        self.history = History(self.loop["sample_time"])
         self.recast = 0
         self.depth = math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
@@ -222,8 +220,6 @@ class Watch:
 
     def take(self) -> None:
         """Read the rows that the loop wrote since the last call."""
-        if not self._begun and not self._begin():
-            return
         rows = self.run.take().rows
         if len(rows):
             first = self.history.total
@@ -232,36 +228,22 @@ class Watch:
             self._shown.see(rows)
             self._note_changes(rows, first)
 
-    def _begin(self) -> bool:
-        """Allocate the history as soon as the loop reports its sample time."""
-        self._read()
-        sample_time = self.loop.get("sample_time")
-        if sample_time:
-            self.history, self._begun = History(float(sample_time)), True
-            self._moved = time.monotonic()
-        return self._begun
-
     def look(self) -> None:
         """Read the statuses and choose the depth, a few times a second."""
-        self._read()
+        self.loop = self.run.status()
+        self._law = FORCE_LAWS.get(self.loop["law"]["kind"])
         # Differs as soon as the loop has written anything.
         sign = self.run.shared_json.version, self.run.reader.samples.count
         if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
         self.depth = or_nan(self.loop.get("depth") or self._shown.value)
-        generation = float(self.loop.get("generation", math.nan))
-        if self.history.show(self._law, self.depth, generation):
+        if self.history.show(self._law, self.depth, float(self.loop["generation"])):
             self.recast += 1
             self._recompute()
         row = self.run.reader.now()
         arrived = float(column(row, "arrived")[0]) if len(row) else math.nan
         self._verdict = self._shown.verdict(self.loop, arrived, self.depth)
         self._by_verdict = self._verdict.numbers() if self._verdict else {}
-
-    def _read(self) -> None:
-        self.loop = self.run.status() or self.loop
-        law = self.loop.get("law") or {}
-        self._law = FORCE_LAWS.get(law.get("kind", ""))
 
     def _note_changes(self, rows: Floats, first: int) -> None:
         """Remember when the material changed, and the estimates before and after."""
@@ -361,8 +343,8 @@ class Watch:
         chosen = self.loop.get("depth") is not None
         sure = {"certainty": verdict.certainty} if verdict else None
         # Alive if it has written anything lately, or still opens its source.
-        alive = not self._begun or time.monotonic() - self._moved < ALIVE
-        state = self.loop.get("state", "none") if alive and not ended else "dead"
+        alive = self.loop["state"] == "none" or time.monotonic() - self._moved < ALIVE
+        state = self.loop["state"] if alive and not ended else "dead"
         if ended and self.loop.get("stopped"):
             state = "ended"
         page: dict[str, Any] = {
