@@ -83,12 +83,7 @@ def arrivals(times, positions, forces, *, there=None):
 def rings(capacity=CAPACITY):
     """Where a loop writes samples and estimates, and who reads them."""
     samples, estimates = Writer(capacity), Writer(capacity, len(ESTIMATE))
-    reader = RowReader(samples.address, estimates.address)
-    try:
-        yield samples, estimates, reader
-    finally:
-        for each in (reader, samples, estimates):
-            each.close()
+    yield samples, estimates, RowReader(samples.memory, estimates.memory)
 
 
 def looped(
@@ -159,10 +154,8 @@ class Looking:
         self.path, self.name = path, name
 
     def run(self, watching, commands):
-        rows, reader = 0, watching.reader
-        statuses = (watching.shared_json, watching._own, *watching._others.values())
-        names = (each.name for each in (reader.samples, reader._estimates, *statuses))
-        self.path.with_suffix(".began").write_text(" ".join(names))
+        rows = 0
+        self.path.with_suffix(".began").touch()
         while watching.wait(0.02):
             rows += len(watching.take().rows)
             watching.tell({"rows": rows})

@@ -183,13 +183,12 @@ def watched(monkeypatch):
     """A ring, the loop's board, and what a page sees of them at once."""
     monkeypatch.setattr(watch, "ALIVE", 0.0)
     writers, shared_json, own = (Writer(64), Writer(64, len(ESTIMATE))), SharedJson(), SharedJson()
-    addresses = [each.address for each in writers]
+    memories = [each.memory for each in writers]
     shared_json.write({**STATUS, "state": "none"})
-    seen = watch.Watch(Watching(Session(*addresses, shared_json.name, {"page": own.name}), "page"))
-    yield writers, shared_json, seen
-    seen.run.close()
-    for each in (own, shared_json, *writers):
-        each.close()
+    seen = watch.Watch(
+        Watching(Session(*memories, shared_json.memory, {"page": own.memory}), "page")
+    )
+    return writers, shared_json, seen
 
 
 def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
@@ -236,9 +235,9 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
 SPAWN = multiprocessing.get_context("spawn")
 
 
-def writing(kind, address, seconds, gate):
+def writing(kind, memory, seconds, gate):
     """Rows or pages whose numbers are all of one value, as quickly as it goes."""
-    made = Writer(made=address) if kind == "ring" else SharedJson(address)
+    made = Writer(memory=memory) if kind == "ring" else SharedJson(memory)
     gate.send("there")
     until, k = time.monotonic() + seconds, 0
     while time.monotonic() < until:
@@ -248,14 +247,13 @@ def writing(kind, address, seconds, gate):
             made.write({"k": k, "words": "x" * (k % 3000), "again": k})
         k += 1
     gate.send(k)
-    made.close()
 
 
 @contextmanager
-def another_process(kind, address, seconds):
+def another_process(kind, memory, seconds):
     """One that writes; its end says how many it has written."""
     gate, theirs = SPAWN.Pipe()
-    process = SPAWN.Process(target=writing, args=(kind, address, seconds, theirs))
+    process = SPAWN.Process(target=writing, args=(kind, memory, seconds, theirs))
     process.start()
     assert gate.recv() == "there"
     yield gate
@@ -264,9 +262,9 @@ def another_process(kind, address, seconds):
 
 def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     ring = Writer(256)  # so small that it goes round all the time
-    reader = Reader(ring.address)
+    reader = Reader(ring.memory)
     seen, dropped, last = 0, 0, -1.0
-    with another_process("ring", ring.address, 0.7) as gate:
+    with another_process("ring", ring.memory, 0.7) as gate:
         while not gate.poll():
             rows, lost = reader.take()
             assert (rows == rows[:, :1]).all()  # none is half another's
@@ -283,15 +281,11 @@ def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     assert seen + len(rows) + dropped + lost == written
     assert seen > 256
     assert dropped > 0
-    reader.close()
-    ring.close()
 
 
 @pytest.fixture
 def ring():
-    made = Writer(8)
-    yield made
-    made.close()
+    return Writer(8)
 
 
 def written(ring, *numbers):
@@ -301,7 +295,7 @@ def written(ring, *numbers):
 
 def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(ring):
     written(ring, *range(5))
-    early, late = Reader(ring.address), Reader(ring.address)
+    early, late = Reader(ring.memory), Reader(ring.memory)
     assert early.take().rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     written(ring, *range(5, 20))
     # The oldest row of a full ring may be written over while it is read, so it is not given.
@@ -309,15 +303,13 @@ def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(r
     assert rows[:, 0].tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0]
     assert dropped == 13
     assert late.take().rows.size == 0
-    begun_late = Reader(ring.address)
+    begun_late = Reader(ring.memory)
     rows, dropped = begun_late.take()
     assert (len(rows), dropped) == (7, 13)
-    for each in (early, late, begun_late):
-        each.close()
 
 
 def test_a_reader_goes_back_as_far_as_half_the_ring(ring):
-    reader = Reader(ring.address)
+    reader = Reader(ring.memory)
     written(ring, *range(6))
     reader.take()
     reader.go_back(4)
@@ -328,14 +320,13 @@ def test_a_reader_goes_back_as_far_as_half_the_ring(ring):
     assert dropped == 0
     reader.go_back(99)
     assert len(reader.take().rows) == 0
-    reader.close()
 
 
 @pytest.mark.slow
 def test_a_page_that_is_read_while_it_is_written_is_whole():
     shared_json = SharedJson()
     newest, different = -1, 0
-    with another_process("board", shared_json.name, 0.5) as gate:
+    with another_process("board", shared_json.memory, 0.5) as gate:
         while not gate.poll():
             if page := shared_json.read():
                 assert page["k"] == page["again"] >= newest
@@ -344,14 +335,12 @@ def test_a_page_that_is_read_while_it_is_written_is_whole():
                 newest = page["k"]
         assert shared_json.read()["k"] == gate.recv() - 1
     assert different > 5
-    shared_json.close()
 
 
 def test_a_page_that_is_too_long_is_cut_to_its_first_fields():
     shared_json = SharedJson()
     shared_json.write({"first": 1, "second": "x" * SIZE})
     assert shared_json.read() == {"first": 1}
-    shared_json.close()
 
 
 @pytest.mark.parametrize("seed", [0, 1])

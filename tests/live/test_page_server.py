@@ -95,8 +95,8 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     shared_json.write(loop.status())
     page = Page(port=0, **options)
     ours, theirs = Pipe()
-    addresses = writer.address, estimates.address
-    watching = Watching(Session(*addresses, shared_json.name, {"page": own.name}), "page")
+    memories = writer.memory, estimates.memory
+    watching = Watching(Session(*memories, shared_json.memory, {"page": own.memory}), "page")
     thread = threading.Thread(target=page.run, args=(watching, theirs))
     thread.start()
     try:
@@ -109,8 +109,6 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
         thread.join(20.0)
         assert not thread.is_alive()
         page.close()
-        for each in (watching, shared_json, own, writer, estimates):
-            each.close()
 
 
 class Head(NamedTuple):

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from contextlib import closing, suppress
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
@@ -18,7 +18,7 @@ from palpate.lab import (
     TwinPantograph,
 )
 from palpate.live.realtime import end, give_way, show_name, start
-from palpate.live.ring import Address, Reader, Writer
+from palpate.live.ring import Memory, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import check_choice, shown
 
@@ -50,15 +50,12 @@ def start_bench(
         return OngoingBench(replace(bench, probe=ideal)), ideal.name, words
 
 
-def press(chosen: dict[str, str], probe: str, step: float, ring: Address, end: Connection) -> None:
+def press(chosen: dict[str, str], probe: str, step: float, ring: Memory, end: Connection) -> None:
     """Write samples until the other end closes the connection."""
     show_name("lab")
     give_way(gently=False)
-    with (
-        closing(Writer(made=ring)) as writer,
-        suppress(BrokenPipeError, ConnectionResetError, EOFError),
-    ):
-        _Pressing(chosen, probe, step, writer, end).run()
+    with suppress(BrokenPipeError, ConnectionResetError, EOFError):
+        _Pressing(chosen, probe, step, Writer(width=WIDTH, memory=ring), end).run()
 
 
 class _Pressing:
@@ -178,9 +175,9 @@ class Laboratory:
 
     def open(self) -> None:
         """Start the process and wait until the rig is ready."""
-        self._ring = Writer(CAPACITY, WIDTH)
-        self._reader = Reader(self._ring.address)
-        given = self._chosen, self._probe, self.sample_time, self._ring.address
+        ring = Writer(CAPACITY, WIDTH).memory
+        self._reader = Reader(ring, WIDTH)
+        given = self._chosen, self._probe, self.sample_time, ring
         self._process, self._connection = start("laboratory", press, *given)
         self._open = True
         if not self._connection.poll(_STARTING):
@@ -249,14 +246,12 @@ class Laboratory:
         return False
 
     def close(self) -> None:
-        """End the process and free the memory."""
+        """End the process."""
         if not self._open:
             return
         self._open = False
         self._connection.close()  # which tells the process to end
         end([self._process], 2.0)
-        self._reader.close()
-        self._ring.close()
 
 
 def _check_name(kind: str, name: Any) -> str:

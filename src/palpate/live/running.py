@@ -4,7 +4,7 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -106,14 +106,11 @@ def run(
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
     # From here on Ctrl-C only sets a flag, so that everything started is ended in order.
-    with _interruptible() as stops, ExitStack() as kept:
-        samples = kept.enter_context(closing(Writer()))
-        estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
-        shared_json = kept.enter_context(closing(SharedJson()))
-        shared_by_sink = {sink.name: kept.enter_context(closing(SharedJson())) for sink in sinks}
-        addresses = {name: each.name for name, each in shared_by_sink.items()}
-        session = Session(samples.address, estimates.address, shared_json.name, addresses)
-        kept.callback(source.close)
+    with _interruptible() as stops, closing(source):
+        samples, estimates, shared_json = Writer(), Writer(width=len(ESTIMATE)), SharedJson()
+        shared_by_sink = {sink.name: SharedJson() for sink in sinks}
+        memories = {name: each.memory for name, each in shared_by_sink.items()}
+        session = Session(samples.memory, estimates.memory, shared_json.memory, memories)
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
             chosen = chosen.replace(sample_time=source.sample_time)
@@ -229,7 +226,8 @@ def _start_sinks(
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     show_name(sink.name)
     give_way(gently=getattr(sink, "gently", True))
-    with suppress(BrokenPipeError), closing(Watching(session, sink.name)) as watching:
+    watching = Watching(session, sink.name)
+    with suppress(BrokenPipeError):
         commands.send(_THERE)
         sink.run(watching, commands)
 

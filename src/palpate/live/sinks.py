@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, RowReader, SharedJson, Taken
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Memory, RowReader, SharedJson, Taken
 from palpate.validation import Floats, or_nan
 from palpate.writing import abandon_output
 
@@ -37,22 +37,22 @@ def print_line(words: str, end: str = "\n") -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Names of the shared memory through which the loop and its sinks exchange data.
+    """The shared memory through which the loop and its sinks exchange data.
 
     Attributes
     ----------
-    samples, estimates : Address
+    samples, estimates : ctypes array
         Every sample, and the estimates: :class:`palpate.live.ring.RowReader`.
-    shared_json : str
+    shared_json : ctypes array
         The loop's status, a :class:`palpate.live.ring.SharedJson`; ``"stopped": true`` at the end.
     shared_by_sink : dict
         Name of each sink, such as the diagnosis or the recorder, to its status.
     """
 
-    samples: Address
-    estimates: Address
-    shared_json: str
-    shared_by_sink: dict[str, str]
+    samples: Memory
+    estimates: Memory
+    shared_json: Memory
+    shared_by_sink: dict[str, Memory]
 
 
 class Sink(Protocol):
@@ -194,9 +194,3 @@ class Watching:
         """Wait, and return whether the loop still runs."""
         time.sleep(seconds)
         return not self.over
-
-    def close(self) -> None:
-        """Close the shared memory."""
-        self.reader.close()
-        for each in (self.shared_json, self._own, *self._others.values()):
-            each.close()
