@@ -7,6 +7,8 @@ from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
 
+import numpy as np
+
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.lab import (
     MATERIALS,
@@ -18,14 +20,9 @@ from palpate.lab import (
     TwinPantograph,
 )
 from palpate.live.realtime import end, give_way, show_name, start
-from palpate.live.ring import Memory, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import check_choice, shown
 
-#: Columns of a row: time, position, force, and the due time on the monotonic clock.
-WIDTH = 4
-#: Queue length, 4 s at 1 kHz; older rows are lost and counted.
-CAPACITY = 4096
 # s ahead of real time: other programs may delay the process by a tenth of a second. It is also the
 # time that a command takes to have an effect.
 _AHEAD = 0.2
@@ -50,19 +47,19 @@ def start_bench(
         return OngoingBench(replace(bench, probe=ideal)), ideal.name, words
 
 
-def press(chosen: dict[str, str], probe: str, step: float, ring: Memory, end: Connection) -> None:
-    """Write samples until the other end closes the connection."""
+def press(chosen: dict[str, str], probe: str, step: float, connection: Connection) -> None:
+    """Send samples until the other end closes the connection."""
     show_name("lab")
     give_way(gently=False)
     with suppress(BrokenPipeError, ConnectionResetError, EOFError):
-        _Pressing(chosen, probe, step, Writer(width=WIDTH, memory=ring), end).run()
+        _Pressing(chosen, probe, step, connection).run()
 
 
 class _Pressing:
     def __init__(
-        self, chosen: dict[str, str], probe: str, step: float, writer: Writer, end: Connection
+        self, chosen: dict[str, str], probe: str, step: float, connection: Connection
     ) -> None:
-        self._first, self._writer, self._connection = chosen, writer, end
+        self._first, self._connection = chosen, connection
         self._bench, self._probe, words = start_bench(**chosen, probe=probe, sample_time=step)
         self._say(words)
         self._began = time.monotonic() + _BLOCK  # the rest of its lead is gained immediately
@@ -86,10 +83,8 @@ class _Pressing:
         except InvalidParameterError as error:
             self._say(f"{error}; palpate returned to the first material", **self._first)
             return
-        dues = rows[:, 0] + self._began
-        now = time.monotonic()
-        for row, due in zip(rows.tolist(), dues.tolist(), strict=True):
-            self._writer.write(*row, max(due, now))
+        due = np.maximum(rows[:, 0] + self._began, time.monotonic())
+        self._connection.send(np.column_stack([rows, due]).tolist())
 
     def _obey(self) -> None:
         name, value = self._connection.recv()
@@ -106,7 +101,6 @@ class _Pressing:
 
 _STARTING = 60.0  # s: importing MuJoCo takes one or two, more on a busy machine
 _SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
-_LOOK_AGAIN = 2e-4  # s, if the laboratory is late
 
 
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
@@ -152,6 +146,7 @@ class Laboratory:
         materials = list(MATERIALS)
         #: Options and their choices. "material" lifts the probe first, "change" does not.
         self.offers = {"material": materials, "motion": list(TRAJECTORIES), "change": materials}
+        # Time, position, force, and the due time on the monotonic clock.
         self._rows: deque[list[float]] = deque()
         self._open = False
         self._said: list[str] = []
@@ -175,9 +170,7 @@ class Laboratory:
 
     def open(self) -> None:
         """Start the process and wait until the rig is ready."""
-        ring = Writer(CAPACITY, WIDTH).memory
-        self._reader = Reader(ring, WIDTH)
-        given = self._chosen, self._probe, self.sample_time, ring
+        given = self._chosen, self._probe, self.sample_time
         self._process, self._connection = start("laboratory", press, *given)
         self._open = True
         if not self._connection.poll(_STARTING):
@@ -189,15 +182,10 @@ class Laboratory:
         """Wait until the next sample is due, and return it."""
         until = time.monotonic() + timeout
         while not self._rows:
-            taken = self._reader.take()
-            self.counts.lost += taken.dropped
-            self._rows.extend(taken.rows.tolist())
-            if not self._rows:
-                if not self._process.is_alive():
-                    raise EndOfSourceError("the laboratory's process has ended unexpectedly")
-                if time.monotonic() >= until:
-                    return None
-                time.sleep(_LOOK_AGAIN)
+            if not self._connection.poll(max(until - time.monotonic(), 0.0)):
+                return None
+            if not self._listen():
+                raise EndOfSourceError("the laboratory's process has ended unexpectedly")
         row = self._rows[0]
         due, now = row[3], time.monotonic()
         if due > now:
@@ -236,10 +224,14 @@ class Laboratory:
         return said
 
     def _listen(self) -> bool:
-        """Read the pending messages; return whether the process still runs."""
+        """Read the pending samples and messages; return whether the process still runs."""
         with suppress(EOFError, OSError):
             while self._connection.poll():
-                sentence, self._probe, chosen = self._connection.recv()
+                message = self._connection.recv()
+                if isinstance(message, list):
+                    self._rows.extend(message)
+                    continue
+                sentence, self._probe, chosen = message
                 self._said += [sentence] if sentence else []
                 self._chosen |= chosen
             return True
