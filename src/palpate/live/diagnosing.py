@@ -129,15 +129,19 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     except PalpateError as error:  # the probe touched nothing
         said = str(error)
         return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}
-    texts = [diagnosis.remedy, *(f"{name}: {text}" for name, text in fit_rows(result))]
+    rows = (f"{name}: {text}".replace("\n", "  ") for name, text in fit_rows(result))
     return {
         **page,
         "said": f"{diagnosis.verdict.both}: {diagnosis.reason}",
         "verdict": diagnosis.verdict.as_dict(),
         "reason": diagnosis.reason,
         "lines": [
-            *([text, ""] for text in texts if text),
-            [f"{about}; ± includes the systematic uncertainty", "soft"],
+            *([text, ""] for text in (diagnosis.remedy, *rows) if text),
+            [
+                f"{about}, by {result.method}; ± of stiffness and damping includes the systematic "
+                "uncertainty",
+                "soft",
+            ],
         ],
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),

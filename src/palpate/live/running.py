@@ -114,9 +114,10 @@ def run(
         chosen = estimator or default_estimator()
         if chosen.settings.get("sample_time", source.sample_time) is None:
             chosen = chosen.replace(sample_time=source.sample_time)
-        compensation = None
-        if payload is not None:
-            compensation = PayloadCompensation(payload=payload, sample_time=source.sample_time)
+        step = source.sample_time
+        compensation = (
+            None if payload is None else PayloadCompensation(payload=payload, sample_time=step)
+        )
         every = any(getattr(sink, "every_sample", False) for sink in sinks)
         loop = Loop(
             source,

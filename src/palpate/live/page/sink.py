@@ -4,6 +4,7 @@ import asyncio
 import ipaddress
 import logging
 import os
+import re
 import secrets
 import select
 import socket
@@ -173,8 +174,8 @@ def token_for(address: str, token: str | None) -> str | None:
     if token is None:
         loopback = ipaddress.ip_address(address.partition("%")[0]).is_loopback
         return None if loopback else secrets.token_urlsafe(24)
-    letters = token.replace("-", "").replace("_", "") if isinstance(token, str) else ""
-    if not (letters.isascii() and letters.isalnum() and len(token) >= _SHORTEST_TOKEN):
+    letters = rf"[A-Za-z0-9_-]{{{_SHORTEST_TOKEN},}}"
+    if not (isinstance(token, str) and re.fullmatch(letters, token)):
         raise InvalidParameterError(
             f"token must have at least {_SHORTEST_TOKEN} letters, digits, - or _"
         )
