@@ -135,13 +135,14 @@ class Laboratory:
         sample_time: float = 1e-3,
         probe: str = "twin-pantograph",
     ) -> None:
-        given = {"material": material, "motion": motion}
-        self._chosen = {kind: _check_name(kind, name) for kind, name in given.items()}
+        check_choice("material", material, MATERIALS)
+        check_choice("motion", motion, TRAJECTORIES)
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
                 f"the laboratory's --rate must be in [{1.0 / _LONGEST:g}, {1.0 / _SHORTEST:g}] Hz, "
                 f"not {1.0 / sample_time:g}"
             )
+        self._chosen = {"material": material, "motion": motion}
         self.sample_time, self.counts = sample_time, Counts()
         materials = list(MATERIALS)
         #: Options and their choices. "material" lifts the probe first, "change" does not.
@@ -205,16 +206,16 @@ class Laboratory:
 
     def _send_request(self, name: str, value: Any) -> str:
         kind = "motion" if name == "motion" else "material"
-        chosen = _check_name(kind, value)
+        check_choice(kind, value, self.offers[name])
         if not self._open:
             raise InvalidParameterError("the laboratory is not open")
         with suppress(OSError):  # it has crashed; ``take`` reports that
-            self._connection.send((name, chosen))
-        self._chosen[kind] = chosen
+            self._connection.send((name, value))
+        self._chosen[kind] = value
         if name == "motion":
-            return f"motion: {chosen}"
+            return f"motion: {value}"
         now = "from now on" if name == "change" else "as soon as the probe is out of contact"
-        return f"material: {MATERIALS[chosen].name}, {now}"
+        return f"material: {MATERIALS[value].name}, {now}"
 
     def news(self) -> list[str]:
         """Return the laboratory's messages since the last call."""
@@ -244,9 +245,3 @@ class Laboratory:
         self._open = False
         self._connection.close()  # which tells the process to end
         end([self._process], 2.0)
-
-
-def _check_name(kind: str, name: Any) -> str:
-    names = MATERIALS if kind == "material" else TRAJECTORIES
-    check_choice(kind, name, names)
-    return str(name)

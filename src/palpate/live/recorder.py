@@ -138,11 +138,11 @@ class Recorder:
                 watching.reader.samples.go_back(asked["since"])  # to the time of the command
             if recording is not None and recording.failed:
                 recording, failed = None, True
-            watching.tell({"on": recording is not None, "said": said, **_page(recording)})
+            watching.tell(_describe(recording, said))
         if recording is not None:
             said = recording.finish()
             failed = failed or recording.failed
-        watching.tell({"on": False, "said": said, **_page(recording)})
+        watching.tell({**_describe(recording, said), "on": False})
         if failed:
             sys.exit(1)  # tells the loop's process
 
@@ -153,11 +153,11 @@ class Recorder:
         return _begun(self._folder / datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap"))
 
 
-def _page(recording: "RunFile | None") -> dict[str, Any]:
+def _describe(recording: "RunFile | None", said: str) -> dict[str, Any]:
+    page = {"on": recording is not None, "said": said}
     if recording is None:
-        return {}
-    counted = {name: getattr(recording, name) for name in ("rows", "bytes")}
-    return {"path": str(recording.path), **counted}
+        return page
+    return {**page, "path": str(recording.path), "rows": recording.rows, "bytes": recording.bytes}
 
 
 def _begun(path: Path) -> "_Begun":

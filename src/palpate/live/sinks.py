@@ -90,6 +90,7 @@ def unpack_parameters(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]
     return rows[:, _FIRST : _FIRST + count], errors, square
 
 
+_NUMBERS = ("stiffness", "damping")
 #: Published in place of a verdict until there is a current one.
 NOT_DIAGNOSED = "not diagnosed yet"
 UNDIAGNOSED = "this run has no diagnosis: start it without --no-diagnosis"
@@ -125,15 +126,12 @@ def why_undiagnosed(page: Mapping[str, Any] | None, status: Mapping[str, Any]) -
 
 def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
     """Return the published fields of a diagnosis; without numbers if it is outdated or None."""
-    marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
-    reason, time, answer, numbers = why_undiagnosed(page, status), math.nan, "", dict[str, Any]()
-    if page is not None and not reason:
-        reason, marks = page["reason"], page["verdict"] or marks
-        time = 1e-9 * status.get("origin", 0) + page["window"][1]
-        if depths := page.get("working_depths"):
-            answer, numbers = page["answer"], {**depths[0], "frequency": page["frequency"]}
-    fields: dict[str, str | float] = {"answer": answer}
-    for name in ("stiffness", "damping"):
+    reason = why_undiagnosed(page, status)
+    known: dict[str, Any] = {} if page is None or reason else page
+    marks = known.get("verdict") or dict.fromkeys(("overall", *_NUMBERS), NOT_DIAGNOSED)
+    numbers: dict[str, Any] = next(iter(known.get("working_depths", ())), {})
+    fields: dict[str, str | float] = {"answer": known.get("answer", "")}
+    for name in _NUMBERS:
         there = numbers.get(name, {})
         errors = (or_nan(there.get(part)) for part in ("standard_error", "systematic"))
         fields |= {
@@ -141,10 +139,11 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
             f"dynamic_{name}": or_nan(there.get("value")),
             f"dynamic_{name}_standard_error": math.hypot(*errors),
         }
+    time = 1e-9 * status.get("origin", 0) + known["window"][1] if known else math.nan
     return fields | {
         "working_depth": or_nan(numbers.get("depth")),
-        "frequency": or_nan(numbers.get("frequency")),
-        "reason": reason,
+        "frequency": or_nan(known.get("frequency")),
+        "reason": reason or known["reason"],
         "diagnosis_time": time,
         "verdict": marks["overall"],
     }

@@ -78,12 +78,10 @@ def open_session(address: WireAddress) -> "zenoh.Session":
     try:
         return zenoh.open(config)  # type: ignore[no-any-return]
     except zenoh.ZError as error:
-        if "Address already in use" in str(error):
-            raise PalpateError(f"zenoh: {', '.join(listen)}: address already in use") from None
-        if listen and "listener" in str(error):
-            raise PalpateError(
-                f"zenoh: cannot listen on {', '.join(listen)}: {_first_line(error)}"
-            ) from None
+        taken = "Address already in use" in str(error)
+        if taken or (listen and "listener" in str(error)):
+            reason = "address already in use" if taken else _first_line(error)
+            raise PalpateError(f"zenoh: {', '.join(listen)}: {reason}") from None
         raise PalpateError(
             f"zenoh: no answer from {', '.join(connect)}: start the router with `ros2 run "
             "rmw_zenoh_cpp rmw_zenohd`, or pass its address as connect=tcp/ADDRESS:7447"
