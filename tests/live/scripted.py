@@ -111,7 +111,7 @@ def looped(
         loop.commands, loop.every_sample = asked, every_sample
         loop.compensation = compensation
         loop.run()
-        return loop, reader.take().rows
+        return loop, reader.take()[0]
 
 
 def column(rows, name):
@@ -157,9 +157,9 @@ class Looking:
         rows = 0
         self.path.with_suffix(".began").touch()
         while watching.wait(0.02):
-            rows += len(watching.take().rows)
+            rows += len(watching.take())
             watching.tell({"rows": rows})
-        rows += len(watching.take().rows)
+        rows += len(watching.take())
         self.path.write_text(f"{rows} {watching.dropped} {watching.status()['stopped']}")
 
 

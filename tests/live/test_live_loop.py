@@ -107,7 +107,7 @@ def test_the_end_of_a_run_has_the_last_estimate():
         estimator = default_estimator(palpate.VariableProjection)  # changes with every sample
         loop = Loop(source, OnlinePreparation(), estimator, *rows)
         loop.run()
-        last = reader.take().rows[-1:]
+        last = reader.take()[0][-1:]
         end = reader.now()
     parameters = loop.estimator.estimate().parameters
     assert column(end, "parameter_0") == parameters[0] != column(last, "parameter_0")

@@ -296,13 +296,13 @@ def written(ring, *numbers):
 def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(ring):
     written(ring, *range(5))
     early, late = Reader(ring.memory), Reader(ring.memory)
-    assert early.take().rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    assert early.take()[0][:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     written(ring, *range(5, 20))
     # The oldest row of a full ring may be written over while it is read, so it is not given.
     rows, dropped = late.take()
     assert rows[:, 0].tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0]
     assert dropped == 13
-    assert late.take().rows.size == 0
+    assert late.take()[0].size == 0
     begun_late = Reader(ring.memory)
     rows, dropped = begun_late.take()
     assert (len(rows), dropped) == (7, 13)
@@ -313,13 +313,13 @@ def test_a_reader_goes_back_as_far_as_half_the_ring(ring):
     written(ring, *range(6))
     reader.take()
     reader.go_back(4)
-    assert reader.take().rows[:, 0].tolist() == [4.0, 5.0]
+    assert reader.take()[0][:, 0].tolist() == [4.0, 5.0]
     reader.go_back(0)
     rows, dropped = reader.take()
     assert rows[:, 0].tolist() == [2.0, 3.0, 4.0, 5.0]
     assert dropped == 0
     reader.go_back(99)
-    assert len(reader.take().rows) == 0
+    assert len(reader.take()[0]) == 0
 
 
 @pytest.mark.slow

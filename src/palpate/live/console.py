@@ -198,7 +198,7 @@ class Console:
         self._heard = self._heard and print_line(words, end)
 
     def _look(self) -> None:
-        self._depth.see(self._watching.take().rows)
+        self._depth.see(self._watching.take())
         status = self._watching.status()
         for sentence in self._new(status):
             self._clear()

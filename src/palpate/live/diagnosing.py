@@ -55,7 +55,7 @@ class Diagnosing:
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
         page, tare = dict[str, Any](), None
         while watching.wait(_LOOKED_EVERY):
-            rows = watching.take().rows[:, _SAMPLE]
+            rows = watching.take()[:, _SAMPLE]
             status = watching.status()
             if status.get("tare") != tare:  # earlier samples have another offset
                 samples, rows, tare = samples[:0], rows[:0], status.get("tare")

@@ -129,7 +129,7 @@ class Recorder:
             status = watching.status()
             status["diagnosis"] = watching.diagnosis(status)
             asked = status.get("record", {})
-            rows = watching.take().rows.tolist()
+            rows = watching.take().tolist()
             if recording is not None:
                 said = recording.write(rows, status, watching.dropped) or said
             if asked.get("wish", 0) != wish:

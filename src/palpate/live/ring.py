@@ -9,7 +9,7 @@ import ctypes
 import json
 import struct
 from multiprocessing.sharedctypes import RawArray
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,21 +47,6 @@ _NUMBER = SAMPLE.index("estimate")
 _HEADER = 64  # bytes: one cache line
 #: Rows: 16 s at 1 kHz, longer than the page shows and a reader may stall.
 CAPACITY = 1 << 14
-
-
-class Taken(NamedTuple):
-    """Rows that a reader has read.
-
-    Attributes
-    ----------
-    rows : numpy.ndarray, shape (k, columns)
-        Rows in the order in which they were written.
-    dropped : int
-        Rows before these that were overwritten unread.
-    """
-
-    rows: Floats
-    dropped: int
 
 
 class _Shared:
@@ -126,11 +111,11 @@ class Reader(_Shared):
         """Return to an earlier row, as far back as the ring safely holds."""
         self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
 
-    def take(self) -> Taken:
-        """Return the rows written since the last call."""
+    def take(self) -> tuple[Floats, int]:
+        """Return the rows written since the last call, and how many of those were overwritten."""
         begin, self._next = self._next, self.count
         rows = self.at(np.arange(max(begin, self._next - self._capacity), self._next))
-        return Taken(rows, self._next - begin - len(rows))
+        return rows, self._next - begin - len(rows)
 
     def at(self, numbers: NDArray[np.int64]) -> Floats:
         """Return the rows of ascending numbers, except those that are already overwritten."""
@@ -146,15 +131,15 @@ class RowReader:
         self.samples, self._estimates = Reader(samples), Reader(estimates, len(ESTIMATE))
         self._last: Floats = np.empty((0, len(SAMPLE)))
 
-    def take(self) -> Taken:
-        """Return the samples written since the last call."""
+    def take(self) -> tuple[Floats, int]:
+        """Return the samples written since the last call, and how many of those are lost."""
         samples, dropped = self.samples.take()
         estimates = self._estimates.at(samples[:, _NUMBER].astype(np.int64))
         spoilt = len(samples) - len(estimates)
         rows = np.hstack([samples[spoilt:], estimates])
         if len(rows):
             self._last = samples[-1:].copy()
-        return Taken(rows, dropped + spoilt)
+        return rows, dropped + spoilt
 
     def now(self) -> Floats:
         """Return the last sample read, with the newest estimate; shape (0 or 1, columns)."""

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Memory, RowReader, SharedJson, Taken
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Memory, RowReader, SharedJson
 from palpate.validation import Floats, or_nan
 from palpate.writing import abandon_output
 
@@ -160,11 +160,11 @@ class Watching:
         self._own = self._others.pop(sink)
         self.dropped = 0
 
-    def take(self) -> Taken:
+    def take(self) -> Floats:
         """Return the rows since the last call, and count those that the ring lost."""
-        taken = self.reader.take()
-        self.dropped += taken.dropped
-        return taken
+        rows, dropped = self.reader.take()
+        self.dropped += dropped
+        return rows
 
     def status(self) -> dict[str, Any]:
         """Return the loop's last status."""

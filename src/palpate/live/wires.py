@@ -623,11 +623,11 @@ class Publisher:
             self._wire.close()
 
     def _go_on(self) -> None:
-        waiting = self._watching.take().rows
+        waiting = self._watching.take()
         over = False
         while not over:
             over = self._watching.over
-            page, rows = self._watching.status(), self._watching.take().rows
+            page, rows = self._watching.status(), self._watching.take()
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # The first sample sets the zero of the times.
             if page["counts"]["taken"]:

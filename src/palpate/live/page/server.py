@@ -366,19 +366,13 @@ class Server:
         mimetypes.add_type("text/javascript", ".js")
         inner = Starlette(
             routes=[
-                Route("/", self._index),
-                Route("/look.css", self._look),
+                Route("/", lambda _: FileResponse(STATIC / "index.html")),
+                Route("/look.css", lambda _: Response(style_sheet(), media_type="text/css")),
                 WebSocketRoute("/socket", self._serve),
                 Mount("/static", StaticFiles(directory=STATIC)),
             ]
         )
         return Gate(inner, token, self.served)
-
-    async def _index(self, _: Any) -> Response:
-        return FileResponse(STATIC / "index.html")
-
-    async def _look(self, _: Any) -> Response:
-        return Response(style_sheet(), media_type="text/css")
 
     async def feed(self) -> None:
         """Read new rows and wake the clients, until the run has ended."""

@@ -220,7 +220,7 @@ class Watch:
 
     def take(self) -> None:
         """Read the rows that the loop wrote since the last call."""
-        rows = self.run.take().rows
+        rows = self.run.take()
         if len(rows):
             first = self.history.total
             self.history.response = self._response(rows[-1:])
