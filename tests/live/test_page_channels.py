@@ -214,7 +214,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
     write(0.0, 0.2)
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
-    page = seen.page({"clients": 1}, ended=True)
+    page = seen.page({"browsers": 1}, ended=True)
     assert page["view"]["numbers"][0] == ["Stiffness K [N/mⁿ]", "2000"]
     assert page["view"]["changes"][0][1][0] == "K = 2000 N/mⁿ"
     assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own

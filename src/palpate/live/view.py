@@ -462,11 +462,8 @@ def _counts(
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
     rows += [[words, counts.get(key, 0), "bad"] for key, words in COUNTED.items()]
     rows += [
-        ["page: dropped", own.get("dropped", 0), "bad"],
-        ["page: skipped", own.get("skipped", 0), "bad"],
-        ["page: bad requests", own.get("malformed", 0) + own.get("refused", 0), "bad"],
-        ["page: stalled", own.get("stalled", 0) + own.get("turned_away", 0), "bad"],
-        ["page: browsers", own.get("clients", 0), ""],
+        [f"page: {name.replace('_', ' ')}", count, "bad" * (name != "browsers")]
+        for name, count in own.items()
     ]
     rows += [[f"{name}: dropped", each.get("dropped", 0), "bad"] for name, each in others.items()]
     return [[name, str(count), kind if count else ""] for name, count, kind in rows]

@@ -46,7 +46,7 @@ class Served:
 
     Attributes
     ----------
-    clients : int
+    browsers : int
         Browsers connected now.
     turned_away : int
         Connections beyond the limit, or without a request within :data:`PATIENCE`.
@@ -60,7 +60,7 @@ class Served:
         Requests without the token, from another origin, with invalid options, or too many.
     """
 
-    clients: int = 0
+    browsers: int = 0
     turned_away: int = 0
     stalled: int = 0
     skipped: int = 0
@@ -385,7 +385,7 @@ class Server:
                 looked = now
                 self.watch.look()
                 self.watch.run.tell(asdict(self.served))
-                if self.served.clients or last:
+                if self.served.browsers or last:
                     page = self.watch.page(asdict(self.served), ended=last)
                     self._text = json.dumps({"kind": "page", **page})
                     self._version, self._over = self._version + 1, last
@@ -395,16 +395,16 @@ class Server:
                 await asyncio.sleep(0.3)  # so that the last message arrives
                 return
             # Without clients, reading before the ring overflows is enough.
-            await asyncio.sleep(FRAME_TIME if self.served.clients else WORDS_TIME)
+            await asyncio.sleep(FRAME_TIME if self.served.browsers else WORDS_TIME)
 
     async def _serve(self, socket: WebSocket) -> None:
-        if self.served.clients >= MOST_CLIENTS:
+        if self.served.browsers >= MOST_CLIENTS:
             self.served.turned_away += 1
             await socket.accept()
             await socket.close(4429, f"{MOST_CLIENTS} browsers are connected already")
             return
         await socket.accept()
-        self.served.clients += 1
+        self.served.browsers += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
         sending = asyncio.create_task(self._send_all(client))
@@ -412,7 +412,7 @@ class Server:
         try:
             await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            self.served.clients -= 1
+            self.served.browsers -= 1
             for task in (sending, receiving):
                 task.cancel()
             await asyncio.gather(sending, receiving, return_exceptions=True)
