@@ -98,7 +98,7 @@ class StreamOptions:
             reading=reading,
         )
         source = open_source(address, options)
-        self._check(address)
+        self._check(address, recording=recording)
         return source
 
     @property
@@ -108,11 +108,8 @@ class StreamOptions:
 
         return None if self.payload is None else Payload.load(self.payload)
 
-    def _check(self, address: str) -> None:
+    def _check(self, address: str, *, recording: bool) -> None:
         """Raise for an option that would have no effect."""
-        from palpate.live.sources import SOURCES
-
-        recording = address.partition(":")[0] not in SOURCES
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):

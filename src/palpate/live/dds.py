@@ -89,6 +89,16 @@ def _configuration(interface: str | None) -> str:
     return _INTERFACE.format(name=interface)
 
 
+def _quality_of_service() -> Any:
+    from cyclonedds.core import Policy, Qos
+
+    return Qos(
+        Policy.Reliability.Reliable(round(1e9 * PATIENCE)),
+        Policy.Durability.Volatile,
+        Policy.History.KeepLast(DEPTH),
+    )
+
+
 @lru_cache(maxsize=64)
 def raw_type(type_name: str) -> Any:
     """Return a ROS 2 type, such as ``geometry_msgs/msg/WrenchStamped``, for Cyclone DDS.
@@ -247,17 +257,13 @@ class DDS(RosTopics):
         assert self._participant is not None
         # A reader that requests more than the publisher offers receives nothing; sensors often
         # offer best effort only.
-        kind = offered[Policy.Reliability]
-        if kind != Policy.Reliability.BestEffort:
-            kind = Policy.Reliability.Reliable(round(1e9 * PATIENCE))
-        qos = Qos(
-            kind,
-            Policy.Durability.Volatile,
-            Policy.History.KeepLast(DEPTH),
-            Policy.DataRepresentation(
-                use_cdrv0_representation=True, use_xcdrv2_representation=True
-            ),
+        qos = _quality_of_service()
+        if offered[Policy.Reliability] == Policy.Reliability.BestEffort:
+            qos = Qos(Policy.Reliability.BestEffort, base=qos)
+        every = Policy.DataRepresentation(
+            use_cdrv0_representation=True, use_xcdrv2_representation=True
         )
+        qos = Qos(every, base=qos)
         topic = Topic(self._participant, f"rt{name}", raw_type(type_name))
         reader: DataReader[Any] = DataReader(self._participant, topic, qos=qos)
         self._wake_for(reader)
@@ -314,15 +320,10 @@ class DDSWire(RosWire):
     def open(self) -> None:
         """Join the domain."""
         member = participant(self._domain, self._interface)
-        from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.topic import Topic
 
-        qos = Qos(
-            Policy.Reliability.Reliable(round(1e9 * PATIENCE)),
-            Policy.Durability.Volatile,
-            Policy.History.KeepLast(DEPTH),
-        )
+        qos = _quality_of_service()
         for name, type_name in self.topics:
             kind = raw_type(type_name)
             topic: Any = Topic(member, f"rt{name}", kind)
