@@ -36,8 +36,8 @@ from palpate.live.page import Page
 from palpate.live.realtime import ask_for_realtime, pause_collection
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Session, Sink, Watching
-from palpate.live.view import law_lines, verdict_on
+from palpate.live.sinks import Sink, Watching
+from palpate.live.view import verdict_on
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
@@ -54,7 +54,7 @@ class Browser:
     def __init__(self, port: int) -> None:
         self._port = port
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Read until the page closes."""
         from websockets.exceptions import ConnectionClosed
         from websockets.sync.client import connect
@@ -80,14 +80,13 @@ class Looking:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Measure until the loop stops; then write the record."""
-        watching, loop = Watching(session), os.getppid()
+        loop = os.getppid()
         looks: list[dict[str, Any]] = []
         while watching.wait(_EVERY):
             looks.append({"time": time.monotonic(), **_processes(loop)})
         self._path.write_text(json.dumps(looks))
-        watching.close()
 
 
 def _processes(loop: int) -> dict[str, tuple[float, int]]:
@@ -196,7 +195,7 @@ def _section(
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
-        notes.extend(law_lines(verdict))
+        notes.extend(verdict.lines())
     notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 

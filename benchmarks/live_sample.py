@@ -17,7 +17,7 @@ from benchmarks.common.timing import contact_arrays
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Session, Watching
+from palpate.live.sinks import Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
 
 T = 1e-3  # s
@@ -69,12 +69,10 @@ class Every:
 
     name, every_sample = "every", True
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Take all rows."""
-        watching = Watching(session)
         while watching.wait(0.25):
             watching.take()
-        watching.close()
 
 
 def cost(count: int, law: str | None, *, every: bool, paced: bool) -> float:

@@ -90,7 +90,7 @@ def _zenoh(where: str) -> Callable[[int, bytes, int], None]:
     from rosbags.typesys import Stores, get_typestore
 
     from palpate.live import zenoh as wire
-    from palpate.live.ordering import parse_address
+    from palpate.live.wires import parse_address
 
     store = get_typestore(Stores.LATEST)
     session = wire.open_session(parse_address("zenoh", f"?listen={where}", wire.OPTIONS))

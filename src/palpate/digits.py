@@ -26,16 +26,13 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
         are omitted; one that is not finite is written "± unknown". The largest decides the digits;
         a smaller one keeps at least one digit.
     unit : str
-        Appended, if any.
+        Appended, if any, unless the number is unknown.
     """
-    known = [error for error in errors if math.isfinite(error) and error > 0.0]
     if not math.isfinite(value):
-        words = "unknown"
-    elif not known:
-        words = rounded(value, 4)
-    else:
-        words = _together(value, known)
-    if math.isfinite(value) and not all(map(math.isfinite, errors)):
+        return "unknown"
+    known = [error for error in errors if math.isfinite(error) and error > 0.0]
+    words = _together(value, known) if known else rounded(value, 4)
+    if not all(map(math.isfinite, errors)):
         words += " ± unknown"
     return f"{words} {unit}".rstrip()
 

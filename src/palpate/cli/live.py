@@ -98,7 +98,7 @@ class StreamOptions:
             reading=reading,
         )
         source = open_source(address, options)
-        self._check(address)
+        self._check(address, recording=recording)
         return source
 
     @property
@@ -108,11 +108,8 @@ class StreamOptions:
 
         return None if self.payload is None else Payload.load(self.payload)
 
-    def _check(self, address: str) -> None:
+    def _check(self, address: str, *, recording: bool) -> None:
         """Raise for an option that would have no effect."""
-        from palpate.live.sources import SOURCES
-
-        recording = address.partition(":")[0] not in SOURCES
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):
@@ -245,8 +242,8 @@ def _sinks(
 ) -> "list[Sink]":
     from palpate.live.console import Console
     from palpate.live.diagnosing import Diagnosing
-    from palpate.live.publishing import open_publisher
     from palpate.live.recorder import Recorder
+    from palpate.live.wires import open_publisher
     from palpate.writing import check_writable
 
     if record is not None:
@@ -266,11 +263,9 @@ def _sinks(
 def _direction(text: str) -> list[float]:
     """Parse three comma-separated numbers."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        numbers = []
-    if len(numbers) != 3:
         raise InvalidParameterError(
             f"--direction must be three numbers such as 0,0,-1, not {text!r}"
-        )
-    return numbers
+        ) from None
+    return [x, y, z]

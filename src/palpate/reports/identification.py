@@ -143,8 +143,7 @@ def _tiles(result: Identified) -> Iterator[str]:
     for each in view.number_lines(result):
         mark = f" · {html.badge(each.mark)}" if each.mark is not None else ""
         head = escape(f"{each.name} {each.at}".rstrip())
-        words = "; ".join(filter(None, (each.reason, each.skew)))
-        below = f"<small>{escape(words)}</small>" if words else ""
+        below = f"<small>{escape(each.why)}</small>" if each.why else ""
         shown = f"<small>{head}{mark}</small><b>{escape(each.value)}</b>{below}"
         yield f'<div class="tile">{shown}</div>'
     yield "</div>"
