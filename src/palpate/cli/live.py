@@ -24,6 +24,7 @@ from palpate.cli.options import (
     parse_units,
     quantities,
     quantity,
+    si_parameter,
 )
 from palpate.cli.reading import channels_to_flip, check_fixed_exponent
 from palpate.errors import InvalidParameterError, RecordingError
@@ -65,8 +66,8 @@ class StreamOptions:
     "Direction into the material, such as 0,0,-1, for positions and forces that are vectors."
     payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
     "Subtract weight and inertia of the tool that palpate payload saved to this file."
-    velocity_window: Annotated[float | None, _PREPARED] = None
-    "Length of the velocity filter, s (default: 15 samples, at most 15 ms)."
+    velocity_window: Annotated[float | None, si_parameter("time", "DURATION", PREPARED)] = None
+    "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
     flip_force: Annotated[bool, _FLAG] = False
     "Invert the sign of the force, so that compression is positive."
     flip_penetration: Annotated[bool, _FLAG] = False

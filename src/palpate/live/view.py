@@ -272,7 +272,7 @@ def seconds(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else format_quantity(value, "s")
 
 
-def percent(fraction: float | None) -> str:
+def share(fraction: float | None) -> str:
     """Format a fraction with as many digits as its distance from 1 needs: 99.993 %."""
     if fraction is None or not math.isfinite(fraction):
         return "–"
@@ -289,7 +289,7 @@ def duration_rows(status: Mapping[str, Any]) -> Iterator[list[str]]:
         figures = status.get(name) or {}
         known = figures if figures.get("count") else {}
         columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
-        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
+        limit = f"{share(known.get('within'))} within {seconds(figures.get('limit'))}"
         yield [words, *columns, limit]
 
 
