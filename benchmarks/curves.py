@@ -4,13 +4,13 @@ Needs the ``develop`` extra. With one core: ``taskset -c 0 python -m benchmarks.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
-from time import thread_time
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from rich.progress import track
 from scipy.optimize import least_squares
 
@@ -23,7 +23,7 @@ from benchmarks.common.report import (
     publish,
     run_command,
 )
-from benchmarks.common.timing import compiler
+from benchmarks.common.timing import least_seconds, native_programs
 from palpate import InvalidParameterError, Scale, SingleStageRLS, VariableProjection, fit_curves
 from palpate.contact import Contact
 from palpate.estimators import batch_fit as core
@@ -40,6 +40,8 @@ UNKNOWN: dict[str, Any] = {"surface": "estimate", "surface_range": SURFACES}
 ONE_WAY = "one-way approach"
 LOW = "approach–retract, n 0.5 to 1"
 NANO = 1e9
+EXPONENTS = (0.3, 3.6)  # within which a minimum counts
+LOW_ENOUGH: dict[str, Any] = {"x_scale": "jac", "xtol": 1e-10, "ftol": 1e-10, "gtol": 1e-10}
 
 
 @dataclass(frozen=True)
@@ -118,21 +120,19 @@ def random_curves(
     return Curves(penetration, velocity, PUSH * force, truth, PUSH * noise)
 
 
-def main(*, quick: bool = False, curves: int = 400, markdown: Path | None = None) -> None:
+def main(*, curves: int = 400, markdown: Path | None = None) -> None:
     """Measure, and print a table.
 
     Parameters
     ----------
-    quick
-        A short run, for a first look: 20 curves of each kind.
     curves
         Number of each kind.
     markdown
         Write the tables to this file as Markdown.
     """
-    count = 20 if quick else curves
-    sections = [measure_rates(count), measure_minima(count), measure_recursion(count)]
-    publish(sections, describe_machine(compiler()), "Fits of whole curves", markdown)
+    sections = [measure_rates(curves), measure_minima(curves), measure_recursion(curves)]
+    facts = describe_machine(native_programs().compiler)
+    publish(sections, facts, "Fits of whole curves", markdown)
 
 
 def measure_rates(count: int) -> Section:
@@ -141,7 +141,7 @@ def measure_rates(count: int) -> Section:
     rows = [Row("SingleStageRLS.replay, a sample", NANO * update, "ns")]
     for name, motion in MOTIONS.items():
         known = random_curves(motion, count, seed=1)
-        per_sample = _seconds(lambda s=known: _fit(s, KNOWN)) / known.force.size  # type: ignore[misc]
+        per_sample = least_seconds(partial(_fit, known, KNOWN))[0] / known.force.size
         ratio, to = per_sample / update, "SingleStageRLS.replay"
         rows.append(_rate(f"surface known, {name}", known, KNOWN, 10_000))
         rows.append(Row("  a sample", NANO * per_sample, "ns", ratio, to, Limit(2.0)))
@@ -203,22 +203,12 @@ def measure_recursion(count: int) -> Section:
 def rolled(curves: Curves) -> Curves:
     """The same approach–retract curves with all free air before their contact."""
     quarter = curves.force.shape[1] // 4
-    signals = (curves.penetration, curves.velocity, curves.force)
-    x, v, f = (np.roll(values, quarter, axis=1) for values in signals)
-    return Curves(x, v, f, curves.truth, curves.noise)
+    names = ("penetration", "velocity", "force")
+    return replace(curves, **{n: np.roll(getattr(curves, n), quarter, axis=1) for n in names})
 
 
 def _fit(curves: Curves, settings: dict[str, Any]) -> CurveFits:
     return fit_curves(curves.penetration, curves.velocity, curves.force, **settings)
-
-
-def _seconds(act: Callable[[], object], rounds: int = 7) -> float:
-    best = np.inf
-    for _ in range(rounds):
-        start = thread_time()
-        act()
-        best = min(best, thread_time() - start)
-    return float(best)
 
 
 def _update_seconds() -> float:
@@ -230,11 +220,11 @@ def _update_seconds() -> float:
         estimator.reset()
         estimator.replay(x, v, f)
 
-    return _seconds(replay) / x.size
+    return least_seconds(replay)[0] / x.size
 
 
 def _rate(name: str, curves: Curves, settings: dict[str, Any], least: float | None) -> Row:
-    rate = len(curves) / _seconds(lambda: _fit(curves, settings))
+    rate = len(curves) / least_seconds(partial(_fit, curves, settings))[0]
     limit = None if least is None else at_least(least)
     return Row(name, rate, "curves/s", limit=limit)
 
@@ -280,9 +270,7 @@ def apart_from_the_recursion(curves: Curves, settings: dict[str, Any]) -> Any:
     return apart
 
 
-#: The role of a sample in a fit, by the codes of :attr:`StatedCost.roles`.
-ROLES = ("absent", "free air", "firm contact", "light contact", "left out")
-_FIRM, _LIGHT = ROLES.index("firm contact"), ROLES.index("light contact")
+_FIRM, _LIGHT = 2, 3  # of a sample in a fit, by the core: firm and light contact
 # Of the priors, as in include/palpate/projection/covariance.hpp.
 _EXPONENT, _EXPONENT_DEVIATION, _DISSIPATION_DEVIATION = 1.3, 1.0, 1.0
 _OFFSET_WITHOUT_TARE = 20.0  # standard deviations of the noise, where a unit of force is less
@@ -298,8 +286,6 @@ class StatedCost:
     ----------
     penetration, velocity, force : numpy.ndarray, shape (j,)
         The selected samples, SI.
-    roles : numpy.ndarray of uint8, shape (k,)
-        The role of each sample of the curve, by the codes of :data:`ROLES`.
     scale : Scale
         The units of the arithmetic.
     offset_mean, offset_deviation : float
@@ -315,7 +301,6 @@ class StatedCost:
     penetration: Floats
     velocity: Floats
     force: Floats
-    roles: NDArray[np.uint8]
     scale: Scale
     offset_mean: float
     offset_deviation: float
@@ -379,12 +364,8 @@ def stated_cost(
         As :func:`fit_curves` does; or the curve has no contact.
     """
     curves = core._check_curves(penetration, velocity, force)
-    if len(curves[0]) != 1:
-        raise InvalidParameterError(f"pass one curve, not {len(curves[0])}")
     roles = np.empty(curves[0].shape, np.uint8)
     usual: dict[str, Any] = fit_curves.__kwdefaults__ or {}
-    if unknown := settings.keys() - usual.keys():
-        raise InvalidParameterError(f"unknown setting {', '.join(sorted(unknown))}")
     checked = core._check_settings(1, {**usual, "exponent": exponent, "offset": offset, **settings})
     numbers, _, _, codes = core._fit_rows(curves, checked, 1, roles)
     if codes[0, 1] == core.STATUS_WORDS.index("no contact"):
@@ -392,12 +373,12 @@ def stated_cost(
     chosen = (roles[0] == _FIRM) | (roles[0] == _LIGHT)
     units, prior = numbers[0, 7:10].tolist(), numbers[0, 10:].tolist()
     found: list[Any] = [values[0, chosen] for values in curves]
-    found += [roles[0], Scale(*units), *prior, exponent, offset]
+    found += [Scale(*units), *prior, exponent, offset]
     return StatedCost(*found)
 
 
 class Reference:
-    """Levenberg–Marquardt from many starts, with the analytic Jacobian, to rounding.
+    """Levenberg–Marquardt from many starts, in units of the scale.
 
     Parameters
     ----------
@@ -405,25 +386,21 @@ class Reference:
         The cost to minimise.
     surfaces : tuple of float or None
         Starts for the surface, m; None: it is at 0.
-    exponents : tuple of float
-        Starts for the exponent.
     """
 
-    def __init__(
-        self,
-        cost: StatedCost,
-        surfaces: tuple[float, float] | None = None,
-        exponents: tuple[float, float] = (0.3, 3.6),
-    ) -> None:
-        self.cost, self.surfaces, self.exponents = cost, surfaces, exponents
-        scale = cost.scale
-        self.x = cost.penetration / scale.penetration
-        self.w = cost.velocity / scale.velocity
+    def __init__(self, cost: StatedCost, surfaces: tuple[float, float] | None = None) -> None:
+        self.cost, self.surfaces = cost, surfaces
         self.open = np.array([True, True, cost.exponent is None, cost.offset, surfaces is not None])
 
     def least(self, starts: int) -> float:
         """The lowest J of all starts, N²; infinite where none ends within the ranges."""
-        return min((self._from(*start) for start in self._starts(starts)), default=np.inf)
+        low, high = EXPONENTS
+        if self.surfaces is None:
+            return min(self._from(n, 0.0) for n in np.linspace(low + 0.2, high - 0.3, starts))
+        shallow, deep = (at / self.cost.scale.penetration for at in self.surfaces)
+        exponents = np.linspace(low + 0.4, high - 0.7, 4)
+        inside = np.linspace(shallow, deep, starts // 4 + 2)[1:-1]
+        return min(self._from(n, d) for n in exponents for d in inside)
 
     def in_si(self, point: Floats) -> Floats:
         """K, B, n, F₀, d of k, c, n, F₀, d in units of the scale."""
@@ -433,82 +410,34 @@ class Reference:
         damping = c * unit / scale.velocity
         return np.array([k * unit, damping, n, offset * scale.force, surface * scale.penetration])
 
-    def _starts(self, count: int) -> list[tuple[float, float]]:
-        low, high = self.exponents
-        if self.surfaces is None:
-            return [(n, 0.0) for n in np.linspace(low + 0.2, high - 0.3, count)]
-        shallow, deep = (at / self.cost.scale.penetration for at in self.surfaces)
-        exponents = np.linspace(low + 0.4, high - 0.7, 4)
-        inside = np.linspace(shallow, deep, count // 4 + 2)[1:-1]
-        return [(float(n), float(d)) for n in exponents for d in inside]
-
     def _from(self, exponent: float, surface: float) -> float:
-        if self.cost.exponent is not None:
-            exponent = self.cost.exponent
-        start = self._linear(exponent, surface)
-        best = least_squares(
-            self._residuals,
-            start[self.open],
-            jac=self._jacobian,
-            method="lm",
-            x_scale="jac",
-            xtol=1e-15,
-            ftol=1e-15,
-            gtol=1e-15,
-            max_nfev=400,
-        )
-        point = self._whole(best.x)
-        if not self.exponents[0] <= point[2] <= self.exponents[1]:
-            return np.inf
-        at = point[4] * self.cost.scale.penetration
-        if self.surfaces is not None and not self.surfaces[0] <= at <= self.surfaces[1]:
-            return np.inf
-        return self.cost.value(self.in_si(point))
+        start = self._linear(self.cost.exponent or exponent, surface)
+
+        def point(free: Floats) -> Floats:
+            whole = start.copy()
+            whole[self.open] = free
+            return self.in_si(whole)
+
+        def residuals(free: Floats) -> Floats:
+            return self.cost.residuals(point(free)) / self.cost.scale.force
+
+        start[3] *= self.cost.offset
+        free = start[self.open]
+        best = point(least_squares(residuals, free, method="lm", **LOW_ENOUGH).x)
+        low, high = self.surfaces or (0.0, 0.0)
+        within = EXPONENTS[0] <= best[2] <= EXPONENTS[1] and low <= best[4] <= high
+        return self.cost.value(best) if within else np.inf
 
     def _linear(self, exponent: float, surface: float) -> Floats:
-        power = self._power(exponent, surface)
-        columns = np.stack([power, power * self.w, np.ones_like(power)], axis=1)
-        found = np.linalg.lstsq(columns, self.cost.force / self.cost.scale.force, rcond=None)[0]
-        stiffness = found[0] if abs(found[0]) > 1e-3 else 1e-3
-        return np.array([stiffness, found[1], exponent, found[2], surface])
-
-    def _power(self, exponent: float, surface: float) -> Floats:
-        depth = self.x - surface
-        power: Floats = np.where(depth > 0.0, np.abs(depth) ** exponent, 0.0)
-        return power
-
-    def _whole(self, open_: Floats) -> Floats:
-        point = np.zeros(5)
-        point[2] = self.cost.exponent or 0.0
-        point[self.open] = open_
-        return point
-
-    def _residuals(self, open_: Floats) -> Floats:
-        return self.cost.residuals(self.in_si(self._whole(open_))) / self.cost.scale.force
-
-    def _jacobian(self, open_: Floats) -> Floats:
-        k, c, n, _, surface = self._whole(open_)
-        power, depth = self._power(n, surface), self.x - surface
-        below = depth > 0.0
-        held = np.where(below, depth, 1.0)
-        stiff = k + c * self.w
-        slopes = [
-            power,
-            power * self.w,
-            power * np.log(held) * stiff,
-            np.ones_like(power),
-            np.where(below, -n * power / held * stiff, 0.0),
-        ]
-        noise = np.sqrt(self.cost.variance) / self.cost.scale.force
-        priors = [[-c / k**2 * noise, noise / k, 0.0, 0.0, 0.0]]
-        if self.cost.exponent is None:
-            priors.append([0.0, 0.0, noise, 0.0, 0.0])
-        if self.cost.offset:
-            width = self.cost.offset_width / self.cost.scale.force
-            priors.append([0.0, 0.0, 0.0, noise / width, 0.0])
-        samples = -np.stack(slopes, axis=1)
-        whole: Floats = np.concatenate([samples, np.array(priors)])[:, self.open]
-        return whole
+        """Return the least squares of k, c and F₀ with exponent and surface fixed."""
+        scale = self.cost.scale
+        depth = np.maximum(self.cost.penetration / scale.penetration - surface, 0.0)
+        power = np.where(depth > 0.0, depth**exponent, 0.0)
+        columns = np.stack(
+            [power, power * self.cost.velocity / scale.velocity, np.ones_like(power)], axis=1
+        )
+        k, c, offset = np.linalg.lstsq(columns, self.cost.force / scale.force, rcond=None)[0]
+        return np.array([k if abs(k) > 1e-3 else 1e-3, c, exponent, offset, surface])
 
 
 if __name__ == "__main__":

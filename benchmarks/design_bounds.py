@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common.probing import BALL, PVC, SPONGE
-from benchmarks.common.report import command_line, markdown_table, run_command
+from benchmarks.common.report import markdown_table, run_command, show
 from palpate import VariableProjection
 from palpate.design import Design, design
 from palpate.design.precision import PredictedPrecision
 from palpate.validation import Floats
-from palpate.writing import write_text
 
 # The laboratory's, with exponents between the nodes of the method's grid, 0.3 + 0.1 j.
 MATERIALS = {
@@ -73,11 +72,7 @@ def main(*, seeds: int = 100, markdown: Path | None = None) -> None:
                 cells.append(f"{np.min(found):.2f}–{np.max(found):.2f}")
             rows.append([f"{noise:g} N, steps of {step:g} N", name, *cells])
     headings = ["sensor", "motion", *(f"{duration:g} s" for duration in DURATIONS)]
-    lines = markdown_table(headings, rows)
-    print("\n".join(lines))
-    if markdown is not None:
-        head = [f"<!-- Written by {command_line()} -->", "", "# Designed motions", "", WHAT, ""]
-        write_text(markdown, "\n".join([*head, *lines, ""]))
+    show([WHAT, "", *markdown_table(headings, rows)], "Designed motions", markdown)
 
 
 if __name__ == "__main__":

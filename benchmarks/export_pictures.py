@@ -6,11 +6,11 @@ only: no copy of the data.
 """
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 import palpate
 from benchmarks.common.recordings import recorded
@@ -30,24 +30,14 @@ MASS = 1.0  # kg, of the probe in the scene
 SHOWN = 3.0
 
 
-@dataclass(frozen=True)
-class Replayed:
-    """A recording in firm contact, and the engine's force at its samples.
-
-    Attributes
-    ----------
-    time, penetration, measured, law, engine : numpy.ndarray, shape (k,)
-        s, m, and N: as measured, by the identified law, and in MuJoCo.
-    made : Export
-        The export.
-    """
+class Signals(NamedTuple):
+    """Time, s, penetration, mm, and forces, N: measured, by the identified law, in MuJoCo."""
 
     time: Floats
     penetration: Floats
     measured: Floats
     law: Floats
     engine: Floats
-    made: exports.Export
 
 
 def main(folder: Path) -> None:
@@ -63,70 +53,72 @@ def main(folder: Path) -> None:
     for path in recorded("G_silicone_d10mm_sphere.csv"):
         recordings["silicone"] = path
     for name, file in recordings.items():
-        replayed = pressed(file)
-        print(replayed.made, flush=True)
-        for theme, ending in ((LIGHT, ""), (DARK, "-dark")):
-            draw(folder / f"export-{name}{ending}.png", replayed, theme)
+        draw_both(name, folder, file)
 
 
-def pressed(file: Path) -> Replayed:
-    """Identify, export to MuJoCo, and replay."""
+def draw_both(name: str, folder: Path, file: Path) -> None:
+    """Identify, export to MuJoCo, replay, and draw for a light and a dark page."""
     result = palpate.identify(file)
     made = exports.export(result, "mujoco", mass=MASS)
     motion = exports.ProbeMotion.recorded(result).firm()
     ran = made.fragment.replay(motion)
     assert ran is not None
     assert motion.force is not None
-    law = motion.force_by(result.law)
-    time = motion.time - motion.time[0]
-    return Replayed(time, motion.penetration, motion.force, law, ran.force, made)
+    signals = Signals(
+        motion.time - motion.time[0],
+        1e3 * motion.penetration,
+        motion.force,
+        motion.force_by(result.law),
+        ran.force,
+    )
+    percent = made.statement.compared.percent
+    title = f"MuJoCo, {made.fragment.form}: {percent:.2g} % from the law"
+    for theme, ending in ((LIGHT, ""), (DARK, "-dark")):
+        draw(folder / f"export-{name}{ending}.png", signals, title, theme)
 
 
-def draw(path: Path, replayed: Replayed, theme: Theme) -> None:
+def draw(path: Path, signals: Signals, title: str, theme: Theme) -> None:
     """Draw both forces over time and over penetration, and their difference."""
     import matplotlib
 
     with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
         figure = new_figure(figsize=INCHES, layout="constrained")
         panels = figure.subplots(1, 3)
-        _draw_panels(panels, replayed, theme)
+        _draw_panels(panels, signals, theme)
         lines = [*panels[0].get_lines(), *panels[2].get_lines()]
         figure.legend(handles=lines, loc="outside upper right", ncols=4)
-        percent = replayed.made.statement.compared.percent
-        words = f"MuJoCo, {replayed.made.fragment.form}: {percent:.2g} % from the law"
-        figure.suptitle(words, x=0.01, ha="left", fontsize=10.5)
+        figure.suptitle(title, x=0.01, ha="left", fontsize=10.5)
         save(figure, path)
     with_few_colours(path)
 
 
-def _draw_panels(panels: Any, replayed: Replayed, theme: Theme) -> None:
+def _draw_panels(panels: Any, signals: Signals, theme: Theme) -> None:
     over_time, loop, left = panels
-    shown = replayed.time < SHOWN
-    looks: tuple[tuple[str, Floats, dict[str, Any]], ...] = (
-        ("measured", replayed.measured, {"color": theme.measured, "linewidth": 2.6}),
-        ("MuJoCo", replayed.engine, {"color": theme.lines[0], "linewidth": 1.1}),
-    )
-    for label, force, look in looks:
-        over_time.plot(replayed.time[shown], force[shown], label=label, **look)
-        loop.plot(1e3 * replayed.penetration[shown], force[shown], **look)
+    shown = signals.time < SHOWN
+    time = signals.time[shown]
+    for label, force, width, colour in (
+        ("measured", signals.measured, 2.6, theme.measured),
+        ("MuJoCo", signals.engine, 1.1, theme.lines[0]),
+    ):
+        look = {"color": colour, "linewidth": width}
+        over_time.plot(time, force[shown], label=label, **look)
+        loop.plot(signals.penetration[shown], force[shown], **look)
     # The law's is under the engine's: dashes over a line show both.
-    residuals = (
-        (replayed.measured - replayed.engine, theme.lines[0], "-", "measured − MuJoCo"),
-        (replayed.measured - replayed.law, theme.lines[1], "--", "measured − law"),
-    )
-    for rest, colour, dashes, label in residuals:
-        middle = _smoothed(rest)
-        left.plot(
-            replayed.time[shown], middle[shown], dashes, color=colour, linewidth=1.1, label=label
-        )
-    noise = 2.0 * noise_of(replayed.measured)
+    for label, force, dashes, colour in (
+        ("measured − MuJoCo", signals.engine, "-", theme.lines[0]),
+        ("measured − law", signals.law, "--", theme.lines[1]),
+    ):
+        middle = uniform_filter1d(signals.measured - force, 25, mode="nearest")
+        left.plot(time, middle[shown], dashes, color=colour, linewidth=1.1, label=label)
+    noise = 2.0 * noise_of(signals.measured)
     left.axhspan(-noise, noise, color=theme.measured, alpha=0.45, linewidth=0.0)
-    over_time.set(xlabel="time in contact [s]", ylabel="force [N]")
-    loop.set(xlabel="penetration [mm]", ylabel="force [N]")
-    left.set(xlabel="time in contact [s]", ylabel="residual [N]")
-    over_time.set_title("force", loc="left")
-    loop.set_title("loop", loc="left")
-    left.set_title("residual; grey: noise ± 2 s.d.", loc="left")
+    for panel, title, x, y in (
+        (over_time, "force", "time in contact [s]", "force [N]"),
+        (loop, "loop", "penetration [mm]", "force [N]"),
+        (left, "residual; grey: noise ± 2 s.d.", "time in contact [s]", "residual [N]"),
+    ):
+        panel.set(xlabel=x, ylabel=y)
+        panel.set_title(title, loc="left")
 
 
 def noise_of(force: Floats) -> float:
@@ -145,14 +137,6 @@ def with_few_colours(path: Path) -> None:
         )
     few.save(smaller, format="PNG", optimize=True)
     write_bytes(path, smaller.getvalue())
-
-
-def _smoothed(values: Floats) -> Floats:
-    """A running mean of 25 samples."""
-    window = np.full(25, 1.0 / 25.0)
-    around = np.pad(values, 12, mode="edge")
-    smooth: Floats = np.convolve(around, window, mode="valid")
-    return smooth
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ Motion: the paper's three sines, judged deeper than 2 mm. Engines that are not i
 skipped. ``docs/validation/exports.md`` has the tables.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
@@ -14,18 +14,11 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from rich.console import Console
+from rich.progress import track
 
 import palpate
-from benchmarks.common.report import (
-    Limit,
-    Row,
-    Section,
-    describe_machine,
-    print_table,
-    run_command,
-    verdict,
-    write_page,
-)
+from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from palpate import HuntCrossley, KelvinVoigt, exports, lab
 from palpate.exports.replay_errors import drop_to
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -260,17 +253,8 @@ SECTIONS: tuple[Callable[[], Section], ...] = (
 )
 
 
-def measured(only: str | None) -> Iterator[Section]:
-    """Yield each section as soon as it is measured, except empty ones."""
-    for measure in SECTIONS:
-        if only is None or only in measure.__name__:
-            section = measure()
-            if section.rows:
-                yield section
-
-
-def main(*, only: str | None = None, markdown: Path | None = None) -> None:
-    """Measure, and print each table as soon as it is complete.
+def main(*, only: str = "", markdown: Path | None = None) -> None:
+    """Measure, and print the tables.
 
     Parameters
     ----------
@@ -280,14 +264,10 @@ def main(*, only: str | None = None, markdown: Path | None = None) -> None:
         Write the tables to this file as Markdown.
     """
     check_outputs([] if markdown is None else [markdown])
-    sections, begun = [], perf_counter()
-    for section in measured(only):
-        sections.append(section)
-        print_table(section)
-        print(f"after {perf_counter() - begun:.0f} s", flush=True)
+    chosen = [measure for measure in SECTIONS if only in measure.__name__]
+    sections = [measure() for measure in track(chosen, "engines", console=Console(stderr=True))]
     title = "Exported contacts, replayed in the engines"
-    print(verdict(sections))
-    write_page(title, sections, describe_machine(), markdown)
+    publish([each for each in sections if each.rows], describe_machine(), title, markdown)
 
 
 if __name__ == "__main__":

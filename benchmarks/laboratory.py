@@ -12,9 +12,9 @@ from typing import cast
 
 import numpy as np
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import truth
 from benchmarks.common.report import Group, Line, describe_machine, publish, run_command
+from benchmarks.common.workers import Workers
 from palpate import (
     GeneralisedHuntCrossley,
     SingleRelaxation,
@@ -23,7 +23,6 @@ from palpate import (
     lab,
 )
 from palpate.validation import Floats
-from palpate.writing import check_writable
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
 HALF_SPACE = GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5)
@@ -54,21 +53,19 @@ def main(*, seeds: int = 20, workers: int | None = None, markdown: Path | None =
     """
     if seeds < 2:
         sys.exit(f"--seeds {seeds} is fewer than 2")
-    if markdown is not None:
-        check_writable(markdown)
-    with Campaign(seeds, workers) as campaign:
-        groups = [
-            _group(campaign, "Encoders of 20 000 counts a turn, as in the paper", 20_000.0),
-            _group(campaign, "Encoders without steps", 0.0),
-            _remembering(campaign),
-        ]
+    processes = Workers(workers, seeds)
+    groups = [
+        _group(processes, "Encoders of 20 000 counts a turn, as in the paper", 20_000.0),
+        _group(processes, "Encoders without steps", 0.0),
+        _remembering(processes),
+    ]
     publish(groups, describe_machine(seeds=seeds), "The laboratory", markdown, QUESTION)
 
 
-def _group(campaign: Campaign, title: str, counts: float) -> Group:
+def _group(workers: Workers, title: str, counts: float) -> Group:
     lines = []
     for name in MATERIALS:
-        runs = campaign.repeat(name, partial(errors, name, counts))
+        runs = workers.repeat(name, partial(errors, name, counts))
         relative, standardised = np.swapaxes(np.array(runs), 0, 1)
         inside = float(np.mean(np.abs(standardised).max(axis=1) < 3.0))
         ours = (100.0 * inside, float(np.abs(standardised).max()))
@@ -93,10 +90,10 @@ def errors(name: str, counts: float, seed: int) -> Floats:
     return np.array([errors / true, errors / result.estimate.standard_errors])
 
 
-def _remembering(campaign: Campaign) -> Group:
+def _remembering(workers: Workers) -> Group:
     lines = []
     for name in REMEMBERING:
-        runs = np.array(campaign.repeat(name, partial(dynamic_errors, name)))
+        runs = np.array(workers.repeat(name, partial(dynamic_errors, name)))
         inside, largest = float(np.mean(runs[:, 2] < 3.0)), float(runs[:, 2].max())
         rms = np.sqrt(np.mean(runs[:, :2] ** 2, axis=0))
         lines.append(Line(name, (100.0 * inside, largest), (), tuple(100.0 * rms)))

@@ -9,20 +9,15 @@ others' microrheology, from ``PALPATE_DATA`` or ``../shared/data`` next to the c
 
 import json
 import math
-import time
 import zlib
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from functools import partial
 from itertools import product
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import track
 from scipy.signal import butter, lfilter
 
 from benchmarks.bank.trials import MOTIONS
@@ -36,22 +31,17 @@ from benchmarks.common.report import (
     publish,
     run_command,
 )
-from benchmarks.common.timing import Samples, Update, count_allocations
+from benchmarks.common.workers import Workers
 from palpate import (
     ChangeDetector,
-    Contact,
-    ContactEstimator,
-    ContactGate,
     GeneralisedHuntCrossley,
     PalpateError,
-    Scale,
-    VariableProjection,
     ViscoelasticContact,
     identify,
     prepare,
 )
 from palpate.validation import Floats
-from palpate.writing import check_outputs, write_text
+from palpate.writing import check_outputs
 
 Random = np.random.Generator
 
@@ -71,6 +61,7 @@ USUAL = list(MOTIONS)
 SHORT = "one touch", "one cycle"
 BEGINNINGS = *SHORT, "lasting sine", "lasting sine after a hold"
 NOISES = "white", "AR .9", "20 Hz low-pass", "∝ load"
+LAGS = "delay", "late force"  # checks whose significant finding names a late force
 LATE = "clean", "3 ms late", "10 ms late", "low-passed"
 RATES = 100.0, 200.0, 500.0, 1000.0
 MOST = 4000  # samples of a recording
@@ -145,7 +136,6 @@ class Pressed:
     force: Floats
     material: Material
     rate: float
-    noise: float  # of the peak force
     depth: float
     frequency: float  # rms speed over rms displacement in contact, rad/s
 
@@ -197,7 +187,7 @@ def press(case: Case, seed: int) -> Pressed:
     peak = float(np.max(force))
     force = force + noise * peak * _noise(case.noise, force / peak, rate, random)
     times = np.arange(force.size) / rate
-    return Pressed(times, x[first::every], force, material, rate, noise, depth, omega)
+    return Pressed(times, x[first::every], force, material, rate, depth, omega)
 
 
 def _between(random: Random, low: float, high: float) -> float:
@@ -281,68 +271,42 @@ def _noise(kind: str, load: Floats, rate: float, random: Random) -> Floats:
 Outcomes = list[dict[str, Any]]
 NUMBERS = {"K′": "stiffness", "B′": "damping"}
 TURN = 2.0 * math.pi
-PASSES = 10
-LONGEST_CALL = 20.0  # µs
-KINDS: tuple[type[ContactEstimator], ...] = VariableProjection, ViscoelasticContact
-HOW = (
-    "20 000 samples at 1 kHz of three sines on a material with two relaxation times, from Python. "
-    f"A sample's time is the least of {PASSES} passes over the same samples, in turns, which "
-    "excludes the machine's other work, minus that of an empty function."
-)
-
-
 SENSOR = (
     "4 to 10 s, at most 4000 samples, at 100 to 1000 Hz, h and short motions of b from 500 Hz; "
     "noise of 0.2 to 2 % of the peak force, in c from 0.1 %, white but where stated."
 )
 
 
-def measure(case: Case, seed: int, law: str) -> dict[str, Any]:
+def measure(case: Case, seed: int) -> dict[str, Any]:
     """Identify one contact; return what is known of it and of its truth, as plain numbers."""
-    pressed, begun = press(case, seed), time.process_time()
-    size = pressed.time.size
-    outcome = {"key": case.key, "seed": seed, **asdict(case), "rate": pressed.rate}
-    outcome |= {"noise_level": pressed.noise, "samples": size}
+    pressed, outcome = press(case, seed), asdict(case)
     try:
         contact = prepare(time=pressed.time, penetration=pressed.penetration, force=pressed.force)
         if case.part == "h":
             watching = ViscoelasticContact(change_detector=ChangeDetector())
-            changes = identify(contact, watching, trace=False).changes * pressed.rate / size
-            return outcome | {"changes": changes.tolist()}  # parts of the recording
-        result = identify(contact, law=law, trace=False)
-        response, diagnosis = result.dynamic_stiffness(), result.diagnosis
+            changes = identify(contact, watching, trace=False).changes / pressed.time.size
+            return outcome | {"changes": (changes * pressed.rate).tolist()}  # parts of the whole
+        result = identify(contact, law="auto", trace=False)
+        response, findings = result.dynamic_stiffness(), result.diagnosis.findings
     except PalpateError as error:
         return outcome | {"error": str(error)}
-    outcome["cpu"] = time.process_time() - begun
     surface, omega = result.estimate.surface, pressed.frequency
-    by_law = GeneralisedHuntCrossley.of(result.law).dynamic_stiffness(
-        pressed.depth - surface, omega
-    )
+    law = GeneralisedHuntCrossley.of(result.law)
+    by_law = law.dynamic_stiffness(pressed.depth - surface, omega)
     here = pressed.material.response(response.depth + surface, response.frequency)
     moving = pressed.material.response(pressed.depth, omega)
     for k, name in enumerate(NUMBERS.values()):
-        value = getattr(response, name)
-        if isinstance(value, float):
-            bar = getattr(response, f"{name}_error")
-        else:
-            value, bar = value.value, math.hypot(value.standard_error, value.systematic)
-        outcome |= {name: value, f"{name}_bar": bar, f"true_{name}": here[k]}
+        number = getattr(response, name)
+        outcome |= {name: number.value, f"{name}_bar": number.whole_error, f"true_{name}": here[k]}
         found = (by_law.real, by_law.imag / omega)[k]  # at the motion's own depth and frequency
         outcome |= {f"moving_{name}": found, f"true_moving_{name}": moving[k]}
     verdict = result.law_verdict
+    # A finding that only widens a bar is a note.
+    significant = [f.check for f in findings if f.severity != "note" or math.isfinite(f.z)]
     return outcome | {
-        "depth": response.depth,
-        "frequency": response.frequency,
-        "moving_frequency": omega,
-        "found": verdict and [verdict.candidate.damping, verdict.candidate.memory],
+        "found": verdict and (verdict.candidate.damping, verdict.candidate.memory),
         "remembers": bool(getattr(result.law, "remembers", False)),
-        "law": repr(result.law),
-        "verdict": diagnosis.verdict.overall,
-        "findings": [
-            # A finding that only widens a bar is a note.
-            [each.check, each.severity != "note" or math.isfinite(each.z), each.message]
-            for each in diagnosis.findings
-        ],
+        "findings": significant,
     }
 
 
@@ -413,16 +377,16 @@ def _memoryless(c: Outcomes) -> Iterator[Row]:
         "no memory: B′ off, median", float(np.median(_off(c, "damping"))), "%", limit=Limit(0.5)
     )
     yield from _errors("no memory", c, (None, 3.2))
-    named = [o.get("found") == ["hunt-crossley", "none"] for o in _where(c, damper="hunt-crossley")]
+    named = [o.get("found") == ("hunt-crossley", "none") for o in _where(c, damper="hunt-crossley")]
     yield _share("Hunt–Crossley named", named, at_least(97.0))
     for field, kinds in (("noise", NOISES), ("damper", ("hunt-crossley", "half-space"))):
         for kind in kinds:
             false = [o.get("remembers") for o in _where(c, **{field: kind})]
             yield _share(f"{kind}: memory named", false, Limit(2.0))
     kelvin = _where(c, damper="kelvin-voigt")
-    ramps = _where(kelvin, motion="ramps")
-    yield _share("kelvin-voigt, ramps: memory named", [o.get("remembers") for o in ramps])
-    others = [o.get("remembers") for o in kelvin if o not in ramps]
+    ramps = [o.get("remembers") for o in _where(kelvin, motion="ramps")]
+    yield _share("kelvin-voigt, ramps: memory named", ramps)
+    others = [o.get("remembers") for o in kelvin if o["motion"] != "ramps"]
     yield _share("kelvin-voigt, other motions: memory named", others)
 
 
@@ -448,12 +412,12 @@ def _covered(abc: Outcomes) -> Iterator[Row]:
         )
 
 
-def _late(f: Outcomes, lag: list[str]) -> Iterator[Row]:
+def _late(f: Outcomes) -> Iterator[Row]:
     limits = (Limit(2.0), at_least(50.0), at_least(90.0), None)
     groups = {fault: _relaxing(_where(f, fault=fault)) for fault in LATE}
     groups[f"no memory, {LATE[2]}"] = _where(f, memory="none")
     for (title, some), limit in zip(groups.items(), (*limits, None), strict=True):
-        named = [any(c in lag and seen for c, seen, _ in o.get("findings", ())) for o in some]
+        named = [bool(set(LAGS) & set(o.get("findings", ()))) for o in some]
         yield _share(f"{title}: a lag is named", named, limit)
         yield from _errors(title, some)
 
@@ -476,7 +440,7 @@ def _changes(h: Outcomes) -> Iterator[Row]:
         yield _share(f"K + 10 % at half time: found, memory: {memory}", each)
 
 
-def sections_of(outcomes: Outcomes, lag: list[str]) -> Iterator[Section]:
+def sections_of(outcomes: Outcomes) -> Iterator[Section]:
     """Yield the table of each part that was measured."""
     for parts, title, rows in (
         ("a", "a: materials of the family", _family),
@@ -484,7 +448,7 @@ def sections_of(outcomes: Outcomes, lag: list[str]) -> Iterator[Section]:
         ("c", "c: materials without memory", _memoryless),
         ("a", "d: memory named where there is some, of part a", _memory_named),
         ("abc", "e: bars, of parts a to c", _covered),
-        ("f", "f: late forces", partial(_late, lag=lag)),
+        ("f", "f: late forces", _late),
         ("g", "g: outside of the family", _outside),
         ("h", "h: alarms of ViscoelasticContact(change_detector=ChangeDetector())", _changes),
     ):
@@ -495,12 +459,12 @@ def sections_of(outcomes: Outcomes, lag: list[str]) -> Iterator[Section]:
             yield Section(title, list(rows(own)), notes)
 
 
-def fourier_rows(law: str) -> Iterator[Row]:
+def fourier_rows() -> Iterator[Row]:
     """Compare K′ of microrheology by a law with its Fourier analysis in the notes."""
     for path in recorded("F_microrheo_*.csv"):
         notes = json.loads(path.with_suffix(".json").read_text())
         known = {row["freq_hz"]: row["K_N_per_m"] for row in notes["dynamic_stiffness"]}
-        result = identify(path, law=law, trace=False)
+        result = identify(path, law="auto", trace=False)
         printed, general = result.dynamic_stiffness(), GeneralisedHuntCrossley.of(result.law)
         for hertz in (printed.frequency / TURN, 1.0, 3.0, 10.0, 30.0, 100.0):
             reference = np.interp(
@@ -515,84 +479,11 @@ def fourier_rows(law: str) -> Iterator[Row]:
             )
 
 
-def measure_cost() -> list[Section]:
-    """Measure ns of an update, the slowest one, allocations, and CPU of an identification."""
-    contact = _contact(20_000)
-    columns = (contact.penetration.tolist(), contact.velocity.tolist(), contact.force.tolist())
-    samples = list(zip(*columns, strict=True))
-    settings = {
-        "gate": ContactGate(),
-        "scale": Scale(*(float(np.percentile(np.abs(column), 99.0)) for column in columns)),
-    }
-    least = {kind: np.full(len(samples), np.inf) for kind in KINDS}
-    empty = np.full(len(samples), np.inf)
-    for _ in range(PASSES):
-        empty = np.minimum(empty, _times(lambda x, v, force: None, samples))
-        for kind in KINDS:
-            least[kind] = np.minimum(least[kind], _times(kind(**settings).update, samples))
-    other, rows = VariableProjection, []
-    mean = {kind: float(np.mean(each) - np.mean(empty)) for kind, each in least.items()}
-    for kind, times in least.items():
-        name, longest = kind.__name__, 1e-3 * float(np.max(times))
-        ratio = mean[kind] / mean[other]
-        rows.append(Row(f"{name}.update", mean[kind], "ns", ratio, other.__name__))
-        limit = None if kind is other else Limit(LONGEST_CALL)
-        rows.append(Row(f"{name}.update, slowest", longest, "µs", limit=limit))
-    return [
-        Section("Time of an update", rows, (HOW,)),
-        count_allocations(KINDS),
-        _whole(_contact(4000)),
-    ]
-
-
-def _contact(samples: int) -> Contact:
-    """An approach, then sines of 4, 11 and 15 rad/s about 10 mm, with noise."""
-    random, time = np.random.default_rng(1), 1e-3 * np.arange(samples) - 0.4
-    size, turns = [1e-3, 1.8e-3, 1.8e-3], [4.0, 11.0, 15.0]
-    waves = np.sin(np.outer(np.maximum(time, 0.0), turns)) @ size
-    x = 10e-3 + waves + 30e-3 * np.minimum(time, 0.0)
-    times, branches = np.array([0.05, 0.8]), np.array([4e3, 3e3])
-    material = Material(1e4, 1.5, 4e2, 1.5, times, branches)
-    force = material.elastic(x, 1e-3) + material.damper(x, np.gradient(x, 1e-3))
-    return prepare(time=time, penetration=x, force=force + 0.05 * random.standard_normal(samples))
-
-
-def _times(update: Update, samples: Samples) -> Floats:
-    """Nanoseconds of each call."""
-    clock, times = time.perf_counter_ns, np.empty(len(samples))
-    for k, (x, v, force) in enumerate(samples):
-        begun = clock()
-        update(x, v, force)
-        times[k] = clock() - begun
-    return times
-
-
-def _whole(contact: Contact) -> Section:
-    """CPU of an identification with its diagnosis, over that of the default law."""
-    times: dict[str, list[float]] = {"hunt-crossley": [], "auto": []}
-    for _ in range(5):
-        for law, spent in times.items():
-            begun = time.process_time()
-            _ = identify(contact, law=law, trace=False).diagnosis
-            spent.append(time.process_time() - begun)
-    first = min(times["hunt-crossley"])
-    rows = [
-        Row(f"identify, law {law}, with its diagnosis", 1e3 * min(spent), "ms", min(spent) / first)
-        for law, spent in times.items()
-    ]
-    return Section(f"CPU of an identification, {len(contact)} samples", rows)
-
-
 def main(
     *,
     part: str = "abcfghm",
     seed: int = 0,
-    law: str = "auto",
-    lag: str = "delay,late force",
-    cost: bool = False,
-    jobs: int = 1,
-    keep: Path | None = None,
-    kept: Path | None = None,
+    workers: int | None = None,
     markdown: Path | None = None,
 ) -> None:
     """Measure, and print the tables.
@@ -603,47 +494,18 @@ def main(
         Letters of the parts to measure.
     seed
         Another seed draws other contacts.
-    law
-        The law that is requested of palpate.
-    lag
-        Checks whose finding, if it is significant, names a late force; with commas.
-    cost
-        Measure time and allocations of one update instead.
-    jobs
-        Worker processes.
-    keep
-        Write what was found in each contact to this file, a line of JSON each.
-    kept
-        Make the tables from such a file instead of measuring.
+    workers
+        Worker processes. Default: one per core.
     markdown
         Write the tables to this file as Markdown.
     """
-    check_outputs([path for path in (keep, markdown) if path is not None])
+    check_outputs([] if markdown is None else [markdown])
     todo = [case for each in part for case in cases(each)]
-    if cost:
-        sections = measure_cost()
-    else:
-        if kept is not None:
-            outcomes = [json.loads(line) for line in kept.read_text("utf-8").splitlines()]
-        else:
-            outcomes = _run(todo, seed, law, jobs)
-        if keep is not None:
-            write_text(keep, "".join(json.dumps(o, ensure_ascii=False) + "\n" for o in outcomes))
-        sections = list(sections_of(outcomes, lag.split(",")))
-        rows = list(fourier_rows(law)) if "m" in part and kept is None else []
-        if rows:
-            sections.append(Section("m: AFM microrheology against its Fourier analysis", rows))
+    outcomes = Workers(workers).map("contacts", partial(measure, seed=seed), todo)
+    sections = list(sections_of(outcomes))
+    if "m" in part and (rows := list(fourier_rows())):
+        sections.append(Section("m: AFM microrheology against its Fourier analysis", rows))
     publish(sections, describe_machine(), "Laws with memory", markdown)
-
-
-def _run(todo: list[Case], seed: int, law: str, jobs: int) -> Outcomes:
-    """Measure each contact, in this process or in some."""
-    one, console = partial(measure, seed=seed, law=law), Console(stderr=True)
-    if jobs == 1:
-        return [one(case) for case in track(todo, "contacts", console=console)]
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        done = pool.map(one, todo, chunksize=8)
-        return list(track(done, "contacts", total=len(todo), console=console))
 
 
 if __name__ == "__main__":

@@ -7,12 +7,13 @@ import json
 import os
 import tempfile
 import time
-from multiprocessing import Pipe, get_context
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from benchmarks.common.report import (
     Limit,
@@ -23,6 +24,7 @@ from benchmarks.common.report import (
     publish,
     run_command,
 )
+from benchmarks.common.workers import in_new_process
 from palpate import VariableProjection
 from palpate.estimators import ContactEstimator
 from palpate.estimators.by_law import estimator_by_law
@@ -34,14 +36,12 @@ from palpate.live.page import Page
 from palpate.live.realtime import ask_for_realtime, pause_collection
 from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Session, Sink, Watching
-from palpate.live.view import law_lines, verdict_on
+from palpate.live.sinks import Sink, Watching
+from palpate.live.view import verdict_on
 from palpate.preparation import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
 _EVERY = 1.0  # s between two measurements of the processes
-_TICK = os.sysconf("SC_CLK_TCK")
-_PAGE = os.sysconf("SC_PAGE_SIZE")
 # The processes that serve the loop; laboratory and diagnosis are counted separately.
 SERVING = ("loop", "page", "recorder")
 
@@ -54,7 +54,7 @@ class Browser:
     def __init__(self, port: int) -> None:
         self._port = port
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Read until the page closes."""
         from websockets.exceptions import ConnectionClosed
         from websockets.sync.client import connect
@@ -80,34 +80,31 @@ class Looking:
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Measure until the loop stops; then write the record."""
-        watching, loop = Watching(session), os.getppid()
+        loop = os.getppid()
         looks: list[dict[str, Any]] = []
         while watching.wait(_EVERY):
             looks.append({"time": time.monotonic(), **_processes(loop)})
         self._path.write_text(json.dumps(looks))
-        watching.close()
 
 
-def _processes(loop: int) -> dict[str, tuple[float, float]]:
+def _processes(loop: int) -> dict[str, tuple[float, int]]:
     """Return seconds of a core and bytes of memory, by process."""
-    children = Path(f"/proc/{loop}/task/{loop}/children").read_text().split()
-    found = {"loop": _figures(loop)}
-    for child in children:
-        name = Path(f"/proc/{child}/comm").read_text().strip().removeprefix("live ")
+    found = {"loop": _figures(psutil.Process(loop))}
+    for child in psutil.Process(loop).children():
+        name = child.name().removeprefix("live ")
         if name not in ("python", "python3"):  # the tracker of shared memory
-            found[name] = _figures(int(child))
+            found[name] = _figures(child)
     return found
 
 
-def _figures(process: int) -> tuple[float, float]:
-    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
-    return (int(fields[11]) + int(fields[12])) / _TICK, float(pages * _PAGE)
+def _figures(process: psutil.Process) -> tuple[float, int]:
+    times = process.cpu_times()
+    return times.user + times.system, process.memory_info().rss
 
 
-def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
+def idle(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
     """Measure a loop that only waits, with nothing else running.
 
     Returns
@@ -115,15 +112,6 @@ def bare(seconds: float, *, realtime: bool) -> tuple[Histogram, Histogram]:
     tuple of Histogram
         How late it woke; and the time of a fixed piece of work about as long as an update.
     """
-    receiver, sender = Pipe(duplex=False)
-    process = get_context("spawn").Process(target=_wait, args=(seconds, realtime, sender))
-    process.start()
-    found: tuple[Histogram, Histogram] = receiver.recv()
-    process.join()
-    return found
-
-
-def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
     lateness, work = Histogram(1e-3), Histogram(20e-6)
     with pause_collection():
         if realtime:
@@ -136,7 +124,7 @@ def _wait(seconds: float, realtime: bool, sender: Connection) -> None:
             sum(range(100))
             work.add(time.perf_counter() - began)
             lateness.add(time.monotonic() - due)
-    sender.send((lateness, work))
+    return lateness, work
 
 
 def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) -> Section:
@@ -151,7 +139,8 @@ def measure(minutes: float, *, realtime: bool, method: ContactEstimator | None) 
     method : ContactEstimator, optional
         Default: that of ``palpate live``.
     """
-    machines = bare(min(60.0 * minutes, 60.0), realtime=realtime)
+    waiting = partial(idle, min(60.0 * minutes, 60.0), realtime=realtime)
+    machines = in_new_process(waiting)
     with tempfile.TemporaryDirectory() as folder:
         looks, page = Path(folder) / "looks.json", Page(port=0)
         recording = Path(folder) / "run.mcap"
@@ -206,7 +195,7 @@ def _section(
     ]  # fmt: skip
     notes = [f"{minutes:g} minutes; laboratory, diagnosis and browser are counted separately."]
     if verdict := verdict_on(status):
-        notes.extend(law_lines(verdict))
+        notes.extend(verdict.lines())
     notes += [f"message: {words}" for words in status["said"]]
     return Section("Live at 1 kHz", rows, notes)
 

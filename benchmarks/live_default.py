@@ -6,7 +6,7 @@ contact; and after a change of the material, how soon the prediction has recover
 
 import numpy as np
 
-from benchmarks.common.probing import NOISE, sines
+from benchmarks.common.probing import NOISE, feed, sines
 from benchmarks.common.report import Row, Section, describe_machine, publish, run_command
 from palpate import VariableProjection, ViscoelasticContact, identify, lab
 from palpate.estimators import ContactEstimator
@@ -42,15 +42,12 @@ def differences(material: str, seed: int) -> np.ndarray:
     exact = response(result.law, depth, frequency)
     first = int(np.flatnonzero(contact.penetration > 0.0)[0])
     columns = (contact.penetration, contact.velocity, contact.force)
+    ends = [first + round(1e3 * each) + 1 for each in AFTER]
     found = []
     for kind in KINDS:
-        estimator = started(kind)
-        looks = {first + round(1e3 * each) for each in AFTER}
-        for k, sample in enumerate(zip(*(each.tolist() for each in columns), strict=True)):
-            estimator.update(*sample)
-            if k in looks:
-                now = response(estimator.estimate().law, depth, frequency)
-                found.append((now.real / exact.real - 1.0, now.imag / exact.imag - 1.0))
+        for estimate in feed(started(kind), *columns, ends):
+            now = response(estimate.law, depth, frequency)
+            found.append((now.real / exact.real - 1.0, now.imag / exact.imag - 1.0))
     return np.array(found).reshape(len(KINDS), len(AFTER), 2)
 
 
@@ -58,19 +55,12 @@ def recovery(kind: type[ContactEstimator], change: tuple[str, str], seed: int) -
     """Return the ms until the mean prediction error over 5 ms is below twice the noise."""
     rng = np.random.default_rng(seed)
     at = int(rng.integers(5000, 8000))
-    motion = sines(0.001 * at + 0.5)
-    x, v = motion.penetration, motion.velocity
+    x, v = sines(0.001 * at + 0.5)
     time = np.arange(len(x), dtype=np.float64) * 1e-3
     before, after = (lab.MATERIALS[name].force(time, time, x, v) for name in change)
     force = np.where(np.arange(len(x)) < at, before, after)
     force += rng.normal(0.0, NOISE, len(x))
-    estimator, errors = started(kind), []
-    for k, (depth, speed, felt) in enumerate(
-        zip(x.tolist(), v.tolist(), force.tolist(), strict=True)
-    ):
-        if k >= at:
-            errors.append(abs(estimator.predict(depth, speed) - felt))
-        estimator.update(depth, speed, felt)
+    errors = np.abs(started(kind).replay(x, v, force).predicted_force - force)[at:]
     means = np.convolve(errors, np.full(RECOVERED, 1.0 / RECOVERED), "valid")
     return float(np.argmax(means < 2.0 * NOISE))
 

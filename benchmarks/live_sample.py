@@ -13,11 +13,11 @@ from multiprocessing.connection import Connection
 import numpy as np
 
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
-from palpate import HuntCrossley
+from benchmarks.common.timing import contact_arrays
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Session, Watching
+from palpate.live.sinks import Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
 
 T = 1e-3  # s
@@ -26,12 +26,9 @@ LIMITS = {False: 40.0, True: 80.0}
 
 
 def arrivals(count: int) -> list[Arrival]:
-    """Two sines on a ball, with 0.05 N of noise."""
+    """Three sines on a ball, with 0.05 N of noise."""
+    x, _, force = contact_arrays(count)
     times = T * np.arange(count)
-    x = 9e-3 + 2e-3 * np.sin(11.0 * times) + 1e-3 * np.sin(47.0 * times)
-    v = np.gradient(x, T)
-    noise = np.random.default_rng(1).normal(0.0, 0.05, count)
-    force = HuntCrossley(2000.0, 2000.0, 1.0).force(x, v) + noise
     columns = (each.tolist() for each in (times, x, force, times))
     return [Arrival(*row) for row in zip(*columns, strict=True)]
 
@@ -72,12 +69,10 @@ class Every:
 
     name, every_sample = "every", True
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Take all rows."""
-        watching = Watching(session)
         while watching.wait(0.25):
             watching.take()
-        watching.close()
 
 
 def cost(count: int, law: str | None, *, every: bool, paced: bool) -> float:

@@ -5,26 +5,25 @@ measured until ``take`` returns them, and compared with a bare datagram of the s
 the same processes. All lost samples are counted.
 """
 
-import os
 import socket
 import struct
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from typing import Annotated, Any
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
+from benchmarks.reading import POSE, WRENCH, stamped
 from palpate.errors import PalpateError
 from palpate.live.sources import SourceOptions, open_source
 
 RATE = 1000.0  # Hz
-KINDS = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped")
+KINDS = (POSE, WRENCH)
 NAMES = ("/pose", "/wrench")
+BODIES = (np.eye(7)[6].tobytes(), bytes(48))  # upright at 0; no force
 DIRECT = "a bare datagram"
 _SETTLE = 1.0  # s, the longest that discovery takes on one machine
 _BARE = struct.Struct("<Qd6d")
@@ -60,37 +59,16 @@ def _zeromq(where: str) -> Send:
 
 
 def _ros(wire: str, where: str) -> Send:
-    """Messages created once; only stamp and number change."""
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.LATEST)
-    made = [bytearray(_zeros(store, kind)) for kind in KINDS]
-    put = {"dds": _dds, "zenoh": _zenoh}[wire](store, where)
+    put = {"dds": _dds, "zenoh": _zenoh}[wire](where)
 
     def send(k: int, stamp: int) -> None:
-        seconds, nanoseconds = divmod(stamp, 10**9)
-        for index, message in enumerate(made):
-            struct.pack_into("<II", message, 4, seconds, nanoseconds)  # after the head of CDR
-            put(index, bytes(message), k)
+        for index, body in enumerate(BODIES):
+            put(index, stamped(stamp, is_wrench=index == 1) + body, k)
 
     return send
 
 
-def _zeros(store: Any, kind: str) -> bytes:
-    types = store.types
-    time_ = types["builtin_interfaces/msg/Time"](0, 0)
-    header = types["std_msgs/msg/Header"](time_, "base")
-    vector = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-    point = types["geometry_msgs/msg/Point"](0.0, 0.0, 0.0)
-    turned = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, 0.0, 1.0)
-    whole = {
-        KINDS[0]: lambda: types["geometry_msgs/msg/Pose"](point, turned),
-        KINDS[1]: lambda: types["geometry_msgs/msg/Wrench"](vector, vector),
-    }[kind]()
-    return bytes(store.serialize_cdr(types[kind](header, whole), kind))
-
-
-def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
+def _dds(where: str) -> Callable[[int, bytes, int], None]:
     from cyclonedds.core import Policy, Qos
     from cyclonedds.pub import DataWriter
     from cyclonedds.topic import Topic
@@ -107,12 +85,14 @@ def _dds(_: Any, where: str) -> Callable[[int, bytes, int], None]:
     return lambda index, data, _: writers[index].write(types[index].of(data))
 
 
-def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
+def _zenoh(where: str) -> Callable[[int, bytes, int], None]:
     import zenoh
+    from rosbags.typesys import Stores, get_typestore
 
     from palpate.live import zenoh as wire
-    from palpate.live.ordering import parse_address
+    from palpate.live.wires import parse_address
 
+    store = get_typestore(Stores.LATEST)
     session = wire.open_session(parse_address("zenoh", f"?listen={where}", wire.OPTIONS))
     publishers = [
         session.declare_publisher(
@@ -131,17 +111,16 @@ def _zenoh(store: Any, where: str) -> Callable[[int, bytes, int], None]:
     return put
 
 
-def serve(wire: str, where: str, count: int) -> None:
-    """Send at the rate, on request."""
+def serve(wire: str, where: str, count: int, orders: Connection) -> None:
+    """Send at the rate, on request; then wait to be ended."""
     send = sender(wire, where)
-    print("ready", flush=True)
-    sys.stdin.readline()
+    orders.send("ready")
+    orders.recv()
     begin = time.monotonic()
     for k in range(count):
         time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
         send(k, time.monotonic_ns())
-    sys.stdin.readline()
-    os._exit(0)  # the libraries' threads do not matter here
+    orders.recv()
 
 
 def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
@@ -149,36 +128,18 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
     count = round(seconds * RATE)
     where = {"zmq": f"tcp://127.0.0.1:{_free()}", "zenoh": f"tcp/127.0.0.1:{_free()}"}.get(wire)
     where = where or (str(_free(socket.SOCK_DGRAM)) if wire == DIRECT else str(_DOMAIN))
-    command = [sys.executable, "-m", "benchmarks.live_wires", "--send", wire, where, str(count)]
-    with subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as process:
-        assert process.stdin is not None
-        assert process.stdout is not None
-        process.stdout.readline()
-        begin = _Begin(process.stdin)
-        try:
-            if wire == DIRECT:
-                return _bare(int(where), count, begin), count, 0
-            return _taken(wire, where, count, begin)
-        finally:
-            begin()
-            with suppress(BrokenPipeError):
-                process.communicate("end\n", timeout=30)
-
-
-class _Begin:
-    """Starts the sender, once."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream, self._done = stream, False
-
-    def __call__(self) -> None:
-        if not self._done:
-            with suppress(BrokenPipeError):  # the sender has printed why
-                self._stream.write("begin\n")
-                self._stream.flush()
-        self._done = True
+    orders, theirs = Pipe()
+    process = get_context("spawn").Process(target=serve, args=(wire, where, count, theirs))
+    process.start()
+    theirs.close()
+    orders.poll(30.0)  # until it is ready, or has ended
+    try:
+        if wire == DIRECT:
+            return _bare(int(where), count, lambda: orders.send("begin")), count, 0
+        return _taken(wire, where, count, lambda: orders.send("begin"))
+    finally:
+        process.terminate()
+        process.join()
 
 
 def _taken(
@@ -245,11 +206,7 @@ def section_of(wires: Sequence[str], seconds: float) -> Section:
     return Section("1 kHz on the wire, from sending to taking", rows, notes)
 
 
-def main(
-    *wires: str,
-    seconds: float = 60.0,
-    send: Annotated[tuple[str, str, int] | None, Parameter(show=False)] = None,
-) -> None:
+def main(*wires: str, seconds: float = 60.0) -> None:
     """Measure, and print a table.
 
     Parameters
@@ -258,11 +215,7 @@ def main(
         Default: zmq, dds and zenoh.
     seconds
         How long, each.
-    send
-        Be the sender of a wire: its name, its address, the number of samples.
     """
-    if send is not None:
-        serve(*send)
     publish([section_of(wires or ("zmq", "dds", "zenoh"), seconds)], describe_machine())
 
 

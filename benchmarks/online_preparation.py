@@ -11,17 +11,16 @@ import numpy as np
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from benchmarks.common.timing import (
     PERIOD,
-    BuildError,
     Case,
-    Clock,
-    Effort,
     Samples,
-    clock,
+    allocated,
+    best_times,
     contact_arrays,
     contact_samples,
     kept_blocks,
     native_programs,
     passing_bytes,
+    seconds_per_row,
     seconds_per_update,
 )
 from palpate import (
@@ -32,7 +31,7 @@ from palpate import (
     VariableProjection,
 )
 
-PASSES = 5
+PASSES, ROUNDS = 5, 80
 UPDATE, TIMED = "OnlinePreparation.update", "OnlinePreparation.update, time given"
 COMPENSATION = "PayloadCompensation.update"
 LIMITS = {COMPENSATION: Limit(1000.0)}  # ns
@@ -48,41 +47,31 @@ NATIVE = {
 }
 
 
-def measure_preparation(clock: Clock, effort: Effort) -> Section:
+def measure_preparation() -> Section:
     """Time a preparation and the estimators after it, from Python and in C++."""
     samples = contact_samples(PERIOD)
-    times = clock.best("preparation", _cases(samples), effort.call_rounds)
-    rows = [
-        Row(name, 1e9 * seconds, "ns", limit=LIMITS[name])
-        if name in LIMITS
-        else Row(
-            name,
-            1e9 * seconds,
-            "ns",
-            *((seconds / times[SINGLE], SINGLE) if name != SINGLE else ()),
-        )
-        for name, seconds in times.items()
-    ]
+    times = best_times("preparation", _cases(samples), ROUNDS)
+    rows = [_row(name, seconds, times[SINGLE], SINGLE) for name, seconds in times.items()]
     poses = _poses(samples)
     for count, unit in ((passing_bytes, "bytes"), (kept_blocks, "blocks")):
         update = _compensation().update
         update(*poses[0])
-        own = count(lambda position, orientation, wrench, time: None, poses[1:])
-        allocated = count(update, poses[1:]) - own
-        rows.append(Row(f"{COMPENSATION}: allocated", allocated, unit, limit=Limit(0)))
+        passing = allocated(count, update, poses[1:])
+        rows.append(Row(f"{COMPENSATION}: allocated", passing, unit, limit=Limit(0)))
+    native = _native()
+    bare, reference = native["SingleStageRLS"], NATIVE["SingleStageRLS"]
+    rows += [_row(NATIVE[name], seconds, bare, reference) for name, seconds in native.items()]
     notes = [
         f"{PERIOD} samples of contact; shortest of the rounds, including the loop around the call."
     ]
-    try:
-        native = _native(effort)
-    except BuildError as error:
-        notes.append(f"not in C++: {error}")
-        return Section("Velocity in real time", rows, notes)
-    bare = native["SingleStageRLS"]
-    for name, seconds in native.items():
-        beside = () if name == "SingleStageRLS" else (seconds / bare, NATIVE["SingleStageRLS"])
-        rows.append(Row(NATIVE[name], 1e9 * seconds, "ns", *beside))
     return Section("Velocity in real time", rows, notes)
+
+
+def _row(name: str, seconds: float, beside: float, reference: str) -> Row:
+    """Nanoseconds of a call, over those of the reference."""
+    if name in (reference, COMPENSATION):
+        return Row(name, 1e9 * seconds, "ns", limit=LIMITS.get(name))
+    return Row(name, 1e9 * seconds, "ns", seconds / beside, reference)
 
 
 def _cases(samples: Samples) -> dict[str, Case]:
@@ -92,10 +81,10 @@ def _cases(samples: Samples) -> dict[str, Case]:
     return {
         SINGLE: lambda: seconds_per_update(single, samples),
         "VariableProjection.update": lambda: seconds_per_update(projection, samples),
-        UPDATE: lambda: _prepared(measured),
-        TIMED: lambda: _prepared(stamped),
+        UPDATE: lambda: seconds_per_row(OnlinePreparation().update, measured),
+        TIMED: lambda: seconds_per_row(OnlinePreparation().update, stamped),
         LOOP: lambda: _loop(measured),
-        COMPENSATION: lambda: _compensated(poses),
+        COMPENSATION: lambda: seconds_per_row(_compensation().update, poses),
     }
 
 
@@ -111,22 +100,6 @@ def _poses(samples: Samples) -> list[Any]:
     ]
 
 
-def _compensated(rows: list[Any]) -> float:
-    update = _compensation().update
-    start = perf_counter()
-    for row in rows:
-        update(*row)
-    return (perf_counter() - start) / len(rows)
-
-
-def _prepared(rows: list[Any]) -> float:
-    update = OnlinePreparation().update
-    start = perf_counter()
-    for row in rows:
-        update(*row)
-    return (perf_counter() - start) / len(rows)
-
-
 def _loop(rows: list[Any]) -> float:
     prepare, update = OnlinePreparation().update, SingleStageRLS().update
     start = perf_counter()
@@ -136,13 +109,13 @@ def _loop(rows: list[Any]) -> float:
     return (perf_counter() - start) / len(rows)
 
 
-def _native(effort: Effort) -> dict[str, float]:
+def _native() -> dict[str, float]:
     best: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "contact.bin"
-        np.concatenate(contact_arrays(effort.replay_samples)).tofile(file)
+        np.concatenate(contact_arrays(100_000)).tofile(file)
         command = [str(native_programs().preparation), str(file), str(PASSES)]
-        for _ in range(effort.replay_rounds // 3):
+        for _ in range(10):
             done = subprocess.run(command, capture_output=True, text=True, check=True)
             for line in done.stdout.splitlines():
                 name, seconds = line.split()
@@ -158,10 +131,8 @@ def main(*, markdown: Path | None = None) -> None:
     markdown
         Write the table to this file too.
     """
-    with clock() as running:
-        section = measure_preparation(running, Effort())
     facts = describe_machine(native_programs().compiler)
-    publish([section], facts, "Preparing samples in a loop", markdown)
+    publish([measure_preparation()], facts, "Preparing samples in a loop", markdown)
 
 
 if __name__ == "__main__":

@@ -5,22 +5,24 @@ way, alternately and in separate processes, and prints a table. It is far larger
 benchmarks: an hour is 7.2 million messages, and takes a quarter of an hour and 4 GB of disk.
 """
 
-import json
 import struct
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
-from benchmarks.common.report import describe_machine, print_facts, run_command
+from benchmarks.common.report import (
+    describe_machine,
+    list_facts,
+    markdown_table,
+    run_command,
+    show,
+)
 from benchmarks.common.timing import resident
+from benchmarks.common.workers import in_new_process
 from palpate.recordings import open_recording
 
 SEED = 1
@@ -28,6 +30,8 @@ BEGIN = 1_700_000_000_000_000_000  # ns since 1970
 STEP = 1_000_000
 WRENCH, POSE = "geometry_msgs/msg/WrenchStamped", "geometry_msgs/msg/PoseStamped"
 _PIECE = 10_000  # messages whose numbers are generated at once
+OURS = "palpate, to arrays"
+Rows = list[list[str]]
 Sent = tuple[bool, int, bytes]  # whether it is a wrench, its time, its bytes
 
 
@@ -49,7 +53,9 @@ def stamped(at: int, *, is_wrench: bool) -> bytes:
     return b"\0\1\0\0" + struct.pack("<iI", *divmod(at, 1_000_000_000)) + frame
 
 
-def write_mcap(path: Path, given: Iterable[Sent], *, compressed: bool, chunks: bool) -> None:
+def write_mcap(
+    path: Path, given: Iterable[Sent], *, compressed: bool = True, chunks: bool = True
+) -> None:
     """Write them by the ``mcap`` package."""
     from mcap.writer import CompressionType, Writer
     from rosbags.typesys import Stores, get_typestore
@@ -154,81 +160,54 @@ def by_mcap_decoded(path: Path) -> tuple[int, int]:
 
 
 READERS: dict[str, Callable[[Path], tuple[int, int]]] = {
-    "palpate, to arrays": by_palpate,
+    OURS: by_palpate,
     "mcap, raw messages": by_mcap,
     "mcap, raw records of its stream reader": by_mcap_stream,
     "mcap and mcap-ros2-support, decoded": by_mcap_decoded,
     "rosbags, raw messages": by_rosbags,
     "rosbags, decoded": by_rosbags_decoded,
 }
-_MCAP = [name for name in READERS if not name.startswith("rosbags")]
-_ROSBAGS = [name for name in READERS if not name.startswith("mcap")]
+write_loose_mcap = partial(write_mcap, compressed=False, chunks=False)
+#: Files: name, writer, and whose packages read it.
+KINDS: dict[str, tuple[str, Callable[[Path, Iterable[Sent]], None], str]] = {
+    "MCAP, zstd": ("zstd.mcap", partial(write_mcap, compressed=True), "mcap"),
+    "MCAP, not compressed": ("plain.mcap", partial(write_mcap, compressed=False), "mcap"),
+    "MCAP, no chunks": ("loose.mcap", write_loose_mcap, "mcap"),
+    "ROS 2 bag, SQLite": ("bag", write_rosbag2, "rosbags"),
+    "ROS 1 bag": ("one.bag", write_rosbag1, "rosbags"),
+}
 
 
-@dataclass(frozen=True)
-class Kind:
-    """A kind of file: its name, its writer, its readers."""
-
-    name: str
-    file: str
-    write: Callable[[Path, Iterable[Sent]], None]
-    readers: list[str]
-
-
-def _mcap(*, compressed: bool, chunks: bool = True) -> Callable[[Path, Iterable[Sent]], None]:
-    return lambda path, given: write_mcap(path, given, compressed=compressed, chunks=chunks)
-
-
-KINDS = [
-    Kind("MCAP, zstd", "zstd.mcap", _mcap(compressed=True), _MCAP),
-    Kind("MCAP, not compressed", "plain.mcap", _mcap(compressed=False), _MCAP),
-    Kind("MCAP, no chunks", "loose.mcap", _mcap(compressed=False, chunks=False), _MCAP),
-    Kind("ROS 2 bag, SQLite", "bag", write_rosbag2, _ROSBAGS),
-    Kind("ROS 1 bag", "one.bag", write_rosbag1, _ROSBAGS),
-]
-
-
-def _once(reader: str, path: Path) -> dict[str, float]:
-    """Read in a separate process."""
-    command = [sys.executable, "-m", "benchmarks.reading", "--once", reader, str(path)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    result: dict[str, float] = json.loads(done.stdout)
-    return result
-
-
-def _once_here(reader: str, path: Path) -> dict[str, float]:
+def timed(reader: str, path: Path) -> tuple[float, float, float, float]:
+    """Read once; return seconds, messages, bytes of the arrays and of the peak."""
     import palpate.recordings.messages.containers  # noqa: F401 - importing is not reading
 
     before = resident("VmRSS")
     begin = time.perf_counter()
     count, size = READERS[reader](path)
     seconds = time.perf_counter() - begin
-    peak = resident("VmHWM") - before
-    return {"messages": count, "seconds": seconds, "arrays": size, "peak": peak}
+    return seconds, count, size, resident("VmHWM") - before
 
 
-def measure(kind: Kind, folder: Path, minutes: float, rounds: int, *, decoded: bool) -> None:
-    """Write a file, read it each way alternately, and print a row for each."""
-    path = folder / kind.file
-    kind.write(path, messages(minutes))
-    readers = [name for name in kind.readers if decoded or "decoded" not in name]
-    best: dict[str, dict[str, float]] = {}
-    for _ in range(rounds):
-        for reader in readers:
-            found = _once(reader, path)
-            if reader not in best or found["seconds"] < best[reader]["seconds"]:
-                best[reader] = found
-    ours = best["palpate, to arrays"]
-    for reader, found in best.items():
-        assert found["messages"] == ours["messages"], (reader, found)
-        ratio = ours["seconds"] / found["seconds"]
-        memory = f"{found['peak'] / ours['arrays']:.2f}" if found["arrays"] else ""
-        print(
-            f"| {kind.name} | {reader} | {found['seconds']:.2f} | "
-            f"{1e6 * found['seconds'] / found['messages']:.2f} | "
-            f"{'' if reader.startswith('palpate') else f'{ratio:.2f}'} | {memory} |",
-            flush=True,
-        )
+def measure(kind: str, folder: Path, minutes: float, rounds: int, *, decoded: bool) -> Rows:
+    """Write a file, read it each way alternately, each time in a new process."""
+    name, write, package = KINDS[kind]
+    write(folder / name, messages(minutes))
+    readers = [each for each in READERS if each.startswith(("palpate", package))]
+    readers = [each for each in readers if decoded or "decoded" not in each]
+    turns = [
+        {each: in_new_process(timed, each, folder / name) for each in readers}
+        for _ in range(rounds)
+    ]
+    best = {each: min(turn[each] for turn in turns) for each in readers}
+    ours, rows = best[OURS], []
+    for reader, (seconds, count, size, peak) in best.items():
+        assert count == ours[1], (reader, count)
+        ratio = "" if reader == OURS else f"{ours[0] / seconds:.2f}"
+        memory = f"{peak / size:.2f}" if size else ""
+        per_message = f"{1e6 * seconds / count:.2f}"
+        rows.append([kind, reader, f"{seconds:.2f}", per_message, ratio, memory])
+    return rows
 
 
 def main(
@@ -236,8 +215,6 @@ def main(
     minutes: float = 1.0,
     rounds: int = 2,
     decoded: bool = False,
-    folder: Path | None = None,
-    once: Annotated[tuple[str, Path] | None, Parameter(show=False)] = None,
 ) -> None:
     """Measure all kinds of files.
 
@@ -249,21 +226,15 @@ def main(
         Turns of each reader.
     decoded
         The others decode, too: slow.
-    folder
-        For the files. Default: a temporary one.
-    once
-        Read a file with one reader, and print JSON.
     """
-    if once is not None:
-        print(json.dumps(_once_here(*once)))
-        return
-    print_facts(describe_machine())
-    print(f"\n{minutes:g} minutes of wrench and pose at 1 kHz, seed {SEED}\n")
-    print("| file | reader | s | µs a message | palpate's time / this one's | peak / arrays |")
-    print("|---|---|---|---|---|---|")
+    rows: Rows = []
     for kind in KINDS:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            measure(kind, Path(scratch), minutes, rounds, decoded=decoded)
+        with tempfile.TemporaryDirectory() as scratch:
+            rows += measure(kind, Path(scratch), minutes, rounds, decoded=decoded)
+    headings = ("s", "µs a message", "palpate's time / this one's", "peak / arrays")
+    words = f"{minutes:g} minutes of wrench and pose at 1 kHz, seed {SEED}"
+    table = markdown_table(("file", "reader", *headings), rows)
+    show([words, "", *table, "", *list_facts(describe_machine())])
 
 
 if __name__ == "__main__":

@@ -1,22 +1,19 @@
 """``python -m benchmarks.reading_text``: time and memory of reading long tables of text.
 
 Every case runs in a separate process, after the packages are imported; memory is its peak above the
-start, relative to the resulting arrays. ``FILE PARSER`` measures one in this process.
+start, relative to the resulting arrays.
 """
 
-import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 from time import perf_counter, process_time
-from typing import Annotated
 
 import numpy as np
-from cyclopts import Parameter
 
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from benchmarks.common.timing import resident
+from benchmarks.common.workers import in_new_process
 from palpate.recordings import open_recording
 
 WRITTEN = 100_000  # rows at once
@@ -39,8 +36,8 @@ def write_table(path: Path, rows: int, label: bool = False) -> None:
             )
 
 
-def measured(path: Path, parser: str) -> dict[str, float]:
-    """Read a file, and return its time and memory."""
+def measured(path: Path, parser: str) -> tuple[float, float, float, float]:
+    """Read a file; return seconds, those of the processor, bytes of the peak and of the arrays."""
     if parser == "NumPy":
         sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
     else:
@@ -50,28 +47,10 @@ def measured(path: Path, parser: str) -> dict[str, float]:
     seconds, busy = perf_counter() - start, process_time() - busy
     extra = resident("VmHWM") - before
     size = sum(values.nbytes for values in recording.channels.values())
-    return {
-        "seconds": seconds,
-        "busy": busy,
-        "extra": extra,
-        "arrays": size,
-        "rows": len(recording.rows or ()),
-    }
+    return seconds, busy, extra, size
 
 
-def _in_a_process(path: Path, parser: str) -> dict[str, float]:
-    command = [sys.executable, "-m", "benchmarks.reading_text", "--one", str(path), parser]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    result: dict[str, float] = json.loads(done.stdout)
-    return result
-
-
-def main(
-    *,
-    rows: int = 10_000_000,
-    markdown: Path | None = None,
-    one: Annotated[tuple[Path, str] | None, Parameter(show=False)] = None,
-) -> None:
+def main(*, rows: int = 10_000_000, markdown: Path | None = None) -> None:
     """Measure, and print a table.
 
     Parameters
@@ -80,12 +59,7 @@ def main(
         Rows of the table.
     markdown
         Write the table to this file as Markdown.
-    one
-        Measure one file with one parser, and print JSON.
     """
-    if one is not None:
-        print(json.dumps(measured(*one)))
-        return
     facts = describe_machine()
     found = []
     with tempfile.TemporaryDirectory() as folder:
@@ -94,14 +68,14 @@ def main(
             write_table(path, rows, label)
             what = "four numbers" + " and a word" * label
             for parser, limit in LIMITS.items():
-                result = _in_a_process(path, parser)
-                extra, ratio = result["extra"], result["extra"] / result["arrays"]
+                seconds, busy, extra, size = in_new_process(measured, path, parser)
                 bound = None if label else Limit(limit * rows / 1e7)
                 found += [
-                    Row(f"{rows} rows of {what}, {parser}", result["seconds"], "s", limit=bound),
-                    Row("of that, processor time", result["busy"], "s"),
-                    Row("memory at the peak", extra / 1e6, "MB", ratio, "the arrays", Limit(3.0)),
-                ]
+                    Row(f"{rows} rows of {what}, {parser}", seconds, "s", limit=bound),
+                    Row("of that, processor time", busy, "s"),
+                    Row("memory at the peak", extra / 1e6, "MB", extra / size, "the arrays",
+                        Limit(3.0)),
+                ]  # fmt: skip
     section = Section("Reading text", found, ["One run each, in a separate process."])
     publish([section], facts, "Reading text", markdown)
 

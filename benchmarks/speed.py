@@ -4,7 +4,6 @@ All are ratios to something measured in the same run, or bounds that any recent 
 Needs the ``develop`` extra.
 """
 
-import json
 import subprocess
 import sys
 import tempfile
@@ -16,11 +15,9 @@ from math import log
 from pathlib import Path
 from statistics import median
 from time import perf_counter
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
-from numpy.typing import NDArray
 
 from benchmarks.common.report import (
     Limit,
@@ -30,17 +27,12 @@ from benchmarks.common.report import (
     describe_machine,
     publish,
     run_command,
-    write_json,
 )
 from benchmarks.common.timing import (
     PERIOD,
-    BuildError,
     Case,
-    Clock,
-    Effort,
     Samples,
-    clock,
-    compiler,
+    best_times,
     contact_arrays,
     contact_samples,
     count_allocations,
@@ -48,22 +40,22 @@ from benchmarks.common.timing import (
     resident,
     seconds_per_call,
     seconds_per_update,
+    time_rounds,
 )
-from benchmarks.online_preparation import measure_preparation
+from benchmarks.common.workers import in_new_process
 from palpate import (
+    ChangeDetector,
     ConstantForgetting,
-    Contact,
     ContactEstimator,
     DoubleStageRLS,
     ExtendedKelvinVoigtRLS,
     HuntCrossley,
     KelvinVoigtRLS,
     LeastSquares,
+    OutlierRejection,
     SingleStageRLS,
     VariableProjection,
-    identify,
 )
-from palpate.estimators.estimate import Traced
 from palpate.validation import Floats
 from palpate.writing import check_outputs
 
@@ -78,52 +70,34 @@ UPDATE, WITH_DT = "SingleStageRLS.update", "SingleStageRLS.update, dt given"
 OUT, ESTIMATE = "SingleStageRLS.update, out of contact", "SingleStageRLS.estimate"
 LAW = "SingleStageRLS.estimate().law"
 PASSES = 3  # of a replay
+ROUNDS, REPLAYS, PEER_ROUNDS, STARTS = 80, 30, 12, 15
+REPLAYED = 100_000  # samples
 Arrays = tuple[Floats, Floats, Floats]
 
 
-def main(
-    *,
-    quick: bool = False,
-    only: str | None = None,
-    memory_of: Annotated[int | None, Parameter(show=False)] = None,
-    as_json: Annotated[Path | None, Parameter(name="--json")] = None,
-    markdown: Path | None = None,
-) -> None:
+def main(*, only: str | None = None, markdown: Path | None = None) -> None:
     """Measure, and print a table.
 
     Parameters
     ----------
-    quick
-        A short run, for a first look: fewer rounds, shorter recordings.
     only
-        One table: calls, preparation, allocations, replays, traces, peers, startup or memory.
-    memory_of
-        Print the bytes of one replay of so many samples.
-    as_json
-        Write everything to this file as JSON.
+        One table: calls, projection, allocations, replays, peers, startup or memory.
     markdown
         Write the tables to this file as Markdown.
     """
-    if memory_of is not None:
-        print(json.dumps(extra_bytes(memory_of)))
-        return
-    check_outputs([path for path in (as_json, markdown) if path is not None])
-    effort = Effort.quick() if quick else Effort()
-    facts = describe_machine(compiler())
-    with clock() as running:
-        measures: dict[str, Callable[[], Section]] = {
-            "calls": lambda: measure_calls(running, effort),
-            "preparation": lambda: measure_preparation(running, effort),
-            "allocations": lambda: count_allocations(KINDS),
-            "replays": lambda: measure_replays(running, effort),
-            "traces": lambda: measure_traces(running, effort),
-            "peers": lambda: compare_with_peers(running, effort),
-            "startup": lambda: measure_startup(running, effort),
-            "memory": lambda: measure_memory(effort),
-        }
-        sections = [measures[name]() for name in measures if only in (None, name)]
+    check_outputs([] if markdown is None else [markdown])
+    facts = describe_machine(native_programs().compiler)
+    measures: dict[str, Callable[[], Section]] = {
+        "calls": measure_calls,
+        "projection": measure_projection,
+        "allocations": lambda: count_allocations(KINDS),
+        "replays": measure_replays,
+        "peers": compare_with_peers,
+        "startup": measure_startup,
+        "memory": measure_memory,
+    }
+    sections = [measures[name]() for name in measures if only in (None, name)]
     publish(sections, facts, "Speed and memory, compared with other packages", markdown)
-    write_json(as_json, sections, facts)
 
 
 class Nothing:
@@ -133,15 +107,14 @@ class Nothing:
         """Do nothing."""
 
 
-def measure_calls(clock: Clock, effort: Effort) -> Section:
+def measure_calls() -> Section:
     """Time one call of each kind from Python, from a new start in every round."""
     notes = [
         f"{PERIOD} samples of contact, each round from a new start; shortest of the rounds. "
         "Times include the loop, for penetration, velocity, force in samples; 'net' is the ratio "
         "with the empty loop subtracted on both sides.",
     ]
-    samples = contact_samples(PERIOD)
-    best = clock.best("calls", _calls(samples, notes), effort.call_rounds)
+    best = best_times("calls", _calls(contact_samples(PERIOD)), ROUNDS)
     loop, empty = best[LOOP], best[PYTHON]
     references = dict.fromkeys((ESTIMATE, LAW), UPDATE) | {LOOP: None, PYTHON: None}
     limits = {f"{kind.__name__}.update": Limit(2.5) for kind in KINDS}
@@ -152,34 +125,29 @@ def measure_calls(clock: Clock, effort: Effort) -> Section:
         beside = best[UPDATE] if reference == UPDATE else empty
         ratio, to = (None, "") if reference is None else (seconds / beside, reference)
         rows.append(Row(name, 1e9 * seconds, "ns", ratio, to, limits.get(name)))
-    if COMPILED in best:
-        ratio = best[UPDATE] / best[COMPILED]
-        rows.append(Row(UPDATE, 1e9 * best[UPDATE], "ns", ratio, COMPILED))
+    ratio = best[UPDATE] / best[COMPILED]
+    rows.append(Row(UPDATE, 1e9 * best[UPDATE], "ns", ratio, COMPILED))
     return Section("Calls from Python", rows, notes)
 
 
-def _calls(samples: Samples, notes: list[str]) -> dict[str, Case]:
+def _calls(samples: Samples) -> dict[str, Case]:
     single, learned, nothing = SingleStageRLS(), SingleStageRLS(), Nothing()
+    compiled = native_programs().empty_method.Nothing()
     seconds_per_call(learned.update, samples)
+    lifted = SingleStageRLS()
+    lifted.update(*samples[0])
     free = [(-penetration, velocity, 0.0) for penetration, velocity, _ in samples]
-    cases: dict[str, Case] = {
+    return {
         LOOP: lambda: _empty_loop(samples),
         PYTHON: lambda: seconds_per_call(nothing.update, samples),
-    }
-    try:
-        compiled = native_programs().empty_method.Nothing()
-        cases[COMPILED] = lambda: seconds_per_call(compiled.update, samples)
-    except BuildError as error:
-        notes.append(f"no {COMPILED}: {error}")
-    for kind in KINDS:
-        cases[f"{kind.__name__}.update"] = partial(seconds_per_update, kind(), samples)
-    return {
-        **cases,
+        COMPILED: lambda: seconds_per_call(compiled.update, samples),
+        **{f"{kind.__name__}.update": partial(seconds_per_update, kind(), samples)
+           for kind in KINDS},
         WITH_DT: lambda: _with_steps(single, samples),
-        OUT: lambda: _out_of_contact(single, samples[0], free),
+        OUT: lambda: seconds_per_call(lifted.update, free),
         ESTIMATE: lambda: _without_arguments(learned.estimate, len(samples)),
         LAW: lambda: _without_arguments(lambda: learned.estimate().law, len(samples) // 10),
-    }
+    }  # fmt: skip
 
 
 def _empty_loop(samples: Samples) -> float:
@@ -200,14 +168,6 @@ def _with_steps(estimator: ContactEstimator, samples: Samples) -> float:
     return (perf_counter() - start) / len(samples)
 
 
-def _out_of_contact(
-    estimator: ContactEstimator, touch: tuple[float, float, float], free: Samples
-) -> float:
-    estimator.reset()
-    estimator.update(*touch)
-    return seconds_per_call(estimator.update, free)
-
-
 def _without_arguments(call: Any, calls: int) -> float:
     start = perf_counter()
     for _ in range(calls):
@@ -215,36 +175,75 @@ def _without_arguments(call: Any, calls: int) -> float:
     return (perf_counter() - start) / calls
 
 
+PROJECTION, EARLY = "VariableProjection.update", "SingleStageRLS.update, first 2 s"
+
+
+def measure_projection() -> Section:
+    """Time the default estimator, its change detector and its outlier rejection."""
+    samples, learned = contact_samples(10_000), VariableProjection()
+    seconds_per_call(learned.update, samples)
+    single, projection = SingleStageRLS(), VariableProjection()
+    detecting = VariableProjection(change_detector=ChangeDetector())
+    rejecting = VariableProjection(outlier_rejection=OutlierRejection())
+    both = detecting.replace(outlier_rejection=OutlierRejection())
+    references: dict[str, Case] = {
+        UPDATE: partial(seconds_per_update, single, samples),
+        EARLY: partial(seconds_per_update, single, samples[:2000]),
+    }
+    # Its time, what that is compared with, and the limit of the ratio.
+    calls: dict[str, tuple[Case, str, Limit | None]] = {
+        PROJECTION: (partial(seconds_per_update, projection, samples), UPDATE, Limit(2.5)),
+        "VariableProjection.update, first 2 s": (
+            partial(seconds_per_update, projection, samples[:2000]), EARLY, Limit(2.5)),
+        "VariableProjection.estimate": (
+            lambda: _without_arguments(learned.estimate, 2000), UPDATE, Limit(10.0)),
+        "… with a ChangeDetector": (
+            partial(seconds_per_update, detecting, samples), PROJECTION, None),
+        "… with an OutlierRejection": (
+            partial(seconds_per_update, rejecting, samples), PROJECTION, None),
+        "… with both": (partial(seconds_per_update, both, samples), PROJECTION, Limit(1.4)),
+    }  # fmt: skip
+    cases = references | {name: case for name, (case, _, _) in calls.items()}
+    best = best_times("projection", cases, ROUNDS)
+    rows = [Row(name, 1e9 * best[name], "ns") for name in references]
+    for name, (_, reference, limit) in calls.items():
+        ratio = best[name] / best[reference]
+        rows.append(Row(name, 1e9 * best[name], "ns", ratio, reference, limit))
+    notes = [
+        "10 000 updates on the ball, 2000 for the first 2 s, when the global search runs more "
+        "often; 2000 estimates. Shortest of the rounds."
+    ]
+    return Section("Calls of VariableProjection from Python", rows, notes)
+
+
 class NativeReplay:
-    """Runs the C++ program; keeps each estimator's times and last law.
+    """Runs the C++ program; keeps each estimator's best times and last law.
 
     ``again`` writes into memory used before, as a program would; ``anew`` into new memory, as
     Python does.
     """
 
     def __init__(self, arrays: Arrays, folder: Path) -> None:
-        self._file = folder / "contact.bin"
-        np.concatenate(arrays).tofile(self._file)
-        self._program = native_programs().replay
-        self.again: dict[str, list[float]] = {}
-        self.anew: dict[str, list[float]] = {}
+        np.concatenate(arrays).tofile(folder / "contact.bin")
+        self._command = [str(native_programs().replay), str(folder / "contact.bin"), str(PASSES)]
+        self.again: dict[str, float] = {}
+        self.anew: dict[str, float] = {}
         self.laws: dict[str, list[float]] = {}
 
     def __call__(self) -> float:
         """Run it once; the times are in ``again`` and ``anew``."""
-        command = [str(self._program), str(self._file), str(PASSES)]
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        done = subprocess.run(self._command, capture_output=True, text=True, check=True)
         for line in done.stdout.splitlines():
             name, again, anew, *law = line.split()
-            self.again.setdefault(name, []).append(float(again))
-            self.anew.setdefault(name, []).append(float(anew))
+            self.again[name] = min(float(again), self.again.get(name, np.inf))
+            self.anew[name] = min(float(anew), self.anew.get(name, np.inf))
             self.laws[name] = [float(value) for value in law]
         return 0.0
 
 
-def measure_replays(clock: Clock, effort: Effort) -> Section:
+def measure_replays() -> Section:
     """Time replay(), update() in a loop and the program alternately, per sample."""
-    samples = contact_samples(effort.replay_samples)
+    samples = contact_samples(REPLAYED)
     penetration, velocity, force = np.array(samples).T.copy()
     arrays = (penetration, velocity, force)
     cases: dict[str, Case] = {}
@@ -253,21 +252,16 @@ def measure_replays(clock: Clock, effort: Effort) -> Section:
         cases[f"{name}.update"] = partial(seconds_per_update, one, samples)
         cases[f"{name}.arrays"] = partial(_update_from_arrays, one, arrays)
         cases[f"{name}.replay"] = partial(_replay, other, arrays)
-    notes = [
-        f"{effort.replay_samples} samples; per sample, shortest of the rounds. A replay writes 8 "
-        "numbers and a status a sample (KelvinVoigtRLS 6) into new memory; the system provides "
-        "its pages as they are first written.",
-    ]
     with tempfile.TemporaryDirectory() as folder:
-        native: NativeReplay | None = None
-        try:
-            native = NativeReplay(arrays, Path(folder))
-            cases["C++"] = native
-        except BuildError as error:
-            notes.append(f"no C++ program: {error}")
-        best = clock.best("replays", cases, effort.replay_rounds, passes=1)
-    if native is not None:
-        notes.append(_agreement(arrays, native))
+        native = NativeReplay(arrays, Path(folder))
+        rounds = time_rounds("replays", {**cases, "C++": native}, REPLAYS)
+    best = {name: min(times) for name, times in rounds.items()}
+    notes = [
+        f"{REPLAYED} samples; per sample, shortest of the rounds. A replay writes 8 numbers and a "
+        "status a sample (KelvinVoigtRLS 6) into new memory; the system provides its pages as "
+        "they are first written.",
+        _agreement(arrays, native),
+    ]
     return Section("Replay of a whole trace, per sample", _replay_rows(best, native), notes)
 
 
@@ -291,20 +285,16 @@ def _update_from_arrays(estimator: ContactEstimator, arrays: Arrays) -> float:
     return (perf_counter() - start) / len(arrays[0])
 
 
-def _replay_rows(best: dict[str, float], native: NativeReplay | None) -> list[Row]:
+def _replay_rows(best: dict[str, float], native: NativeReplay) -> list[Row]:
     rows = []
     for name in (kind.__name__ for kind in KINDS):
         update, replay = best[f"{name}.update"], best[f"{name}.replay"]
-        references: list[tuple[str, float, Limit | None]] = [
+        for reference, seconds, limit in (
             ("update() in a Python loop over ready-made numbers", update, Limit(1.0)),
             ("update() in a Python loop over the arrays", best[f"{name}.arrays"], Limit(1.0)),
-        ]
-        if native is not None:
-            references += [
-                ("C++, into existing memory", min(native.again[name]), Limit(1.5)),
-                ("C++, into new memory", min(native.anew[name]), None),
-            ]
-        for reference, seconds, limit in references:
+            ("C++, into existing memory", native.again[name], Limit(1.5)),
+            ("C++, into new memory", native.anew[name], None),
+        ):
             words = f"{reference}: {1e9 * seconds:.3g} ns"
             rows.append(Row(f"{name}.replay", 1e9 * replay, "ns", replay / seconds, words, limit))
     return rows
@@ -322,7 +312,7 @@ def _agreement(arrays: Arrays, native: NativeReplay) -> str:
     return "The final law of each method is the same in Python and in C++, bit for bit."
 
 
-def measure_startup(clock: Clock, effort: Effort) -> Section:
+def measure_startup() -> Section:
     """Start processes alternately; medians."""
     program = str(Path(sys.executable).with_name("palpate"))
     everything = "import numpy; from palpate import identify"  # loads palpate's modules
@@ -334,13 +324,13 @@ def measure_startup(clock: Clock, effort: Effort) -> Section:
     }
     for case in cases.values():
         case()  # fills the caches of the disk and of bytecode
-    rounds = clock.rounds("starting", cases, effort.start_rounds)
+    rounds = time_rounds("starting", cases, STARTS)
     times = {name: 1e3 * median(values) for name, values in rounds.items()}
     more = times.pop("import numpy, palpate") - times["import numpy"]
     times = {"import palpate, beyond NumPy": more, **times}
     limits = {"import palpate, beyond NumPy": Limit(120.0), "palpate --help": Limit(400.0)}
     rows = [Row(name, time, "ms", limit=limits.get(name)) for name, time in times.items()]
-    notes = [f"Complete processes, with warm disk caches; medians of {effort.start_rounds} rounds."]
+    notes = [f"Complete processes, with warm disk caches; medians of {STARTS} rounds."]
     return Section("Starting", rows, notes)
 
 
@@ -351,77 +341,6 @@ def _process(*command: str) -> Case:
         return perf_counter() - start
 
     return case
-
-
-SHORT = 1000  # samples of a curve
-ESTIMATES = 2000  # of a trace, as identify has it by default
-Rows = NDArray[np.int64] | None
-
-
-def _seconds(estimator: ContactEstimator, arrays: Arrays, at: Rows) -> float:
-    """Seconds a sample."""
-    estimator.reset()
-    start = perf_counter()
-    estimator.replay(*arrays, at=at)
-    return (perf_counter() - start) / len(arrays[0])
-
-
-def _identification(contact: Contact, trace: Traced) -> float:
-    """Seconds a sample, of a whole identification without its diagnosis."""
-    start = perf_counter()
-    identify(contact, trace=trace)
-    return (perf_counter() - start) / len(contact)
-
-
-def _trace_cases(arrays: Arrays) -> dict[str, Case]:
-    penetration, velocity, force = (channel[:SHORT].copy() for channel in arrays)
-    short = (penetration, velocity, force)
-    count = len(arrays[0])
-    none = np.empty(0, dtype=np.int64)
-    some = np.linspace(0, count - 1, min(count, ESTIMATES)).astype(np.int64)
-    single, projection = SingleStageRLS(), VariableProjection()
-    time = 1e-3 * np.arange(SHORT)
-    contact = Contact(time, penetration=penetration, velocity=velocity, force=force)
-    return {
-        "single": lambda: _seconds(single, arrays, None),
-        "full": lambda: _seconds(projection, arrays, None),
-        "thinned": lambda: _seconds(projection, arrays, some),
-        "none": lambda: _seconds(projection, arrays, none),
-        "short single": lambda: _seconds(single, short, None),
-        "short full": lambda: _seconds(projection, short, None),
-        "short none": lambda: _seconds(projection, short, none),
-        "identify full": lambda: _identification(contact, "full"),
-        "identify none": lambda: _identification(contact, False),
-    }
-
-
-def measure_traces(clock: Clock, effort: Effort) -> Section:
-    """Time them alternately, per sample."""
-    penetration, velocity, force = np.array(contact_samples(effort.replay_samples)).T.copy()
-    cases = _trace_cases((penetration, velocity, force))
-    best = clock.best("traces", cases, effort.replay_rounds, passes=2)
-    ns = {name: 1e9 * seconds for name, seconds in best.items()}
-
-    def row(name: str, words: str, beside: str, reference: str, limit: float | None) -> Row:
-        kept = None if limit is None else Limit(limit)
-        shown = f"{reference}: {ns[beside]:.3g} ns"
-        return Row(words, ns[name], "ns", ns[name] / ns[beside], shown, kept)
-
-    replay, whole = "full trace of SingleStageRLS", f"identify(trace=False), {SHORT} samples"
-    rows = [
-        row("thinned", f"{ESTIMATES} estimates", "single", replay, 3.5),
-        row("full", "full trace", "single", replay, None),
-        row("none", "no estimates", "thinned", f"{ESTIMATES} estimates", 1.1),
-        row("short full", f"full trace of {SHORT} samples", "short single", replay, None),
-        row("short none", f"{SHORT} samples, no estimates", "short single", replay, None),
-        row("identify none", whole, "identify full", "with a full trace", None),
-    ]
-    notes = [
-        f"{effort.replay_samples} samples, all in contact; per sample, shortest round. In the "
-        "first thousand a search over the whole range of exponents is due after every 64th part "
-        "of the samples, 180 of them, with any trace.",
-    ]
-    return Section("Trace of VariableProjection, per sample", rows, notes)
 
 
 def extra_bytes(samples: int) -> dict[str, int]:
@@ -437,19 +356,12 @@ def extra_bytes(samples: int) -> dict[str, int]:
     return {"inputs": inputs, "trace": size, "extra": grown - size}
 
 
-def _in_a_process(samples: int) -> dict[str, int]:
-    command = [sys.executable, "-m", "benchmarks.speed", "--memory-of", str(samples)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    result: dict[str, int] = json.loads(done.stdout)
-    return result
-
-
-def measure_memory(effort: Effort) -> Section:
+def measure_memory() -> Section:
     """Compare a short and a long replay at 1 kHz."""
     megabyte = 1e6
     rows, extras = [], []
-    for minutes in effort.memory_minutes:
-        sizes = _in_a_process(minutes * 60_000)
+    for minutes in (15, 60):
+        sizes = in_new_process(extra_bytes, minutes * 60_000)
         extras.append(sizes["extra"] / megabyte)
         name = f"{minutes} min at 1 kHz"
         rows.append(Row(f"{name}: inputs", sizes["inputs"] / megabyte, "MB"))
@@ -584,27 +496,15 @@ NOTES = (
 )
 
 
-def compare_with_peers(clock: Clock, effort: Effort) -> Section:
+def compare_with_peers() -> Section:
     """Time every package on the same samples, and compare the last θ."""
     samples = contact_samples(PEER_SAMPLES)
-    peers, notes = _installed({**OURS, **ONLINE, **BESIDES}, samples[:10])
-    cases = {name: lambda p=peer: _peer_seconds(p, samples) for name, peer in peers.items()}
-    best = clock.best("other packages", cases, effort.peer_rounds)
+    peers = {**OURS, **ONLINE, **BESIDES}
+    cases = {name: partial(_peer_seconds, peer, samples) for name, peer in peers.items()}
+    best = best_times("other packages", cases, PEER_ROUNDS)
     rows = [*_speeds(best), *_differences(peers, samples)]
     title = "Compared with other packages: single-stage regression, per sample"
-    return Section(title, rows, [*NOTES, *notes])
-
-
-def _installed(peers: dict[str, Peer], samples: Samples) -> tuple[dict[str, Peer], list[str]]:
-    """Return those that can be imported, and a note on each that cannot."""
-    present, notes = {}, []
-    for name, peer in peers.items():
-        try:
-            peer(samples)
-            present[name] = peer
-        except ImportError as error:
-            notes.append(f"no {name}: {error}; it is in the 'benchmark' extra")
-    return present, notes
+    return Section(title, rows, NOTES)
 
 
 def _peer_seconds(peer: Peer, samples: Samples) -> float:

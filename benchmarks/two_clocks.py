@@ -6,7 +6,6 @@ Six laws, three motions, penetration or position; rates of 125 to 1000 Hz for th
 to 2000 Hz for the force, and offsets of 0, 37 ms, −0.4 s, 12 s, and a date against zero, in turn.
 """
 
-import argparse
 import math
 from collections import defaultdict
 from itertools import product
@@ -14,6 +13,8 @@ from itertools import product
 import numpy as np
 
 import palpate
+from benchmarks.bank.trials import rise
+from benchmarks.common.report import markdown_table, run_command, show
 from palpate.force_laws import FlatSpectrum, GeneralisedHuntCrossley, SingleRelaxation
 from palpate.validation import Floats
 
@@ -31,20 +32,15 @@ OFFSETS = (37e-3, -0.4, 0.0, 12.0, 1.7e9 + 37e-3)  # s
 NOISES = (0.01, 0.03, 0.06)  # N
 
 
-def smooth(t: Floats, start: float, seconds: float) -> Floats:
-    rise = np.clip((t - start) / seconds, 0.0, 1.0)
-    return rise**3 * (10.0 - 15.0 * rise + 6.0 * rise**2)
-
-
 def motion(kind: str, random: np.random.Generator) -> tuple[Floats, Floats]:
     """Time and penetration, from free air to free air."""
     t = np.arange(0.0, 9.0, FINE)
     if kind == "press":
-        return t, -4e-3 + 10e-3 * smooth(t, 1.0, 1.2) * (1.0 - smooth(t, 5.0, 0.8))
+        return t, -4e-3 + 10e-3 * rise((t - 1.0) / 1.2) * (1.0 - rise((t - 5.0) / 0.8))
     if kind == "sines":
         sines = ((1.8e-3, 4.0), (1.5e-3, 11.0), (1e-3, 17.0))
         waves = sum(a * np.sin(w * t + random.uniform(0.0, 6.0)) for a, w in sines)
-        return t, -3e-3 + smooth(t, 0.6, 0.8) * (1.0 - smooth(t, 7.4, 0.8)) * (9e-3 + waves)
+        return t, -3e-3 + rise((t - 0.6) / 0.8) * (1.0 - rise((t - 7.4) / 0.8)) * (9e-3 + waves)
     x, start = np.full(t.size, -4e-3), 0.7
     for _ in range(7):
         depth, seconds = random.uniform(7e-3, 12e-3), random.uniform(0.5, 1.0)
@@ -82,26 +78,32 @@ def run(law: GeneralisedHuntCrossley, kind: str, placed: bool, seed: int) -> lis
     return [1e3 * error, 1e3 * delay.standard_error, *bars, found[1].whole_error / truth[1]]
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=6)
+def main(*, seeds: int = 6) -> None:
+    """Measure, and print the table.
+
+    Parameters
+    ----------
+    seeds
+        Runs of each law, motion and kind of position.
+    """
     rows = defaultdict[str, list[list[float]]](list)
-    for name, kind, placed in product(LAWS, ("touches", "press", "sines"), (False, True)):
-        for seed in range(parser.parse_args().seeds):
-            try:
-                rows[name].append(run(LAWS[name], kind, placed, seed))
-            except palpate.RecordingError as refusal:
-                print(f"{name}, {kind}, {seed}: {refusal}")
-                rows[name].append([math.nan] * 5)
-    print("| law | runs | ≤ 2 ms | ≤ 2 s.e. | s.e. [ms] | S ≤ 3 bars | C ≤ 2 bars | bar of C |")
-    print("|---|--:|--:|--:|--:|--:|--:|--:|")
+    cases = product(LAWS, ("touches", "press", "sines"), (False, True), range(seeds))
+    for name, kind, placed, seed in cases:
+        try:
+            rows[name].append(run(LAWS[name], kind, placed, seed))
+        except palpate.RecordingError as refusal:
+            print(f"{name}, {kind}, {seed}: {refusal}")
+            rows[name].append([math.nan] * 5)
+    lines = []
     for name, found in [*rows.items(), ("all", [row for each in rows.values() for row in each])]:
         error, deviation, stiffness, damping, bar = np.array(found).T
         within = (abs(error) <= 2.0, abs(error) <= 2.0 * deviation, stiffness <= 3.0, damping <= 2)
         shares = [f"{100.0 * np.mean(each):.0f} %" for each in within]
         shares[2:2] = [f"{np.nanmedian(deviation):.2f}"]
-        print(f"| {name} | {len(found)} | {' | '.join(shares)} | {100 * np.nanmedian(bar):.0f} % |")
+        lines.append([name, len(found), *shares, f"{100 * np.nanmedian(bar):.0f} %"])
+    headings = ("runs", "≤ 2 ms", "≤ 2 s.e.", "s.e. [ms]", "S ≤ 3 bars", "C ≤ 2 bars", "bar of C")
+    show(markdown_table(("law", *headings), lines))
 
 
 if __name__ == "__main__":
-    main()
+    run_command(main)

@@ -12,7 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from benchmarks.common.report import describe_machine, print_facts, run_command
+from benchmarks.common.report import describe_machine, list_facts, markdown_table, run_command, show
 from benchmarks.common.timing import resident
 from benchmarks.reading import BEGIN, STEP, Sent, by_mcap_stream, stamped, write_mcap
 from palpate import HuntCrossley, identify, open_recording, prepare
@@ -25,16 +25,16 @@ PERIOD = 3.0  # s, of a stroke: down to 10 mm from 3 mm above, with a sine on it
 Result = TypeVar("Result")
 
 
-def messages(minutes: float) -> Iterator[Sent]:
+def messages(minutes: float, seed: int = SEED, law: HuntCrossley = BALL) -> Iterator[Sent]:
     """Yield poses and wrenches of a tapping probe, 300 µs apart."""
-    random = np.random.default_rng(SEED)
+    random = np.random.default_rng(seed)
     count, piece = int(minutes * 60_000), 60_000
     for first in range(0, count, piece):
         t = 1e-3 * np.arange(first, min(first + piece, count))
         slow, fast = 2 * np.pi / PERIOD, 2 * np.pi * 5.0
         x = 3.5e-3 - 6.5e-3 * np.cos(slow * t) + 1e-3 * np.sin(fast * t)
         v = 6.5e-3 * slow * np.sin(slow * t) + 1e-3 * fast * np.cos(fast * t)
-        force = BALL.force(x, v)[:, None] * NORMAL + NOISE * random.standard_normal((t.size, 3))
+        force = law.force(x, v)[:, None] * NORMAL + NOISE * random.standard_normal((t.size, 3))
         wrench = np.concatenate([force, np.zeros_like(force)], axis=1)
         # The pose is sampled 300 µs later.
         position = np.array([0.4, -0.1, 0.2]) - (x + 3e-4 * v)[:, None] * NORMAL
@@ -46,15 +46,6 @@ def messages(minutes: float) -> Iterator[Sent]:
             yield False, at + 300_000, stamped(at + 300_000, is_wrench=False) + pose[k].tobytes()
 
 
-def timed(name: str, raw: float, work: Callable[[], Result]) -> Result:
-    """Run a step, and print its row of the table."""
-    begin = time.perf_counter()
-    result = work()
-    seconds = time.perf_counter() - begin
-    print(f"| {name} | {seconds:.2f} | {seconds / raw:.2f} |", flush=True)
-    return result
-
-
 def main(*, minutes: float = 2.0) -> None:
     """Write, read and identify.
 
@@ -63,23 +54,32 @@ def main(*, minutes: float = 2.0) -> None:
     minutes
         Duration of the recording.
     """
-    print_facts(describe_machine())
-    print(f"\n{minutes:g} minutes at 1 kHz, seed {SEED}\n")
-    print("| step | s | over the raw reading |\n|---|---|---|")
+    rows: list[tuple[str, float]] = []
+
+    def timed(name: str, work: Callable[[], Result]) -> Result:
+        begin = time.perf_counter()
+        result = work()
+        rows.append((name, time.perf_counter() - begin))
+        return result
+
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "taps.mcap"
-        write_mcap(path, messages(minutes), compressed=True, chunks=True)
-        begin = time.perf_counter()
-        by_mcap_stream(path)
-        raw = time.perf_counter() - begin
-        print(f"| raw messages, by the stream reader of mcap | {raw:.2f} | 1 |", flush=True)
-        recording = timed("to arrays", raw, lambda: open_recording(path))
-        contact = timed("prepared", raw, lambda: prepare(recording))
-        result = timed("identified", raw, lambda: identify(contact))
-        verdict = timed("diagnosed", raw, lambda: result.diagnosis).verdict
-        arrays = sum(values.nbytes for values in recording.channels.values())
-        print(f"\n{result.law}: {verdict.overall}")
-        print(f"peak memory {resident('VmHWM') / arrays:.2f} of the arrays that were read")
+        write_mcap(path, messages(minutes))
+        timed("raw messages, by the stream reader of mcap", lambda: by_mcap_stream(path))
+        recording = timed("to arrays", lambda: open_recording(path))
+        contact = timed("prepared", lambda: prepare(recording))
+        result = timed("identified", lambda: identify(contact))
+        verdict = timed("diagnosed", lambda: result.diagnosis).verdict
+    arrays = sum(values.nbytes for values in recording.channels.values())
+    cells = [[name, f"{seconds:.2f}", f"{seconds / rows[0][1]:.2f}"] for name, seconds in rows]
+    lines = [
+        *(f"{minutes:g} minutes at 1 kHz, seed {SEED}", ""),
+        *markdown_table(("step", "s", "over the raw reading"), cells),
+        *("", f"{result.law}: {verdict.overall}", ""),
+        f"peak memory {resident('VmHWM') / arrays:.2f} of the arrays that were read",
+        *("", *list_facts(describe_machine())),
+    ]
+    show(lines)
 
 
 if __name__ == "__main__":

@@ -8,17 +8,15 @@ those of ``PALPATE_DATA``, or of ``../shared/data`` next to the checkout.
 import math
 import statistics
 import sys
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.common.recordings import recorded
-from benchmarks.common.report import command_line, describe_machine, markdown_table, run_command
+from benchmarks.common.report import describe_machine, list_facts, markdown_table, run_command, show
 from palpate import Identification, RecordingError, identify
 from palpate.digits import rounded, with_error
-from palpate.writing import check_writable, write_text
 
-MARKS = ("trust", "with-care", "do-not-trust")
+MARKS = ("trust", "with-care", "do-not-trust", "any")
 HEADINGS = (
     "recording",
     "verdict on the stiffness",
@@ -64,21 +62,29 @@ def main(markdown: Path | None = None) -> None:
     markdown
         Write the page to this file.
     """
-    if markdown is not None:
-        check_writable(markdown)
     rows, skipped = [], []
     for file in recorded():
         try:
             rows.append(row_of(file.stem, identify(file, law="hunt-crossley")))
         except RecordingError as error:
             skipped.append(f"{file.stem}: skipped, {str(error).removeprefix(f'{file}: ')}.")
-        print(f"{file.stem}: done", file=sys.stderr)
     if not rows:
         sys.exit("no recordings in PALPATE_DATA or ../shared/data")
-    text = page(rows, skipped)
-    print(text)
-    if markdown is not None:
-        write_text(markdown, text)
+    medians = {mark: [row for row in rows if mark in (row.verdict, "any")] for mark in MARKS}
+    about = ("stiffness marked", "recordings", "total error", "statistical", "K's error")
+    summary = [_summary(mark, chosen) for mark, chosen in medians.items() if chosen]
+    lines = [
+        *_why(medians["trust"]),
+        NOTE,
+        "",
+        *markdown_table((*about, "K's over the statistical one"), summary),
+        "",
+        *markdown_table(HEADINGS, [row.cells for row in rows]),
+        "",
+        *(f"- {words}" for words in skipped),
+        *list_facts(describe_machine()),
+    ]
+    show(lines, "Stiffness at working depth, compared with K", markdown)
 
 
 def row_of(name: str, result: Identification) -> Row:
@@ -95,29 +101,7 @@ def row_of(name: str, result: Identification) -> Row:
     return Row(verdict, whole, statistical, coefficient, cells)
 
 
-def page(rows: Sequence[Row], skipped: Sequence[str]) -> str:
-    """Return the table, with what it comes to, as Markdown."""
-    about = ("stiffness marked", "recordings", "total error", "statistical", "K's error")
-    lines = [
-        f"<!-- Written by {command_line()} -->",
-        "",
-        "# Stiffness at working depth, compared with K",
-        "",
-        *_why(rows),
-        NOTE,
-        "",
-        *markdown_table((*about, "K's over the statistical one"), list(_summaries(rows))),
-        "",
-        *markdown_table(HEADINGS, [row.cells for row in rows]),
-        "",
-        *(f"- {words}" for words in skipped),
-        *(f"- {name}: {value}" for name, value in describe_machine().items()),
-    ]
-    return "\n".join(lines) + "\n"
-
-
-def _why(rows: Sequence[Row]) -> list[str]:
-    trusted = [row for row in rows if row.verdict == "trust"]
+def _why(trusted: list[Row]) -> list[str]:
     if not trusted:
         return []
     whole = statistics.median(row.whole for row in trusted)
@@ -125,16 +109,11 @@ def _why(rows: Sequence[Row]) -> list[str]:
     return [WHY.format(whole=_percent(whole), coefficient=_percent(coefficient)), ""]
 
 
-def _summaries(rows: Sequence[Row]) -> Iterator[list[str]]:
-    for mark in (*MARKS, "any"):
-        chosen = [row for row in rows if mark in (row.verdict, "any")]
-        if chosen:
-            medians = [
-                _percent(statistics.median(getattr(row, name) for row in chosen))
-                for name in ("whole", "statistical", "coefficient")
-            ]
-            times = statistics.median(row.coefficient / row.statistical for row in chosen)
-            yield [mark, str(len(chosen)), *medians, f"{rounded(times, 2)} times"]
+def _summary(mark: str, rows: list[Row]) -> list[str]:
+    errors = [(row.whole, row.statistical, row.coefficient) for row in rows]
+    medians = [_percent(statistics.median(each)) for each in zip(*errors, strict=True)]
+    times = statistics.median(row.coefficient / row.statistical for row in rows)
+    return [mark, str(len(rows)), *medians, f"{rounded(times, 2)} times"]
 
 
 def _percent(value: float) -> str:

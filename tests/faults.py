@@ -61,7 +61,7 @@ def zeroed(at: float) -> palpate.Contact:
 def damaged(fault, *size: float, sampled: bool = False) -> palpate.Contact:
     """That recording with a fault of the bank, before its noise or (sampled) after it."""
     force = noisy(FORCE) if sampled else FORCE
-    made = Trial(TIME, X, V, force, LAW, np.random.default_rng(0), 1.0 / STEP, NOISE, "sines")
+    made = Trial(TIME, X, V, force, LAW, np.random.default_rng(0), 1.0 / STEP, NOISE)
     fault(made, *size)
     force = made.force if sampled else noisy(made.force)
     return contact(made.time, made.position, force, velocity=made.recorded_velocity)

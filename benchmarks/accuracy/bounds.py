@@ -1,7 +1,7 @@
 """Errors against the Cramér–Rao bound, times of convergence, and coverage of the intervals."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.signal import butter, lfilter
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     GEL,
@@ -22,6 +21,7 @@ from benchmarks.common.probing import (
     SYMBOLS,
     THREE_SINES,
     autoregressive,
+    clock,
     feed,
     noise,
     sines,
@@ -29,6 +29,7 @@ from benchmarks.common.probing import (
     waves,
 )
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     Contact,
     ContactGate,
@@ -39,7 +40,7 @@ from palpate import (
     identify,
 )
 from palpate.design import Motion
-from palpate.design.precision import cramer_rao_bound, jacobian
+from palpate.design.precision import cramer_rao_bound, inverse_information, jacobian
 from palpate.diagnosis import Data
 from palpate.diagnosis.fit import Fit, FitInput, standard_errors
 from palpate.preparation.velocity import velocity_of
@@ -75,15 +76,6 @@ class Trial:
     single_stage: bool = True
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
-    """Errors of K, B and n at each time, shape (4, 3), and whether the 95 % intervals hold."""
-
-    errors: Floats
-    covered: Floats
-    single_stage: Floats
-
-
 # What is known beforehand under the paper's sensors, as a part of a title and as settings.
 CHAINS = {
     ("offset unknown", "`VariableProjection()`"): Trial("ball", "chain"),
@@ -98,35 +90,35 @@ CHAINS = {
 }
 
 
-def ideal(campaign: Campaign) -> list[Group]:
+def ideal(workers: Workers) -> list[Group]:
     """Errors over the Cramér–Rao bound: no force offset.
 
     How close are the errors to the smallest possible? The Cramér–Rao bound is 1: no unbiased
     method is below it, except by chance.
     """
-    title = "RMSE over the Cramér–Rao bound, no offset"
     definition = (
         "True x and v, white noise of 0.05 N, three sines; `VariableProjection(offset=False)` "
         "and `SingleStageRLS()`."
     )
-    return [_errors(campaign, title, definition, Trial("ball"), 5 * campaign.seeds)]
+    return [_errors(workers, "no offset", definition, Trial("ball"), 5 * workers.seeds)]
 
 
-def unknown_offset(campaign: Campaign) -> list[Group]:
+def unknown_offset(workers: Workers) -> list[Group]:
     """Errors over the Cramér–Rao bound: unknown offset.
 
     How close are the errors to the smallest possible when the force offset is unknown?
     """
-    title = "RMSE over the Cramér–Rao bound, unknown offset"
     definition = (
         "True x and v, white noise of 0.05 N, three sines, and for each seed a force offset "
         "from N(0, (0.1 N)²); `VariableProjection()`. The bound treats the offset as a "
         "nuisance parameter."
     )
-    return [_errors(campaign, title, definition, Trial("ball", "offset"), 5 * campaign.seeds)]
+    return [
+        _errors(workers, "unknown offset", definition, Trial("ball", "offset"), 5 * workers.seeds)
+    ]
 
 
-def sensor_chain(campaign: Campaign) -> list[Group]:
+def sensor_chain(workers: Workers) -> list[Group]:
     """Errors over the Cramér–Rao bound: the paper's sensors.
 
     How close are the errors to the smallest possible with the paper's sensors: rounded force,
@@ -134,15 +126,15 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
     """
     return [
         _errors(
-            campaign,
-            f"RMSE over the Cramér–Rao bound, the paper's sensor chain, {words}",
+            workers,
+            f"the paper's sensor chain, {words}",
             f"{settings}. Force in steps of 1/8 N after 0.05 N of noise, a bias measured in a 2 s "
             "pause and removed, a 20 µm encoder at random alignment to the surface, velocity "
             "by a Savitzky–Golay filter of 15 ms. The bound assumes white noise of 0.05 N and an "
             "unknown offset. Quantisation of the force alone multiplies it by 1.23. It includes "
             "no prior knowledge of the offset, so ratios below 1 are possible.",
             trial,
-            campaign.seeds,
+            workers.seeds,
             lambda time: Limit(1.3 if time <= 5.0 else 1.5),
         )
         for (words, settings), trial in CHAINS.items()
@@ -150,20 +142,17 @@ def sensor_chain(campaign: Campaign) -> list[Group]:
 
 
 def _errors(
-    campaign: Campaign,
-    title: str,
+    workers: Workers,
+    what: str,
     definition: str,
     trial: Trial,
     seeds: int,
     limit: Callable[[float], Limit] = lambda _: Limit(1.15),
 ) -> Group:
     lines = []
-    for name in MATERIALS:
-        own = replace(trial, material=name)
-        outcomes = campaign.map(f"{trial.sensor}, {name}", partial(run, own), range(seeds))
-        bound = bounds(own)
-        ours = rms([outcome.errors for outcome in outcomes]) / bound
-        single = rms([outcome.single_stage for outcome in outcomes]) / bound
+    for name, (errors, _, single_stage) in _outcomes(workers, trial, seeds):
+        bound = bounds(replace(trial, material=name))
+        ours, single = rms(errors) / bound, rms(single_stage) / bound
         lines += [
             Line(f"{name}, {time:g} s", tuple(ours[i]), (limit(time),), tuple(single[i]))
             for i, time in enumerate(TIMES)
@@ -171,10 +160,19 @@ def _errors(
     scatter = (2.0 * seeds) ** -0.5
     notes = [f"{seeds} seeds; each ratio is known to ±{scatter:.1%} (one standard error)."]
     beside = tuple(f"single-stage {symbol}" for symbol in SYMBOLS)
+    title = f"RMSE over the Cramér–Rao bound, {what}"
     return Group(title, definition, SYMBOLS, lines, beside, notes=notes)
 
 
-def coverage(campaign: Campaign) -> list[Group]:
+def _outcomes(workers: Workers, trial: Trial, seeds: int) -> Iterator[tuple[str, Floats]]:
+    """Yield materials and their runs, shape (3, seeds, 4, 3)."""
+    for name in MATERIALS:
+        function = partial(run, replace(trial, material=name))
+        runs = workers.map(f"{trial.sensor}, {name}", function, range(seeds))
+        yield name, np.swapaxes(runs, 0, 1)
+
+
+def coverage(workers: Workers) -> list[Group]:
     """Coverage of the 95 % intervals.
 
     How often do the 95 % intervals contain the truth, in white noise and with the paper's sensors?
@@ -184,19 +182,19 @@ def coverage(campaign: Campaign) -> list[Group]:
     # is not known to be white.
     limits = (Limit(99.0, 93.0),)
     title, trial = "Coverage of the 95 % interval", Trial("ball", "offset")
-    groups = [_coverage(campaign, title, white, trial, 5 * campaign.seeds, limits)]
+    groups = [_coverage(workers, title, white, trial, 5 * workers.seeds, limits)]
     for (words, settings), trial in CHAINS.items():
         title = f"Coverage under the paper's sensor chain, {words}"
         definition = (
             f"The paper's sensor chain. {settings}. An encoder's steps and a surface up to half a "
             "step away are not in the model, so 95 % is not guaranteed here."
         )
-        groups.append(_coverage(campaign, title, definition, trial, campaign.seeds))
+        groups.append(_coverage(workers, title, definition, trial, workers.seeds))
     return groups
 
 
 def _coverage(
-    campaign: Campaign,
+    workers: Workers,
     title: str,
     definition: str,
     trial: Trial,
@@ -204,10 +202,8 @@ def _coverage(
     limits: tuple[Limit, ...] = (),
 ) -> Group:
     lines = []
-    for name in MATERIALS:
-        own = replace(trial, material=name, single_stage=False)
-        outcomes = campaign.map(f"coverage, {name}", partial(run, own), range(seeds))
-        fraction = 100.0 * np.mean([outcome.covered for outcome in outcomes], axis=0)
+    for name, runs in _outcomes(workers, replace(trial, single_stage=False), seeds):
+        fraction = 100.0 * np.mean(runs[1], axis=0)
         lines += [
             Line(f"{name}, {time:g} s", tuple(fraction[i]), limits)
             for i, time in enumerate(TIMES)
@@ -222,8 +218,8 @@ def _coverage(
     return Group(title, definition, SYMBOLS, lines, precision=".1f", notes=notes)
 
 
-def run(trial: Trial, seed: int) -> Outcome:
-    """One seed of a trial."""
+def run(trial: Trial, seed: int) -> Floats:
+    """Errors of K, B and n at each time, whether the 95 % intervals hold, single-stage errors."""
     law = MATERIALS[trial.material]
     x, v, f = _measured(trial, np.random.default_rng(seed))
     estimator = VariableProjection(
@@ -233,31 +229,22 @@ def run(trial: Trial, seed: int) -> Outcome:
         # An error of the surface looks like an offset, scaled by the stiffness.
         scale=Scale(10e-3, 20e-3, law.force(10e-3, 0.0)) if trial.surface_deviation else None,
     )
-    errors, covered = np.empty((2, len(ENDS), 3))
-    single = np.full((len(ENDS), 3), np.nan)
+    errors, covered, single = results = np.full((3, len(ENDS), 3), np.nan)
     for i, estimate in enumerate(feed(estimator, x, v, f, ENDS)):
         errors[i] = estimate.parameters - law.parameters
         covered[i] = np.abs(errors[i]) < 1.96 * estimate.standard_errors
     if trial.single_stage:
         for i, estimate in enumerate(feed(SingleStageRLS(), x, v, f, ENDS)):
             single[i] = estimate.parameters - law.parameters
-    return Outcome(errors, covered, single)
+    return results
 
 
 def bounds(trial: Trial) -> Floats:
     """Return the Cramér–Rao bound of K, B and n at each time, shape (4, 3)."""
-    law, motion = MATERIALS[trial.material], sines(TIMES[-1])
+    law, (x, v) = MATERIALS[trial.material], sines(TIMES[-1])
+    offset = trial.sensor != "true"
     return np.array(
-        [
-            cramer_rao_bound(
-                law,
-                motion.penetration[:end],
-                motion.velocity[:end],
-                NOISE,
-                offset=trial.sensor != "true",
-            )[:3]
-            for end in ENDS
-        ]
+        [cramer_rao_bound(law, x[:end], v[:end], NOISE, offset=offset)[:3] for end in ENDS]
     )
 
 
@@ -272,25 +259,26 @@ def _measured(trial: Trial, rng: np.random.Generator) -> tuple[Floats, Floats, F
     law = MATERIALS[trial.material]
     if trial.sensor == "chain":
         return _chain(trial.material, rng)
-    motion = sines(TIMES[-1])
-    f = law.force(motion.penetration, motion.velocity) + noise(rng, len(motion.time))
+    x, v = sines(TIMES[-1])
+    f = law.force(x, v) + noise(rng, len(x))
     if trial.sensor == "offset":
         f = f + rng.normal(0.0, 0.1)
-    return motion.penetration, motion.velocity, f
+    return x, v, f
 
 
 def _chain(material: str, rng: np.random.Generator) -> tuple[Floats, Floats, Floats]:
     """The paper's rig: quantised force and position, bias subtracted, velocity computed."""
     margin = 0.05  # s before and after, so that the filter is centred throughout
-    motion = sines(TIMES[-1] + 2.0 * margin, start=-margin)
+    duration = TIMES[-1] + 2.0 * margin
+    depth, speed = sines(duration, start=-margin)
     inside = slice(round(margin * 1e3), round(margin * 1e3) + ENDS[-1])
     bias = rng.uniform(-1.0, 1.0)
     pause = _quantised(bias + noise(rng, PAUSE), FORCE_STEP).mean()
-    true = MATERIALS[material].force(motion.penetration[inside], motion.velocity[inside])
+    true = MATERIALS[material].force(depth[inside], speed[inside])
     f = _quantised(true + bias + noise(rng, ENDS[-1]), FORCE_STEP) - pause
     phase = rng.uniform(-0.5, 0.5) * ENCODER_STEP  # of the encoder's steps relative to the surface
-    x = _quantised(motion.penetration + phase, ENCODER_STEP)
-    v = velocity_of(motion.time, x, VELOCITY_WINDOW)
+    x = _quantised(depth + phase, ENCODER_STEP)
+    v = velocity_of(clock(duration) - margin, x, VELOCITY_WINDOW)
     return x[inside], v[inside], f
 
 
@@ -300,31 +288,15 @@ def _quantised(signal: Floats, step: float) -> Floats:
 
 
 DURATION = 20.0  # s
-KNOWN_TO = 3e-3  # N, an offset after a tare in a pause
-UNKNOWN = 0.1  # N, drawn for the default
 WITHIN = 0.05
 
 
-@dataclass(frozen=True, slots=True)
-class Variant:
-    """What is known of the offset: its standard deviation; 0 if there is none, None if unknown."""
-
-    words: str
-    offset: float | None
-
-    @property
-    def settings(self) -> dict[str, Any]:
-        """Return the arguments of VariableProjection."""
-        if self.offset is None:
-            return {}
-        return {"offset": False} if self.offset == 0.0 else {"offset_deviation": self.offset}
-
-
-VARIANTS = (
-    Variant("no offset", 0.0),
-    Variant("offset known to 3 mN", KNOWN_TO),
-    Variant("offset unknown", None),
-)
+#: What is known of the offset: the deviation it is drawn from, N, and the estimator's settings.
+VARIANTS: dict[str, tuple[float, dict[str, Any]]] = {
+    "no offset": (0.0, {"offset": False}),
+    "offset known to 3 mN": (3e-3, {"offset_deviation": 3e-3}),
+    "offset unknown": (0.1, {}),
+}
 METHOD = (
     "Worst over the seeds, s; true x and v, 0.05 N of noise, {duration:g} s. No offset: "
     "`offset=False`. Known to 3 mN: `offset_deviation=3e-3`, with an offset drawn from it. "
@@ -340,74 +312,51 @@ BESIDE = (
 )
 
 
-def three_sines(campaign: Campaign) -> list[Group]:
+def three_sines(workers: Workers) -> list[Group]:
     """Convergence time: three sines.
 
     How long until K, B and n are within 5 % and stay there?
     """
-    lines = [
-        _line(campaign, "ball", THREE_SINES, variant, (Limit(0.1), Limit(0.3), Limit(0.1)))
-        for variant in VARIANTS
-    ]
-    return [
-        Group(
-            "Time into ±5 %, three sines",
-            METHOD.format(duration=DURATION),
-            SYMBOLS,
-            lines,
-            BESIDE,
-            precision=".3f",
-            notes=[f"{campaign.seeds} seeds."],
-        )
-    ]
+    limits = Limit(0.1), Limit(0.3), Limit(0.1)
+    lines = [_line(workers, "ball", THREE_SINES, variant, limits) for variant in VARIANTS]
+    return [_convergence("three sines", "", lines, f"{workers.seeds} seeds.")]
 
 
-def one_sine(campaign: Campaign) -> list[Group]:
+def one_sine(workers: Workers) -> list[Group]:
     """Convergence time: one sine.
 
     How long until K, B and n are within 5 % and stay there, with a single sine?
     """
     lines = [
-        _line(campaign, material, ONE_SINE, variant, (Limit(0.5),))
+        _line(workers, material, ONE_SINE, variant, (Limit(0.5),))
         for material in MATERIALS
         for variant in VARIANTS
     ]
-    return [
-        Group(
-            "Time into ±5 %, one sine",
-            f"x₀ + 1.8 sin 11t mm. {METHOD.format(duration=DURATION)}",
-            SYMBOLS,
-            lines,
-            BESIDE,
-            precision=".3f",
-            notes=[f"{campaign.seeds} seeds. The paper's single stage: 500 s."],
-        )
-    ]
+    note = f"{workers.seeds} seeds. The paper's single stage: 500 s."
+    return [_convergence("one sine", "x₀ + 1.8 sin 11t mm. ", lines, note)]
+
+
+def _convergence(motion: str, along: str, lines: list[Line], note: str) -> Group:
+    title, definition = f"Time into ±5 %, {motion}", along + METHOD.format(duration=DURATION)
+    return Group(title, definition, SYMBOLS, lines, BESIDE, precision=".3f", notes=[note])
 
 
 def _line(
-    campaign: Campaign,
-    material: str,
-    motion: Motion,
-    variant: Variant,
-    limits: tuple[Limit, ...],
+    workers: Workers, material: str, motion: Motion, variant: str, limits: tuple[Limit, ...]
 ) -> Line:
-    label = f"{material}, {variant.words}"
-    function = partial(_times, material, motion, variant)
-    times = np.array(campaign.repeat(label, function))
-    bound = _bound(material, motion, variant)
-    beside = (*np.median(times, axis=0).tolist(), *bound)
+    label = f"{material}, {variant}"
+    times = np.array(workers.repeat(label, partial(_times, material, motion, variant)))
+    beside = (*np.median(times, axis=0).tolist(), *_bound(material, motion, variant))
     return Line(label, tuple(times.max(axis=0).tolist()), limits, beside)
 
 
-def _times(material: str, motion: Motion, variant: Variant, seed: int) -> Floats:
+def _times(material: str, motion: Motion, variant: str, seed: int) -> Floats:
     """Return the seconds until K, B and n stay within 5 %; the duration if they do not."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    probe = sines(DURATION, motion)
-    x, v = probe.penetration, probe.velocity
-    offset = rng.normal(0.0, UNKNOWN if variant.offset is None else variant.offset)
-    f = law.force(x, v) + offset + noise(rng, len(x))
-    trace = VariableProjection(**variant.settings).replay(x, v, f)
+    x, v = sines(DURATION, motion)
+    deviation, settings = VARIANTS[variant]
+    f = law.force(x, v) + rng.normal(0.0, deviation) + noise(rng, len(x))
+    trace = VariableProjection(**settings).replay(x, v, f)
     return last_outside(np.abs(trace.parameters / law.parameters - 1.0) > WITHIN)
 
 
@@ -418,15 +367,14 @@ def last_outside(outside: NDArray[np.bool_]) -> Floats:
     return np.asarray(samples * SAMPLE_TIME, dtype=np.float64)
 
 
-def _bound(material: str, motion: Motion, variant: Variant) -> tuple[float, ...]:
+def _bound(material: str, motion: Motion, variant: str) -> tuple[float, ...]:
     """Return the seconds until twice the bound stays below 5 %."""
-    law, probe = MATERIALS[material], sines(DURATION, motion)
-    columns = jacobian(law, probe.penetration, probe.velocity) * law.parameters
-    if variant.offset != 0.0:
-        columns = np.hstack([columns, np.ones((len(columns), 1))])
+    law, settings = MATERIALS[material], VARIANTS[variant][1]
+    columns = jacobian(law, *sines(DURATION, motion), offset=settings.get("offset", True))
+    columns[:, :3] *= law.parameters
     information = np.cumsum(columns[:, :, None] * columns[:, None, :], axis=0) / NOISE**2
-    if variant.offset:
-        information[:, -1, -1] += variant.offset**-2
+    if "offset_deviation" in settings:
+        information[:, -1, -1] += settings["offset_deviation"] ** -2
     first = 10  # fewest samples for a valid inverse
     covariance = np.linalg.inv(information[first:])
     errors = np.sqrt(np.abs(np.diagonal(covariance, axis1=1, axis2=2)[:, :3]))
@@ -451,7 +399,7 @@ BEFORE = 2000  # samples in which the start of a filter decays
 LIGHTEST = 10.0 * NOISE  # N; below it noise, not depth, would determine contact
 
 
-def bars(campaign: Campaign) -> list[Group]:
+def bars(workers: Workers) -> list[Group]:
     """Coverage with correlated noise.
 
     How often do the 95 % intervals contain the truth where noise is correlated and contacts are
@@ -463,7 +411,7 @@ def bars(campaign: Campaign) -> list[Group]:
     for motion in MOTIONS:
         for kind in NOISES:
             runs = [
-                campaign.repeat(f"{motion}, {kind}, {name}", partial(_contact, name, motion, kind))
+                workers.repeat(f"{motion}, {kind}, {name}", partial(_contact, name, motion, kind))
                 for name in FIVE
             ]
             # materials × seeds × (K, B, n, S, C, F₀)
@@ -506,7 +454,7 @@ def bars(campaign: Campaign) -> list[Group]:
             ),
             precision=".3g",
             notes=[
-                f"In %, mean of five materials, {campaign.seeds} seeds each. The lowest cell is "
+                f"In %, mean of five materials, {workers.seeds} seeds each. The lowest cell is "
                 "the smallest of twenty-five: five materials by five quantities."
             ],
         ),
@@ -547,12 +495,10 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
     numbers = [*estimate.parameters, *_felt(result.law, fit.depth), estimate.offset]
     bars = [*estimate.standard_errors, *standard_errors(fit)[1:], estimate.offset_standard_error]
     inside = x > depth
-    slopes = np.column_stack([np.zeros((len(x), 3)), np.ones(len(x))])
-    slopes[inside, :3] = law.parameter_gradient(x[inside], v[inside])
+    slopes = jacobian(law, np.where(inside, x, 0.0), v, offset=True)
     size = np.linalg.norm(slopes, axis=0)
     plain = np.linalg.lstsq(slopes / size, noise, rcond=None)[0] / size
-    slopes = slopes[inside]
-    inverse = np.linalg.inv((slopes / size).T @ (slopes / size)) / np.outer(size, size)
+    inverse = inverse_information(slopes[inside].T @ slopes[inside])
     k, b, n = law.parameters
     power, log = fit.depth**n, np.log(fit.depth)
     by_stiffness = [n * power / fit.depth, 0.0, k * power / fit.depth * (1.0 + n * log), 0.0]
@@ -581,14 +527,9 @@ def correlated(kind: str, rng: np.random.Generator, count: int) -> Floats:
     return np.asarray(noise[BEFORE:])
 
 
-def _sines() -> tuple[Floats, Floats]:
-    motion = sines(10.0)
-    return motion.penetration, motion.velocity
-
-
-CLOCK = np.arange(0.0, 10.0, 1.0 / RATE)
+CLOCK = clock(10.0)
 MOTIONS: dict[str, Callable[[], tuple[Floats, Floats]]] = {
-    "10 s of three sines": _sines,
+    "10 s of three sines": lambda: sines(10.0),
     "13 taps": lambda: taps(CLOCK),
     # In and out again within a second, 10 mm deep.
     "1 s indentation": lambda: waves(CLOCK[:1000], 5e-3, [5e-3], [2.0 * np.pi], -0.5 * np.pi),

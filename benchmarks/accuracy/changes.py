@@ -1,14 +1,13 @@
 """Materials that change: suddenly, with false alarms and delays of the detector, and slowly."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.signal import butter, lfilter
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     GEL,
@@ -19,6 +18,8 @@ from benchmarks.common.probing import (
     PVC,
     SPONGE,
     autoregressive,
+    change_material,
+    clock,
     noise,
     sines,
     switched,
@@ -27,6 +28,7 @@ from benchmarks.common.probing import (
 )
 from benchmarks.common.recordings import recorded
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     ChangeDetector,
     ConstantForgetting,
@@ -67,59 +69,42 @@ SETTLED = 60  # samples after a change
 ANOTHER_EXPONENT = {"ball → PVC": (BALL, PVC), "PVC → ball": (PVC, BALL)}
 
 
-@dataclass(frozen=True, slots=True)
-class Recovery:
-    """Milliseconds after a change; ``alarms`` counts those of the whole run."""
-
-    error: float
-    model: float
-    alarm: float
-    alarms: int
+ERROR, MODEL, ALARM, ALARMS = range(4)  # columns of a run
+Runs = dict[str, tuple[Floats, Floats]]  # with the detector and by the single stage
 
 
-Runs = dict[str, tuple[list[Recovery], list[Recovery]]]
-
-
-def changes(campaign: Campaign) -> list[Group]:
+def changes(workers: Workers) -> list[Group]:
     """A changing material.
 
     How fast does the estimate follow a sudden change of the material?
     """
     runs = {
         name: (
-            campaign.repeat(name, partial(_run, name, False)),
-            campaign.repeat(f"{name}, single-stage", partial(_run, name, True)),
+            np.array(workers.repeat(name, partial(_run, name, False))),
+            np.array(workers.repeat(f"{name}, single-stage", partial(_run, name, True))),
         )
         for name in LARGE_CHANGES
     }
+    error = (
+        "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, with the "
+        "one-step prediction error e = F − F̂."
+    )
+    model = "Samples until |F_true − F̂| is below 2σ = 0.1 N and stays so to the end."
     return [
-        _recovery(runs, "error"),
-        _recovery(runs, "model"),
-        _overshoots(campaign),
-        _exponents(campaign),
+        _recovery(runs, ERROR, "the force error has recovered", error, (Limit(10.0),)),
+        _recovery(runs, MODEL, "the model error has recovered for good", model, ()),
+        _overshoots(workers),
+        _exponents(workers),
     ]
 
 
-def _recovery(runs: Runs, attribute: str) -> Group:
-    what, meaning, limits = {
-        "error": (
-            "the force error has recovered",
-            "Samples until the mean of |e| over the next 5 ms is first below 2σ = 0.1 N, with "
-            "the one-step prediction error e = F − F̂.",
-            (Limit(10.0),),
-        ),
-        "model": (
-            "the model error has recovered for good",
-            "Samples until |F_true − F̂| is below 2σ = 0.1 N and stays so to the end.",
-            (),
-        ),
-    }[attribute]
+def _recovery(runs: Runs, column: int, what: str, meaning: str, limits: tuple[Limit, ...]) -> Group:
     lines = []
-    for name, (with_detector, single) in runs.items():
-        median, late, worst = _percentiles(with_detector, attribute)
-        once = 100.0 * float(np.mean([run.alarms == 1 for run in with_detector]))
-        beside = (median, worst, *_percentiles(with_detector, "alarm")[1:], once)
-        lines.append(Line(name, (late,), limits, (*beside, *_percentiles(single, attribute))))
+    for name, (detecting, single) in runs.items():
+        median, late, worst = _percentiles(detecting[:, column])
+        once = 100.0 * float(np.mean(detecting[:, ALARMS] == 1.0))
+        beside = (median, worst, *_percentiles(detecting[:, ALARM])[1:], once)
+        lines.append(Line(name, (late,), limits, (*beside, *_percentiles(single[:, column]))))
     alarms = ("alarm 95th", "alarm worst", "one alarm, % of runs")
     return Group(
         f"Milliseconds until {what} after a change",
@@ -134,15 +119,14 @@ def _recovery(runs: Runs, attribute: str) -> Group:
     )
 
 
-def _percentiles(runs: list[Recovery], attribute: str) -> tuple[float, float, float]:
-    values = [getattr(run, attribute) for run in runs]
-    median, late, worst = np.percentile(values, [50.0, 95.0, 100.0])
-    return float(median), float(late), float(worst)
+def _percentiles(values: Floats) -> list[float]:
+    """Median, 95th percentile and largest."""
+    three: list[float] = np.percentile(values, [50.0, 95.0, 100.0]).tolist()
+    return three
 
 
-def _run(name: str, single_stage: bool, seed: int) -> Recovery:
-    rng, motion = np.random.default_rng(seed), sines(DURATION)
-    x, v = motion.penetration, motion.velocity
+def _run(name: str, single_stage: bool, seed: int) -> list[float]:
+    rng, (x, v) = np.random.default_rng(seed), sines(DURATION)
     at = int(rng.integers(5000, 10_000))
     before, after = LARGE_CHANGES[name]
     true = switched(before, after, x, v, at)
@@ -154,7 +138,8 @@ def _run(name: str, single_stage: bool, seed: int) -> Recovery:
     return _recovered(trace, true, f, at)
 
 
-def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> Recovery:
+def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> list[float]:
+    """Return milliseconds from a change to each recovery and to the alarm, and all alarms."""
     error = np.abs(f - trace.predicted_force)[at:]
     mean = np.convolve(error, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
     back = np.flatnonzero(mean < FLOOR)
@@ -162,19 +147,19 @@ def _recovered(trace: Trace, true: Floats, f: Floats, at: int) -> Recovery:
     alarms = np.flatnonzero(trace.status == Status.RESTARTED)
     late = alarms[alarms >= at] - at
     left = len(f) - at
-    return Recovery(
+    return [
         float(back[0] if back.size else left),
         float(wrong[-1] + 1 if wrong.size else 0),
         float(late[0] if late.size else left),
-        len(alarms),
-    )
+        float(len(alarms)),
+    ]
 
 
-def _overshoots(campaign: Campaign) -> Group:
-    seeds = range(max(2, campaign.seeds // 3))
+def _overshoots(workers: Workers) -> Group:
+    seeds = range(max(2, workers.seeds // 3))
     lines = []
     for name, (_, _, limit) in ROBOT_CHANGES.items():
-        runs = np.array(campaign.map(f"robot, {name}", partial(_overshoot, name), seeds))
+        runs = np.array(workers.map(f"robot, {name}", partial(_overshoot, name), seeds))
         (median, _), (late, alarm) = np.percentile(runs, [50.0, 95.0], axis=0)
         limits = (limit,) if limit else ()
         lines.append(Line(name, (float(late),), limits, (float(median), float(alarm))))
@@ -206,10 +191,10 @@ def _overshoot(name: str, seed: int) -> tuple[float, float]:
     return float(100.0 * (stiffness.max() / truth - 1.0)), float(found[0] if found.size else 3000)
 
 
-def _exponents(campaign: Campaign) -> Group:
+def _exponents(workers: Workers) -> Group:
     lines = []
     for name in ANOTHER_EXPONENT:
-        times = campaign.repeat(f"exponent, {name}", partial(_exponent_known, name))
+        times = workers.repeat(f"exponent, {name}", partial(_exponent_known, name))
         median, late = np.percentile(times, [50.0, 95.0])
         lines.append(Line(name, (float(late),), (), (float(median),)))
     return Group(
@@ -225,11 +210,8 @@ def _exponents(campaign: Campaign) -> Group:
 
 
 def _exponent_known(name: str, seed: int) -> float:
-    rng, motion = np.random.default_rng(seed), sines(DURATION)
-    at = int(rng.integers(5000, 9000))
-    x, v = motion.penetration[: at + 3000], motion.velocity[: at + 3000]
-    before, after = ANOTHER_EXPONENT[name]
-    true = switched(before, after, x, v, at)
+    rng, (before, after) = np.random.default_rng(seed), ANOTHER_EXPONENT[name]
+    at, x, v, true = change_material(rng, before, after, 9000, 3000)
     estimator = VariableProjection(change_detector=ChangeDetector())
     trace = estimator.replay(x, v, true + noise(rng, len(x)))
     away = np.flatnonzero(np.abs(trace.parameters[at:, 2] - after.exponent) > 0.05)
@@ -272,19 +254,19 @@ ROBOT = {material.name: material for material in (lab.BALL, lab.PVC, lab.SPONGE)
 ROBOT_RUN = 60.0  # s
 
 
-def alarms(campaign: Campaign) -> list[Group]:
+def alarms(workers: Workers) -> list[Group]:
     """The change detector.
 
     How often does the change detector raise a false alarm, and how late does it find small changes?
     """
     return [
-        _false(campaign, VariableProjection),
-        _robot(campaign),
-        _recordings(campaign),
-        _delays(campaign),
-        _slow_noise(campaign, VariableProjection),
-        _false(campaign, ViscoelasticContact),
-        _slow_noise(campaign, ViscoelasticContact),
+        _false(workers, VariableProjection),
+        _robot(workers),
+        _recordings(workers),
+        _delays(workers),
+        _slow_noise(workers, VariableProjection),
+        _false(workers, ViscoelasticContact),
+        _slow_noise(workers, ViscoelasticContact),
     ]
 
 
@@ -300,8 +282,8 @@ def _described(kind: type[ContactEstimator]) -> str:
     return f"`{kind.__name__}(change_detector=ChangeDetector())`{default}."
 
 
-def _false(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
-    repeats = max(1, campaign.seeds // 200)
+def _false(workers: Workers, kind: type[ContactEstimator]) -> Group:
+    repeats = max(1, workers.seeds // 200)
     cases = [
         (material, motion, seed)
         for material in WATCHED_MATERIALS
@@ -310,7 +292,7 @@ def _false(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
     ]
     lines = []
     for name, limit in UNCHANGED.items():
-        counts = campaign.map(f"alarms, {name}", partial(_restarts, name, kind), cases)
+        counts = workers.map(f"alarms, {name}", partial(_restarts, name, kind), cases)
         hours = len(cases) * WATCHED / 3600.0
         lines.append(Line(name, (sum(counts) / hours,), (limit,), (sum(counts), max(counts))))
     return Group(
@@ -355,8 +337,7 @@ def _restarts(name: str, kind: type[ContactEstimator], case: tuple[str, int, int
 
 def _motion(motion: int, rng: np.random.Generator) -> tuple[Floats, Floats]:
     if motion == 0:
-        sampled = sines(WATCHED)
-        return sampled.penetration, sampled.velocity
+        return sines(WATCHED)
     t = np.arange(0.0, WATCHED, 1.0 / RATE)
     if motion == 2:
         return taps(t)
@@ -378,11 +359,11 @@ def _noise(name: str, rng: np.random.Generator, count: int) -> Floats:
     return np.asarray(made)
 
 
-def _robot(campaign: Campaign) -> Group:
-    seeds = range(max(1, campaign.seeds // 50))
+def _robot(workers: Workers) -> Group:
+    seeds = range(max(1, workers.seeds // 50))
     lines = []
     for name in ROBOT:
-        counts = campaign.map(f"alarms, robot, {name}", partial(_robot_alarms, name), seeds)
+        counts = workers.map(f"alarms, robot, {name}", partial(_robot_alarms, name), seeds)
         hours = len(counts) * ROBOT_RUN / 3600.0
         lines.append(Line(name, (float(sum(counts)),), (Limit(0.0),), (hours,)))
     return Group(
@@ -401,9 +382,9 @@ def _robot_alarms(name: str, seed: int) -> int:
     return identify(measured.contact, _watching()).changes.size
 
 
-def _recordings(campaign: Campaign) -> Group:
+def _recordings(workers: Workers) -> Group:
     files = recorded()
-    counts = campaign.map("alarms, recordings", _recorded_alarms, files)
+    counts = workers.map("alarms, recordings", _recorded_alarms, files)
     known = [(file, count) for file, count in zip(files, counts, strict=True) if count is not None]
     found = ", ".join(f"{file.stem} {count}" for file, count in known if count)
     total = float(sum(count for _, count in known))
@@ -432,12 +413,12 @@ def _watching() -> VariableProjection:
     return VariableProjection(change_detector=ChangeDetector())
 
 
-def _delays(campaign: Campaign) -> Group:
+def _delays(workers: Workers) -> Group:
     lines = []
     for change in (each for each in CHANGES if each in MISSED or each in BARS):
         for material in ("ball", "PVC", "sponge"):
             find = partial(_delay, change, material)
-            delays = np.array(campaign.repeat(f"{change}, {material}", find))
+            delays = np.array(workers.repeat(f"{change}, {material}", find))
             median, late = np.percentile(delays, [50.0, 95.0])
             missed = 100.0 * float(np.mean(delays >= 1e3 * LOOKED))
             strict = material != "sponge" and change in BARS
@@ -450,7 +431,7 @@ def _delays(campaign: Campaign) -> Group:
     return Group(
         "Milliseconds until a small change is found",
         "Change at a random time from 5 to 10 s; three sines, 0.05 N of white noise, "
-        f"{campaign.seeds} seeds; {LOOKED:g} s are examined, and a missed change counts as that "
+        f"{workers.seeds} seeds; {LOOKED:g} s are examined, and a missed change counts as that "
         "time. `VariableProjection(change_detector=ChangeDetector())`.",
         ("95th percentile", "missed, %"),
         lines,
@@ -459,16 +440,16 @@ def _delays(campaign: Campaign) -> Group:
     )
 
 
-def _slow_noise(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
+def _slow_noise(workers: Workers, kind: type[ContactEstimator]) -> Group:
     """What the detector misses where the noise is correlated: it takes slow changes for noise."""
-    lines, seeds = [], range(max(2, campaign.seeds // 2))
+    lines, seeds = [], range(max(2, workers.seeds // 2))
     for change in SLOW_CHANGES:
         for material in ("ball", "PVC", "sponge"):
             missed, medians = list[float](), list[float]()
             for name in SLOW_NOISE:
                 find = partial(_delay, change, material, name=name, kind=kind)
                 label = f"{change}, {material}, {name}"
-                delays = np.array(campaign.map(label, find, seeds))
+                delays = np.array(workers.map(label, find, seeds))
                 missed.append(100.0 * float(np.mean(delays >= 1e3 * LOOKED)))
                 medians.append(float(np.median(delays)))
             lines.append(Line(f"{change}, {material}", tuple(missed), (), tuple(medians)))
@@ -484,24 +465,21 @@ def _slow_noise(campaign: Campaign, kind: type[ContactEstimator]) -> Group:
 
 
 def _delay(
-    change: str,
+    what: str,
     material: str,
     seed: int,
     name: str = "white",
     kind: type[ContactEstimator] = VariableProjection,
 ) -> float:
     rng = np.random.default_rng(seed)
-    at = int(rng.integers(5000, 10_000))
-    stop = at + round(LOOKED * RATE)
-    motion = sines(10.0 + LOOKED)
-    x, v = motion.penetration[:stop], motion.velocity[:stop]
-    before, (stiffer, harder, steeper) = WATCHED_MATERIALS[material], CHANGES[change]
+    before, (stiffer, harder, steeper) = WATCHED_MATERIALS[material], CHANGES[what]
     exponent = steeper * before.exponent
     same_force = MEAN_DEPTH ** (before.exponent - exponent)
     after = HuntCrossley(
         stiffer * same_force * before.stiffness, harder * same_force * before.damping, exponent
     )
-    f = switched(before, after, x, v, at) + _noise(name, rng, stop)
+    at, x, v, true = change_material(rng, before, after, 10_000, round(LOOKED * RATE))
+    f = true + _noise(name, rng, len(x))
     status = _detecting(kind).replay(x, v, f).status
     found = np.flatnonzero(status[at:] == Status.RESTARTED)
     return float(found[0]) if found.size else 1e3 * LOOKED
@@ -516,14 +494,14 @@ METHODS: dict[str, Callable[[], ContactEstimator]] = {
 }
 
 
-def drift(campaign: Campaign) -> list[Group]:
+def drift(workers: Workers) -> list[Group]:
     """A drifting material.
 
     How well does `DriftTracking` follow a stiffness that drifts slowly?
     """
     lines = []
     for material in MATERIALS:
-        runs = np.array(campaign.repeat(f"drift, {material}", partial(_errors, material)))
+        runs = np.array(workers.repeat(f"drift, {material}", partial(_errors, material)))
         ours, *others = np.sqrt(np.mean(runs**2, axis=0)).tolist()
         lines.append(Line(material, (ours,), (Limit(0.2),), (float(runs[:, 0].max()), *others)))
     return [
@@ -537,10 +515,10 @@ def drift(campaign: Campaign) -> list[Group]:
             lines,
             ("worst seed", *(f"VP, {name}" for name in ("no forgetting", *list(METHODS)[2:]))),
             precision=".3f",
-            notes=[f"{campaign.seeds} seeds."],
+            notes=[f"{workers.seeds} seeds."],
         ),
-        _too_slow(campaign),
-        _bars(campaign),
+        _too_slow(workers),
+        _bars(workers),
     ]
 
 
@@ -549,10 +527,10 @@ def drift(campaign: Campaign) -> list[Group]:
 WALKS = ((0.2, 0.0), (0.02, 0.0), (0.04, 0.0), (0.1, 0.0), (0.02, 0.9))
 
 
-def _too_slow(campaign: Campaign) -> Group:
+def _too_slow(workers: Workers) -> Group:
     lines = []
     for material in MATERIALS:
-        runs = campaign.repeat(f"walk, {material}", partial(_flagged, material))
+        runs = workers.repeat(f"walk, {material}", partial(_flagged, material))
         fast, assumed, *others = (100.0 * np.mean(np.array(runs), axis=0)).tolist()
         lines.append(
             Line(material, (fast, assumed), (Limit(100.0, 98.0), Limit(1.0)), tuple(others))
@@ -566,17 +544,17 @@ def _too_slow(campaign: Campaign) -> Group:
         lines,
         ("of 0.04/√s", "of 0.1/√s", "of 0.02/√s, AR(1) 0.9"),
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds."],
+        notes=[f"{workers.seeds} seeds."],
     )
 
 
 CORRELATIONS = (0.0, 0.5, 0.7, 0.9, 0.98)
 
 
-def _bars(campaign: Campaign) -> Group:
+def _bars(workers: Workers) -> Group:
     lines = []
     for material in MATERIALS:
-        runs = campaign.repeat(f"bars, {material}", partial(_held, material))
+        runs = workers.repeat(f"bars, {material}", partial(_held, material))
         held = (100.0 * np.mean(np.array(runs), axis=0)).tolist()
         lines.append(Line(material, tuple(held), (Limit(100.0, 85.0),)))
     return Group(
@@ -587,13 +565,12 @@ def _bars(campaign: Campaign) -> Group:
         tuple(f"{correlation:g}" for correlation in CORRELATIONS),
         lines,
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds."],
+        notes=[f"{workers.seeds} seeds."],
     )
 
 
 def _held(material: str, seed: int) -> list[bool]:
-    law, motion = MATERIALS[material], sines(12.0)
-    x, v = motion.penetration, motion.velocity
+    law, (x, v) = MATERIALS[material], sines(12.0)
     held = []
     for correlation in CORRELATIONS:
         method = DriftTracking()
@@ -606,8 +583,7 @@ def _held(material: str, seed: int) -> list[bool]:
 
 
 def _flagged(material: str, seed: int) -> list[bool]:
-    law, motion = MATERIALS[material], sines(20.0)
-    x, v = motion.penetration, motion.velocity
+    law, (x, v) = MATERIALS[material], sines(20.0)
     found = []
     for walk, correlation in WALKS:
         random = np.random.default_rng([seed, 1])
@@ -622,9 +598,8 @@ def _flagged(material: str, seed: int) -> list[bool]:
 
 def _errors(material: str, seed: int) -> list[float]:
     """Return the relative rms error of the force scale by each method, %."""
-    law, motion = MATERIALS[material], sines(DRIFTING)
-    x, v = motion.penetration, motion.velocity
-    scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * motion.time)
+    law, (x, v) = MATERIALS[material], sines(DRIFTING)
+    scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * clock(DRIFTING))
     f = scale * law.force(x, v) + noise(np.random.default_rng(seed), len(x))
     true = scale * law.stiffness * MEAN_DEPTH**law.exponent
     errors = []

@@ -2,16 +2,15 @@
 
 import math
 import zlib
-from dataclasses import dataclass
 from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.accuracy.bounds import rms
-from benchmarks.common.campaign import Campaign
-from benchmarks.common.probing import BALL, GEL, PVC, SPONGE, SYMBOLS, feed
+from benchmarks.common.probing import BALL, GEL, PVC, SPONGE, SYMBOLS, feed, waves
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import Estimate, HuntCrossley, Scale, VariableProjection
 from palpate.design.precision import cramer_rao_bound
 from palpate.validation import Floats
@@ -22,58 +21,43 @@ LEVEL = 0.05  # N, if there is only one
 FIRST_SEED = 20_000  # none of these was used while the rule was developed
 
 
-@dataclass(frozen=True, slots=True)
-class Material:
-    """A law, and the depth of probing."""
-
-    law: HuntCrossley
-    depth: float = 10e-3  # m
-
-    def along(self, motion: "Path") -> tuple[Floats, Floats]:
-        """Return penetration and velocity of a motion."""
-        return motion.x * self.depth, motion.v * self.depth
-
-
 MATERIALS = {
-    "ball": Material(BALL),
-    "PVC": Material(PVC),
-    "sponge": Material(SPONGE),
-    "metal": Material(HuntCrossley(1e7, 5e6, 1.5), 0.2e-3),
-    "gel": Material(GEL),
-    "low damping": Material(HuntCrossley(3e4, 600.0, 1.5)),
+    "ball": BALL,
+    "PVC": PVC,
+    "sponge": SPONGE,
+    "metal": HuntCrossley(1e7, 5e6, 1.5),
+    "gel": GEL,
+    "low damping": HuntCrossley(3e4, 600.0, 1.5),
 }
+Motion = tuple[Floats, Floats]  # penetration and velocity
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Path:
-    """Penetration and velocity in units of the depth, at 1 kHz; negative in free air."""
-
-    x: Floats
-    v: Floats
+def pressed(name: str, kind: str) -> Motion:
+    """Return penetration and velocity of a motion: 10 mm deep, in metal 0.2 mm."""
+    depth = 0.2e-3 if name == "metal" else 10e-3
+    x, v = path(kind)
+    return depth * x, depth * v
 
 
 @lru_cache(maxsize=8)
-def path(kind: str) -> Path:
-    """Return one of the motions, which all leave the material."""
+def path(kind: str) -> Motion:
+    """Return one of the motions, which all leave the material, in units of the depth; 1 kHz."""
     t: Floats = 1e-3 * np.arange(round(1e3 * SECONDS), dtype=np.float64)
     if kind == "chirp":  # 0.5 to 3 Hz
         rates = 2.0 * math.pi * (0.5 + 2.5 * t / SECONDS)
         phase = 2.0 * math.pi * (0.5 * t + 1.25 * t**2 / SECONDS)
-        return Path(0.4 - 0.6 * np.cos(phase), 0.6 * rates * np.sin(phase))
+        return 0.4 - 0.6 * np.cos(phase), 0.6 * rates * np.sin(phase)
     if kind == "random":
         random = np.random.default_rng(5)
-        each = 2.0 * math.pi * random.uniform(0.3, 3.0, 12)[:, None]
-        phases = random.uniform(0.0, 2.0 * math.pi, 12)[:, None]
-        waves = 0.13 * np.sin(each * t + phases), 0.13 * each * np.cos(each * t + phases)
-        return Path(0.35 + waves[0].sum(axis=0), waves[1].sum(axis=0))
+        turns = 2.0 * math.pi * random.uniform(0.3, 3.0, 12)
+        return waves(t, 0.35, [0.13] * 12, turns, random.uniform(0.0, 2.0 * math.pi, 12))
     if kind == "taps":  # at 1.3 Hz, of three depths
         reach = 0.15 + np.array([0.4, 0.7, 1.0])[(1.3 * t).astype(int) % 3]
         rate = 2.6 * math.pi
         turn = rate * t
-        return Path(-0.15 + 0.5 * reach * (1.0 - np.cos(turn)), 0.5 * reach * rate * np.sin(turn))
-    once = t[t < 1.0]  # "indentation", in and out in one second
-    turn = 2.0 * math.pi * once
-    return Path(-0.2 + 0.6 * (1.0 - np.cos(turn)), 1.2 * math.pi * np.sin(turn))
+        return -0.15 + 0.5 * reach * (1.0 - np.cos(turn)), 0.5 * reach * rate * np.sin(turn)
+    turn = 2.0 * math.pi * t[t < 1.0]  # "indentation", in and out in one second
+    return -0.2 + 0.6 * (1.0 - np.cos(turn)), 1.2 * math.pi * np.sin(turn)
 
 
 def estimated(x: Floats, v: Floats, f: Floats, tare: float | None = None) -> Estimate:
@@ -91,30 +75,29 @@ def _noise(line: str, seed: int, samples: int, level: float = LEVEL) -> Floats:
     return random.normal(0.0, level, samples)
 
 
-def light(campaign: Campaign) -> list[Group]:
+def light(workers: Workers) -> list[Group]:
     """Light contact, lost contact and tares.
 
     Is the result right where the probe leaves the material, where contact is lost above the
     surface, and where the tare is wrong?
     """
-    return [*_efficiency(campaign), _lost(campaign), _offsets(campaign)]
+    return [*_efficiency(workers), _lost(workers), _offsets(workers)]
 
 
-def _efficiency(campaign: Campaign) -> list[Group]:
+def _efficiency(workers: Workers) -> list[Group]:
     lines, figures = [], []
-    for name, material in MATERIALS.items():
+    for name, law in MATERIALS.items():
         for kind in ("chirp", "random", "taps"):
             for level in LEVELS:
                 label = f"{name}, {kind}, {level:g} N"
-                found = campaign.repeat(f"light, {label}", partial(_errors, name, kind, level))
-                x, v = material.along(path(kind))
-                bound = cramer_rao_bound(material.law, x, v, level, offset=True)[:3]
+                found = workers.repeat(f"light, {label}", partial(_errors, name, kind, level))
+                bound = cramer_rao_bound(law, *pressed(name, kind), level, offset=True)[:3]
                 ratio = rms([errors for errors, _ in found]) / bound
                 covered = np.mean([held for _, held in found], axis=0)
                 figures.append(ratio)
                 shares = tuple((100.0 * covered).tolist())
                 lines.append(Line(label, tuple(ratio.tolist()), (Limit(1.3),), shares))
-    scatter = (2.0 * campaign.seeds) ** -0.5
+    scatter = (2.0 * workers.seeds) ** -0.5
     definition = (
         "Ten seconds of motions that leave the material, including the free air between touches: "
         "true x and v, white noise, no tare. The bound uses all samples and treats the offset as "
@@ -122,7 +105,7 @@ def _efficiency(campaign: Campaign) -> list[Group]:
         "truth."
     )
     notes = [
-        f"{campaign.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
+        f"{workers.seeds} seeds from {FIRST_SEED}; each ratio is known to ±{scatter:.1%} (one "
         "standard error)."
     ]
     summary = (
@@ -141,22 +124,21 @@ def _efficiency(campaign: Campaign) -> list[Group]:
 
 def _errors(name: str, kind: str, level: float, seed: int) -> tuple[Floats, NDArray[np.bool_]]:
     """Return errors of K, B and n, and whether the intervals contain the truth."""
-    material, motion = MATERIALS[name], path(kind)
-    x, v = material.along(motion)
-    f = material.law.force(x, v) + _noise(f"{name} {kind} {level}", seed, x.size, level)
+    law, (x, v) = MATERIALS[name], pressed(name, kind)
+    f = law.force(x, v) + _noise(f"{name} {kind} {level}", seed, x.size, level)
     estimate = estimated(x, v, f)
-    errors = estimate.parameters - material.law.parameters
+    errors = estimate.parameters - law.parameters
     return errors, np.abs(errors) < 1.96 * estimate.standard_errors
 
 
-def _lost(campaign: Campaign) -> Group:
+def _lost(workers: Workers) -> Group:
     lines = []
     for name, kind in (("ball", "taps"), ("ball", "indentation"), ("PVC", "indentation")):
         for below in (0.1, 0.3):
             for air in (True, False):
                 words = "with" if air else "without"
                 label = f"{name}, {kind}, below {below:.0%}, {words} free air"
-                found = campaign.repeat(label, partial(_after_loss, name, kind, below, air))
+                found = workers.repeat(label, partial(_after_loss, name, kind, below, air))
                 limit = Limit(1.0) if (name, kind) == ("ball", "taps") else None
                 lines.append(Line(label, tuple((100.0 * rms(found)).tolist()), (limit, None)))
     return Group(
@@ -166,29 +148,26 @@ def _lost(campaign: Campaign) -> Group:
         SYMBOLS,
         lines,
         precision=".2f",
-        notes=[f"{campaign.seeds} seeds from {FIRST_SEED}."],
+        notes=[f"{workers.seeds} seeds from {FIRST_SEED}."],
     )
 
 
 def _after_loss(name: str, kind: str, below: float, air: bool, seed: int) -> Floats:
     """Return relative errors of K, B and n."""
-    material, motion = MATERIALS[name], path(kind)
-    lost = _recovering(motion, below)
-    x, v = material.along(motion)
+    law, (x, v) = MATERIALS[name], pressed(name, kind)
     own = _noise(f"{name} {kind} {below}", seed, x.size)
-    f = np.where(lost, 0.0, material.law.force(x, v)) + own
+    f = np.where(_recovering(x, v, below), 0.0, law.force(x, v)) + own
     seen = np.full(x.size, True) if air else x > 0.0
     estimate = estimated(x[seen], v[seen], f[seen])
-    return estimate.parameters / material.law.parameters - 1.0
+    return estimate.parameters / law.parameters - 1.0
 
 
-def _recovering(motion: Path, below: float) -> NDArray[np.bool_]:
+def _recovering(x: Floats, v: Floats, below: float) -> NDArray[np.bool_]:
     """Return where the material has not recovered yet."""
-    lost, reached = np.zeros(motion.x.size, dtype=bool), 0.0
-    for k, (x, v) in enumerate(zip(motion.x.tolist(), motion.v.tolist(), strict=True)):
-        reached = max(reached, x) if x > 0.0 else 0.0
-        lost[k] = v < 0.0 and 0.0 < x < below * reached
-    return lost
+    reached = [0.0]
+    for depth in x.tolist():
+        reached.append(max(reached[-1], depth) if depth > 0.0 else 0.0)
+    return np.asarray((v < 0.0) & (x > 0.0) & (x < below * np.array(reached[1:])))
 
 
 #: Force offset, N (None: what a good tare leaves), and stated uncertainty of the tare, N.
@@ -199,13 +178,13 @@ OFFSETS = {
 }
 
 
-def _offsets(campaign: Campaign) -> Group:
+def _offsets(workers: Workers) -> Group:
     lines = []
     for words, (offset, tare) in OFFSETS.items():
         for name in ("ball", "PVC"):
             for where in ("through the surface", "deep"):
                 label = f"{words}, {name}, {where}"
-                found = campaign.repeat(label, partial(_with_offset, name, where, offset, tare))
+                found = workers.repeat(label, partial(_with_offset, name, where, offset, tare))
                 error, covered, flagged = 100.0 * np.array(found).T
                 limits = Limit(100.0, 90.0), Limit(100.0, 98.0) if tare and offset else Limit(2.0)
                 values = float(np.mean(covered)), float(np.mean(flagged))
@@ -219,7 +198,7 @@ def _offsets(campaign: Campaign) -> Group:
         lines,
         ("K, % rms",),
         precision=".1f",
-        notes=[f"{campaign.seeds} seeds from {FIRST_SEED}; a good tare leaves N(0, (5 mN)²)."],
+        notes=[f"{workers.seeds} seeds from {FIRST_SEED}; a good tare leaves N(0, (5 mN)²)."],
     )
 
 
@@ -227,15 +206,14 @@ def _with_offset(
     name: str, where: str, offset: float | None, tare: float | None, seed: int
 ) -> tuple[float, float, float]:
     """Return the error of K, whether its interval contains it, and whether the tare is flagged."""
-    material, motion = MATERIALS[name], path("random")
-    deep = where == "deep"
-    x = material.depth * (0.6 + 0.2 * (motion.x - 0.35) if deep else motion.x)
-    v = material.depth * (0.2 * motion.v if deep else motion.v)
+    law, (x, v) = MATERIALS[name], pressed(name, "random")
+    if where == "deep":
+        x, v = 6e-3 + 0.2 * (x - 3.5e-3), 0.2 * v
     own = _noise(f"{name} {where} {offset} {tare}", seed, x.size + 1)
     left = own[-1] * (tare or 0.0) / LEVEL if offset is None else offset
-    f = material.law.force(x, v) + left + own[:-1]
+    f = law.force(x, v) + left + own[:-1]
     estimate = estimated(x, v, f, tare)
-    error = float(estimate.parameters[0] - material.law.stiffness)
+    error = float(estimate.parameters[0] - law.stiffness)
     covered = abs(error) < 1.96 * float(estimate.standard_errors[0])
     flagged = any(flag.startswith("offset") for flag in estimate.flags)
-    return error / material.law.stiffness, float(covered), float(flagged)
+    return error / law.stiffness, float(covered), float(flagged)

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from scipy.signal import savgol_filter
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     GEL,
@@ -14,12 +13,14 @@ from benchmarks.common.probing import (
     NOISE,
     PVC,
     SPONGE,
+    change_material,
+    clock,
     noise,
     sines,
-    switched,
     taps,
 )
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     ChangeDetector,
     Contact,
@@ -38,7 +39,6 @@ BAR = 2.0  # %, rms of K and B
 NEEDLESS = 0.05  # % of good samples
 MATERIALS = {"ball": BALL, "PVC": PVC}
 FOUR = {**MATERIALS, "sponge": SPONGE, "gel": GEL}
-Trajectory = tuple[Floats, Floats, Floats]
 FAULTS = {
     "nothing wrong": None,
     "positions lost, 0.1 %": BAR,
@@ -57,20 +57,20 @@ CHANGES = {
 AFTER = 2.0  # s
 
 
-def outliers(campaign: Campaign) -> list[Group]:
+def outliers(workers: Workers) -> list[Group]:
     """Outliers.
 
     What do outliers cost with and without rejection, and does the rejection exclude good samples?
     """
-    return [_errors(campaign), _needless(campaign), _changes(campaign)]
+    return [_errors(workers), _needless(workers), _changes(workers)]
 
 
-def _errors(campaign: Campaign) -> Group:
+def _errors(workers: Workers) -> Group:
     lines = []
     for name, law in MATERIALS.items():
         for fault, bar in FAULTS.items():
             run = partial(_error, law, fault)
-            runs = np.array(campaign.repeat(f"{name}, {fault}", run))
+            runs = np.array(workers.repeat(f"{name}, {fault}", run))
             rms = np.sqrt(np.mean(runs[:, :4] ** 2, axis=0))
             limits = () if bar is None else (Limit(bar),)
             left_out = float(np.mean(runs[:, 4]))
@@ -79,7 +79,7 @@ def _errors(campaign: Campaign) -> Group:
     return Group(
         "Error of K and B, rms, %",
         f"`identify` with its defaults, {SECONDS:g} s of three sines at 1 kHz, 0.05 N of noise on "
-        f"the force, {campaign.seeds} seeds. A lost position reads 0 (0.1 % of the samples; the "
+        f"the force, {workers.seeds} seeds. A lost position reads 0 (0.1 % of the samples; the "
         "penetration has 1 µm of noise, and `prepare` computes the velocity from it without the "
         "lost ones). Smeared: a filter of 15 ms computes the velocity from all positions, as in "
         "some control loops. The probe is in contact from the first sample on, so a position lost "
@@ -106,8 +106,7 @@ def _error(law: HuntCrossley, fault: str, seed: int) -> tuple[float, ...]:
 
 def _faulty(law: HuntCrossley, fault: str, seed: int) -> Contact:
     rng = np.random.default_rng([seed, 4])
-    motion = sines(SECONDS)
-    time, x, v = motion.time, motion.penetration.copy(), motion.velocity.copy()
+    time, (x, v) = clock(SECONDS), (signal.copy() for signal in sines(SECONDS))
     force = law.force(x, v) + noise(rng, time.size)
     if fault.startswith("positions"):
         x = x + 1e-6 * rng.standard_normal(time.size)
@@ -125,16 +124,16 @@ def _faulty(law: HuntCrossley, fault: str, seed: int) -> Contact:
     return Contact(time, penetration=x, velocity=v, force=force)
 
 
-def _needless(campaign: Campaign) -> Group:
+def _needless(workers: Workers) -> Group:
     cases = [
         (material, motion, seed)
         for material in FOUR
         for motion in MOTIONS
-        for seed in range(max(1, campaign.seeds // 50))
+        for seed in range(max(1, workers.seeds // 50))
     ]
     lines = []
     for name, (step, force_step, noisy) in SENSORS.items():
-        counts = campaign.map(f"needless, {name}", partial(_count, step, force_step, noisy), cases)
+        counts = workers.map(f"needless, {name}", partial(_count, step, force_step, noisy), cases)
         left_out, samples = np.sum(counts, axis=0)
         lines.append(Line(name, (100.0 * left_out / samples,), (Limit(NEEDLESS),), (samples,)))
     return Group(
@@ -150,28 +149,22 @@ def _needless(campaign: Campaign) -> Group:
     )
 
 
-def _three_sines() -> Trajectory:
-    motion = sines(SECONDS)
-    return motion.time, motion.penetration, motion.velocity
-
-
-def _taps() -> Trajectory:
-    time = sines(SECONDS).time
-    return time, *taps(time)
-
-
-def _held() -> Trajectory:
+def _held() -> tuple[Floats, Floats]:
     """8 mm in and out within 0.3 s each, smoothly, and held between."""
-    time = sines(SECONDS).time
+    time = clock(SECONDS)
     x, v = np.full(time.size, 1e-3), np.zeros(time.size)
     for begin, way in ((0.0, 8e-3), (1.6, -8e-3)):
         u = np.clip((time % 2.0 - begin) / 0.3, 0.0, 1.0)
         x += way * u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
         v += way / 0.3 * 30.0 * (u * (1.0 - u)) ** 2
-    return time, x, v
+    return x, v
 
 
-MOTIONS = {"three sines": _three_sines, "taps": _taps, "held": _held}
+MOTIONS = {
+    "three sines": lambda: sines(SECONDS),
+    "taps": lambda: taps(clock(SECONDS)),
+    "held": _held,
+}
 
 # Steps of penetration and force, m and N, and noise, N.
 SENSORS = {
@@ -185,11 +178,11 @@ SENSORS = {
 def _count(step: float, force_step: float, noisy: float, case: tuple[str, str, int]) -> list[int]:
     material, motion, seed = case
     rng = np.random.default_rng([list(FOUR).index(material), list(MOTIONS).index(motion), seed])
-    time, x, v = MOTIONS[motion]()
+    x, v = MOTIONS[motion]()
     force = FOUR[material].force(x, v) + noisy * rng.standard_normal(x.size)
     if step:
         x, force = step * np.round(x / step), force_step * np.round(force / force_step)
-        v = velocity_of(time, x, 15e-3)
+        v = velocity_of(clock(SECONDS), x, 15e-3)
     estimator = VariableProjection(
         outlier_rejection=OutlierRejection(), gate=ContactGate(make_force=0.25, break_force=0.15)
     )
@@ -197,11 +190,11 @@ def _count(step: float, force_step: float, noisy: float, case: tuple[str, str, i
     return [int(np.count_nonzero(status == Status.REJECTED)), x.size]
 
 
-def _changes(campaign: Campaign) -> Group:
+def _changes(workers: Workers) -> Group:
     lines = []
     for name, (before, after, bar) in CHANGES.items():
         run = partial(_delay, before, after)
-        delays, left_out = np.transpose(campaign.repeat(f"change, {name}", run))
+        delays, left_out = np.transpose(workers.repeat(f"change, {name}", run))
         median, late = np.percentile(delays, [50.0, 95.0])
         most = float(left_out.max())
         missed = 100.0 * float(np.mean(delays >= 1e3 * AFTER))
@@ -209,7 +202,7 @@ def _changes(campaign: Campaign) -> Group:
         lines.append(Line(name, (float(late), missed), limits, (float(median), most)))
     return Group(
         "Milliseconds until a change of the material is found",
-        f"Change at a random time from 5 to 8 s, 0.05 N of noise, {campaign.seeds} seeds; "
+        f"Change at a random time from 5 to 8 s, 0.05 N of noise, {workers.seeds} seeds; "
         f"{AFTER:g} s are examined. `VariableProjection(change_detector=ChangeDetector(), "
         "outlier_rejection=OutlierRejection())`.",
         ("95th percentile", "missed, %"),
@@ -221,14 +214,11 @@ def _changes(campaign: Campaign) -> Group:
 
 def _delay(before: HuntCrossley, after: HuntCrossley, seed: int) -> tuple[float, float]:
     rng = np.random.default_rng([seed, 5])
-    at, motion = int(rng.integers(5000, 8000)), sines(SECONDS)
-    stop = at + round(1e3 * AFTER)
-    x, v = motion.penetration[:stop], motion.velocity[:stop]
-    force = switched(before, after, x, v, at)
+    at, x, v, force = change_material(rng, before, after, 8000, round(1e3 * AFTER))
     estimator = VariableProjection(
         change_detector=ChangeDetector(), outlier_rejection=OutlierRejection()
     )
-    status = estimator.replay(x, v, force + noise(rng, stop)).status
+    status = estimator.replay(x, v, force + noise(rng, len(x))).status
     found = np.flatnonzero(status[at:] == Status.RESTARTED)
     left_out = float(np.count_nonzero(status == Status.REJECTED))
     return (float(found[0]) if found.size else 1e3 * AFTER), left_out

@@ -1,14 +1,13 @@
 """The final law on recordings, against offline least squares of the same samples."""
 
 import json
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.recordings import EXPONENTS, STARTS, least_squares_law, recorded
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import (
     ContactGate,
     Identification,
@@ -22,17 +21,7 @@ from palpate import (
 UNSURE = ("exponent not identifiable", "exponent at the edge")
 
 
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """Fit RMSE% of palpate and of SciPy, and palpate's flag on the exponent."""
-
-    ours: float
-    scipy: float
-    exponent: str
-    flags: tuple[str, ...]
-
-
-def recordings(campaign: Campaign) -> list[Group]:
+def recordings(workers: Workers) -> list[Group]:
     """Recordings, compared with offline least squares.
 
     Does `identify` find the least-squares solution on real recordings?
@@ -44,13 +33,9 @@ def recordings(campaign: Campaign) -> list[Group]:
     groups = []
     for part, noted in (("whole files", False), ("noted windows", True)):
         items = [(file, noted) for file in files]
-        fits = campaign.map(f"recordings, {part}", _compared, items)
-        lines, notes = [], []
-        for file, fit in zip(files, fits, strict=True):
-            if isinstance(fit, str):
-                notes.append(f"{file.stem}: skipped, {fit}.")
-            else:
-                lines.append(_line(file.stem, fit))
+        results = workers.map(f"recordings, {part}", _compared, items)
+        lines = [each for each in results if isinstance(each, Line)]
+        notes = [each for each in results if isinstance(each, str)]
         what = (
             "The window and the gate from the notes of each recording."
             if noted
@@ -74,21 +59,13 @@ def _group(part: str, what: str, lines: list[Line], notes: list[str]) -> Group:
     )
 
 
-def _line(name: str, fit: Fit) -> Line:
-    sure = not any(flag.startswith(UNSURE) for flag in fit.flags)
-    flags = "; ".join(flag.split(":")[0].split(",")[0] for flag in fit.flags)
-    limits = (Limit(1.02),) if sure else ()
-    beside = (fit.ours, fit.scipy, fit.exponent, flags)
-    return Line(name, (fit.ours / fit.scipy,), limits, beside)
-
-
-def _compared(item: tuple[Path, bool]) -> Fit | str:
-    """Return the fit, or the reason why there is none."""
+def _compared(item: tuple[Path, bool]) -> Line | str:
+    """Return the line of a recording, or the reason why it has none."""
     file, noted = item
     notes = file.with_suffix(".json")
     window = json.loads(notes.read_text()).get("fit") if noted and notes.exists() else None
     if noted and not window:
-        return "no notes"
+        return f"{file.stem}: skipped, no notes."
     try:
         contact = prepare(file)
         gate = choose_gate(contact)
@@ -97,11 +74,13 @@ def _compared(item: tuple[Path, bool]) -> Fit | str:
             contact = contact.window(*window["time"]) if "time" in window else contact
         result = identify(contact, VariableProjection(gate=gate))
     except RecordingError as error:
-        return str(error).split(";")[0].removeprefix(f"{file}: ")
-    estimate = result.estimate
+        return f"{file.stem}: skipped, {str(error).split(';')[0].removeprefix(f'{file}: ')}."
+    estimate, ours, offline = result.estimate, result.fit_rmse_percent, _offline(result)
     exponent = f"{estimate.parameters[2]:.3f} ± {estimate.standard_errors[2]:.3f}"
-    offline = _offline(result)
-    return Fit(result.fit_rmse_percent, offline, exponent, estimate.flags)
+    sure = not any(flag.startswith(UNSURE) for flag in estimate.flags)
+    flags = "; ".join(flag.split(":")[0].split(",")[0] for flag in estimate.flags)
+    beside = (ours, offline, exponent, flags)
+    return Line(file.stem, (ours / offline,), (Limit(1.02),) if sure else (), beside)
 
 
 def _offline(result: Identification) -> float:

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 
 from benchmarks.accuracy.bounds import rms
-from benchmarks.common.campaign import Campaign
 from benchmarks.common.probing import (
     BALL,
     MATERIALS,
@@ -18,6 +17,7 @@ from benchmarks.common.probing import (
     sines,
 )
 from benchmarks.common.report import Group, Limit, Line
+from benchmarks.common.workers import Workers
 from palpate import ContactGate, DoubleStageRLS, HuntCrossley, SingleStageRLS, VariableProjection
 from palpate.design.precision import cramer_rao_bound
 from palpate.estimators import ContactEstimator
@@ -44,20 +44,20 @@ DEPTH = 10.5e-3  # m
 LOOK = 100  # samples between two estimates
 
 
-def starts(campaign: Campaign) -> list[Group]:
+def starts(workers: Workers) -> list[Group]:
     """Starting values.
 
     Can bad starting values spoil the result?
     """
-    noises = max(1, campaign.seeds // 20)
+    noises = max(1, workers.seeds // 20)
     lines = []
     for name in MATERIALS:
-        missed = sum(campaign.repeat(f"starts, {name}", partial(_without_start, name)))
+        missed = sum(workers.repeat(f"starts, {name}", partial(_without_start, name)))
         figure = f"variable projection, {name} (takes no start)"
-        lines.append(Line(figure, (100.0 * missed / campaign.seeds,), (Limit(0.0),)))
+        lines.append(Line(figure, (100.0 * missed / workers.seeds,), (Limit(0.0),)))
     cases = [(start, seed) for start in STARTS for seed in range(noises)]
     for method in PAPER:
-        missed = sum(campaign.map(f"starts, {method}", partial(_with_start, method), cases))
+        missed = sum(workers.map(f"starts, {method}", partial(_with_start, method), cases))
         figure = f"{method}, ball, {len(STARTS)} starts × {noises} seeds"
         lines.append(Line(figure, (100.0 * missed / len(cases),)))
     definition = (
@@ -81,22 +81,21 @@ def _with_start(method: str, case: tuple[HuntCrossley, int]) -> bool:
 
 
 def _far(estimator: ContactEstimator, law: HuntCrossley, seed: int) -> bool:
-    motion = sines(20.0)
-    x, v = motion.penetration, motion.velocity
+    x, v = sines(20.0)
     f = law.force(x, v) + noise(np.random.default_rng(seed), len(x))
     (estimate,) = feed(estimator, x, v, f, [len(x)])
     return bool(np.any(np.abs(estimate.parameters / law.parameters - 1.0) > 0.05))
 
 
-def approaches(campaign: Campaign) -> list[Group]:
+def approaches(workers: Workers) -> list[Group]:
     """A one-way approach.
 
     Does the search find the global minimum where a probe only goes in?
     """
     lines = []
     for k, speed in enumerate(SPEEDS):
-        missed = sum(campaign.repeat(f"approaches, {speed}", partial(_missed, k)))
-        lines.append(Line(speed, (100.0 * missed / campaign.seeds,), (Limit(0.0),), (missed,)))
+        missed = sum(workers.repeat(f"approaches, {speed}", partial(_missed, k)))
+        lines.append(Line(speed, (100.0 * missed / workers.seeds,), (Limit(0.0),), (missed,)))
     definition = (
         "A probe goes in once, 2 to 15 mm in 0.2 to 3 s, with four speed profiles; n from 0.5 "
         "to 3, peak force 1 to 50 N, noise of 1e-4, 0.005 or 0.05 N. Missed means that the "
@@ -142,26 +141,23 @@ def _sum_of_squares(exponent: float, way: Floats, v: Floats, f: Floats) -> float
     power = way**exponent
     columns = np.column_stack([power, power * v, np.ones_like(way)])
     columns /= np.linalg.norm(columns, axis=0)
-    left, singular, _ = np.linalg.svd(columns, full_matrices=False)
-    left = left[:, singular > 1e-9 * singular[0]]
-    residual = f - left @ (left.T @ f)
+    residual = f - columns @ np.linalg.lstsq(columns, f, rcond=1e-9)[0]
     return float(residual @ residual)
 
 
-def contact_point(campaign: Campaign) -> list[Group]:
+def contact_point(workers: Workers) -> list[Group]:
     """An unknown surface.
 
     How accurate are K and the surface when the surface is known to ±2 mm only?
     """
-    lines, notes = [], [f"{campaign.seeds} seeds."]
+    lines, notes = [], [f"{workers.seeds} seeds."]
     for material, law in MATERIALS.items():
-        runs = campaign.repeat(material, partial(_surface_errors, material))
+        runs = workers.repeat(material, partial(_surface_errors, material))
         errors = np.array([error for error, _ in runs])
         flagged = sum(bool(flags) for _, flags in runs)
         if flagged:
             notes.append(f"{material}: {flagged} of {len(runs)} estimates carry a flag.")
-        motion = approach_and_probe(DURATION)
-        x, v = motion.penetration, motion.velocity
+        x, v = approach_and_probe(DURATION)
         bound = cramer_rao_bound(law, x, v, NOISE, offset=True, surface=True)
         bounds = (100.0 * bound[0] / law.stiffness, 1e6 * bound[-1])
         for i, (what, highest) in enumerate((("K, %", 1.5), ("surface, µm", 40.0))):
@@ -183,8 +179,7 @@ def contact_point(campaign: Campaign) -> list[Group]:
 def _surface_errors(material: str, seed: int) -> tuple[tuple[float, float], tuple[str, ...]]:
     """Return errors of K [%] and of the surface [µm], and the flags."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    motion = approach_and_probe(DURATION)
-    x, v = motion.penetration, motion.velocity
+    x, v = approach_and_probe(DURATION)
     shift = rng.uniform(-UNKNOWN, UNKNOWN)
     f = law.force(x, v) + noise(rng, len(x))
     estimator = VariableProjection(surface="estimate")
@@ -193,14 +188,14 @@ def _surface_errors(material: str, seed: int) -> tuple[tuple[float, float], tupl
     return (stiffness, 1e6 * (estimate.surface - shift)), estimate.flags
 
 
-def holding(campaign: Campaign) -> list[Group]:
+def holding(workers: Workers) -> list[Group]:
     """A held contact.
 
     Does the estimate drift while the probe holds still for 100 s?
     """
-    lines, notes = [], [f"{campaign.seeds} seeds."]
+    lines, notes = [], [f"{workers.seeds} seeds."]
     for material in MATERIALS:
-        runs = campaign.repeat(f"holding, {material}", partial(_changes, material))
+        runs = workers.repeat(f"holding, {material}", partial(_changes, material))
         hold = np.max([run[0] for run in runs], axis=0)
         after = np.max([run[1] for run in runs], axis=0)
         lines.append(Line(material, tuple(hold.tolist()), (Limit(1.0),), tuple(after.tolist())))
@@ -219,9 +214,8 @@ def holding(campaign: Campaign) -> list[Group]:
 def _changes(material: str, seed: int) -> tuple[Floats, Floats, tuple[str, ...]]:
     """Return the largest changes during and after the hold [%], and the flags of a held contact."""
     law, rng = MATERIALS[material], np.random.default_rng(seed)
-    motion = sines((BEFORE + AFTER) * 1e-3)
-    x = np.insert(motion.penetration, BEFORE, np.full(HOLD, DEPTH))
-    v = np.insert(motion.velocity, BEFORE, np.zeros(HOLD))
+    x, v = sines((BEFORE + AFTER) * 1e-3)
+    x, v = np.insert(x, BEFORE, np.full(HOLD, DEPTH)), np.insert(v, BEFORE, np.zeros(HOLD))
     f = law.force(x, v) + noise(rng, len(x))
     ends = range(BEFORE, len(x) + 1, LOOK)
     known = np.array([e.parameters for e in feed(VariableProjection(), x, v, f, ends)])

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import hilbert, lfilter
 
-from benchmarks.bank.trials import Fault, Trial, severities
+from benchmarks.bank.trials import Damage, Fault, Trial, severities
 from palpate.validation import Floats
 
 # ---- without memory
@@ -56,16 +56,15 @@ def exponential(t: Trial, part: float) -> None:
     t.respond(response)
 
 
-def constant_damper(t: Trial, part: float) -> None:
-    """A part of the damping does not depend on the depth."""
-    typical = t.law.damping_at(0.5 * t.deepest)
-    t.respond(lambda x, v: np.asarray(t.law.force(x, v) + part * typical * v))
+def damper(power: float) -> Damage:
+    """A part of the damping grows with a power of the depth."""
 
+    def damage(t: Trial, part: float) -> None:
+        middle = 0.5 * t.deepest
+        extra = part * t.law.damping_at(middle)
+        t.respond(lambda x, v: t.law.force(x, v) + extra * (x / middle) ** power * v)
 
-def root_damper(t: Trial, part: float) -> None:
-    """A part of the damping grows with the root of the depth."""
-    typical, middle = t.law.damping_at(0.5 * t.deepest), 0.5 * t.deepest
-    t.respond(lambda x, v: np.asarray(t.law.force(x, v) + part * typical * np.sqrt(x / middle) * v))
+    return damage
 
 
 def adhesion(t: Trial, part: float) -> None:
@@ -145,19 +144,14 @@ def healing(t: Trial, part: float) -> None:
     t.add(-part * t.spring * worked)
 
 
-def root_of_speed(t: Trial, part: float) -> None:
-    """A part of the damping goes with the root of the speed."""
-    _speed_power(t, part, 0.5)
+def power_of_speed(power: float) -> Damage:
+    """A part of the damping goes with a power of the speed."""
 
+    def damage(t: Trial, part: float) -> None:
+        ratio = np.maximum(np.abs(t.velocity) / t.speed, 1e-9) ** (power - 1.0)
+        t.add(part * (t.force - t.spring) * (ratio - 1.0))
 
-def faster_than_speed(t: Trial, part: float) -> None:
-    """A part of the damping goes with the power 1.5 of the speed."""
-    _speed_power(t, part, 1.5)
-
-
-def _speed_power(t: Trial, part: float, power: float) -> None:
-    ratio = np.maximum(np.abs(t.velocity) / t.speed, 1e-9) ** (power - 1.0)
-    t.add(part * (t.force - t.spring) * (ratio - 1.0))
+    return damage
 
 
 def structural(t: Trial, part: float) -> None:
@@ -166,38 +160,21 @@ def structural(t: Trial, part: float) -> None:
     t.add(-part * np.imag(hilbert(spring)) * t.touching)
 
 
-def _branches(t: Trial, part: float, *spectrum: tuple[float, float]) -> None:
+def branches(*spectrum: tuple[float, float]) -> Damage:
     """Relaxing branches beside the spring: their times, s, and shares of the part."""
-    extra = np.zeros(t.time.size)
-    for tau, share in spectrum:
-        keep = float(np.exp(-t.step / tau))
-        extra += share * lfilter([keep, -keep], [1.0, -keep], t.spring - t.spring[0])
-    t.add(part * extra)
+
+    def damage(t: Trial, part: float) -> None:
+        extra = np.zeros(t.time.size)
+        for tau, share in spectrum:
+            keep = float(np.exp(-t.step / tau))
+            extra += share * lfilter([keep, -keep], [1.0, -keep], t.spring - t.spring[0])
+        t.add(part * extra)
+
+    return damage
 
 
-def fast_relaxation(t: Trial, part: float) -> None:
-    """A branch of 20 ms."""
-    _branches(t, part, (0.02, 1.0))
-
-
-def slow_relaxation(t: Trial, part: float) -> None:
-    """A branch of 3 s."""
-    _branches(t, part, (3.0, 1.0))
-
-
-def two_relaxations(t: Trial, part: float) -> None:
-    """Branches of 50 ms and 1 s."""
-    _branches(t, part, (0.05, 0.5), (1.0, 0.5))
-
-
-def power_law(t: Trial, part: float) -> None:
-    """Branches from 10 ms to 10 s, all of one size."""
-    _branches(t, part, *((0.01 * 4.0**k, 1.0 / 6.0) for k in range(6)))
-
-
-def poroelastic(t: Trial, part: float) -> None:
-    """The modes of a diffusion."""
-    _branches(t, part, *((d, 0.8 * d) for d in (1.0 / (2.0 * k + 1.0) ** 2 for k in range(5))))
+POWER_LAW = branches(*((0.01 * 4.0**k, 1.0 / 6.0) for k in range(6)))  # from 10 ms to 10 s
+DIFFUSION = branches(*((d, 0.8 * d) for d in (1.0 / (2.0 * k + 1.0) ** 2 for k in range(5))))
 
 
 # ---- what the diagnosis looks for
@@ -215,12 +192,7 @@ def softening(t: Trial, part: float) -> None:
 
 def relaxation(t: Trial, part: float, tau: float = 0.1) -> None:
     """A branch of one time, s."""
-    _branches(t, part, (tau, 1.0))
-
-
-def long_relaxation(t: Trial, part: float) -> None:
-    """A branch of 1 s."""
-    relaxation(t, part, 1.0)
+    branches((tau, 1.0))(t, part)
 
 
 def friction(t: Trial, part: float) -> None:
@@ -258,7 +230,7 @@ KNOWN_MATERIAL_FAULTS: list[Fault] = [
     *severities("change", change, 0.05, 0.1, 0.3, 1.0, names=("gain drift", "change")),
     *severities("gain drift", softening, 0.05, 0.15, 0.4, names=("gain drift", "change")),
     *severities("memory, 0.1 s", relaxation, 0.1, 0.5, names=("memory",)),
-    *severities("memory, 1 s", long_relaxation, 0.1, 0.5, names=("memory",)),
+    *severities("memory, 1 s", branches((1.0, 1.0)), 0.1, 0.5, names=("memory",)),
     *severities("friction", friction, 0.02, 0.05, 0.15, names=("friction",)),
     Fault("damping form", "n − 1", half_space_damper, names=_FORM),
     Fault("another law", "extended Kelvin–Voigt", two_springs, names=_FORM),
@@ -271,8 +243,8 @@ MATERIAL_FAULTS: list[Fault] = [
     *severities("second layer", second_layer, 0.2, 1.0),
     *severities("thin sample", thin_sample, 0.2, 0.6),
     *severities("exponential law", exponential, 1.0, 3.0),
-    *severities("constant damper", constant_damper, 0.3, 1.0),
-    *severities("damper of √x", root_damper, 0.3, 1.0),
+    *severities("constant damper", damper(0.0), 0.3, 1.0),
+    *severities("damper of √x", damper(0.5), 0.3, 1.0),
     *severities("adhesion", adhesion, 0.03, 0.1),
     *severities("liquid neck", neck, 0.03, 0.1),
     *severities("pull on withdrawal", sticky, 0.01, 0.04),
@@ -282,12 +254,12 @@ MATERIAL_FAULTS: list[Fault] = [
     *severities("another place", another_place, 0.03, 0.1),
     *severities("Mullins", mullins, 0.1, 0.3),
     *severities("softens under work", healing, 0.1, 0.3),
-    *severities("damping ∝ √v", root_of_speed, 0.5, 1.0),
-    *severities("damping ∝ v^1.5", faster_than_speed, 0.5, 1.0),
+    *severities("damping ∝ √v", power_of_speed(0.5), 0.5, 1.0),
+    *severities("damping ∝ v^1.5", power_of_speed(1.5), 0.5, 1.0),
     *severities("structural damping", structural, 0.03, 0.1),
-    *severities("relaxation, 20 ms", fast_relaxation, 0.1, 0.4),
-    *severities("relaxation, 3 s", slow_relaxation, 0.1, 0.4),
-    *severities("relaxation, two times", two_relaxations, 0.1, 0.4),
-    *severities("power-law relaxation", power_law, 0.15, 0.5),
-    *severities("poroelastic relaxation", poroelastic, 0.1, 0.4),
+    *severities("relaxation, 20 ms", branches((0.02, 1.0)), 0.1, 0.4),
+    *severities("relaxation, 3 s", branches((3.0, 1.0)), 0.1, 0.4),
+    *severities("relaxation, two times", branches((0.05, 0.5), (1.0, 0.5)), 0.1, 0.4),
+    *severities("power-law relaxation", POWER_LAW, 0.15, 0.5),
+    *severities("poroelastic relaxation", DIFFUSION, 0.1, 0.4),
 ]

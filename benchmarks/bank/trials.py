@@ -8,14 +8,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d, uniform_filter1d
-from scipy.optimize import least_squares
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import butter, lfilter, sosfilt
 
 from palpate import Contact, HuntCrossley, prepare
 from palpate.validation import Floats
 
 Response = Callable[[Floats, Floats], Floats]
+Damage = Callable[["Trial", float], None]
 Truth = Callable[[float], tuple[float, float]]
 FINE = 2000.0  # Hz at least: the faults act on this grid, before the sensors take samples of it
 MOST = 8000  # samples of a recording
@@ -40,7 +40,6 @@ class Trial:
         Samples per second of the recording.
     noise : float
         Standard deviation of the force's noise, N.
-    motion : str
     truth : callable
         Stiffness and damping at a depth.
     recorded_velocity : numpy.ndarray, optional
@@ -59,7 +58,6 @@ class Trial:
     random: np.random.Generator
     rate: float
     noise: float
-    motion: str
     position: Floats = field(init=False)
     truth: Truth = field(init=False)
     recorded_velocity: Floats | None = None
@@ -163,30 +161,6 @@ class Trial:
 
         self.truth, self.described = truth, False
 
-    def shows(self) -> float:
-        """How far the fault is from every law: its residual over the noise, √Σ(r/σ)².
-
-        The law fits the samples without noise, with free K, B, n, offset and surface. No test can
-        see what is below 4 or so; one that knows the fault's shape sees the rest.
-        """
-        every = self.every
-        smooth = uniform_filter1d(self.position, max(1, round(4e-3 / self.step)))
-        x = self.position[::every]
-        v = np.gradient(smooth, self.time)[::every] / self.speed
-        force = self.force[::every] / self.peak
-        size = self.deepest
-
-        def residual(guess: Floats) -> Floats:
-            k, c, n, offset, surface = guess
-            inside = x / size - surface
-            power = np.where(inside > 0.0, np.maximum(inside, 1e-9) ** n, 0.0)
-            return np.asarray(power * (k + c * v) + offset - force)
-
-        k, b, n = self.law.parameters
-        start = [1.0, b / k * self.speed, n, 0.0, 0.0]
-        left = 2.0 * least_squares(residual, start, x_scale=[1.0, 0.1, 1.0, 0.1, 0.1]).cost
-        return float(np.sqrt(left)) * self.peak / self.noise
-
     def sample(self, noise: Floats | None = None, fine: float | None = None) -> None:
         """Take samples of the fine grid, with noise on force and position (``fine``, m)."""
         every = self.every
@@ -242,7 +216,7 @@ class Fault:
 
 def severities(
     kind: str,
-    damage: Callable[[Trial, float], None],
+    damage: Damage,
     *sizes: float,
     unit: str = "%",
     sampled: bool = False,
@@ -305,10 +279,10 @@ def ideal(seed: int) -> Trial:
     parts = random.uniform([0.15, 0.1, 0.05], [0.3, 0.25, 0.15]) * depth
     phases = random.uniform(0.0, 2.0 * np.pi, 3)
     waves = np.sin(np.outer(time, frequencies) + phases) @ parts
-    x = -3e-3 + _rise((time - 0.5) / 0.8) * (depth + 3e-3 + waves)
+    x = -3e-3 + rise((time - 0.5) / 0.8) * (depth + 3e-3 + waves)
     v = np.gradient(x, time)
     force = np.where(x > 0.0, law.force(np.maximum(x, 0.0), v), 0.0)
-    return Trial(time, x, v, force, law, random, 1e3, 0.05, "three sines", least=1e-3)
+    return Trial(time, x, v, force, law, random, 1e3, 0.05, least=1e-3)
 
 
 def generator(seed: int, key: str) -> np.random.Generator:
@@ -359,10 +333,10 @@ def pressed(
     stiffness = peak / x.max() ** exponent
     law = HuntCrossley(stiffness, stiffness * lag * exponent / depth, exponent)
     force = np.where(inside, law.force(np.maximum(x, 0.0), v), 0.0)
-    return Trial(time, x, v, force, law, random, rate, noise * peak, motion)
+    return Trial(time, x, v, force, law, random, rate, noise * peak)
 
 
-def _rise(part: Floats) -> Floats:
+def rise(part: Floats) -> Floats:
     """From 0 to 1 with the least jerk."""
     u = np.clip(part, 0.0, 1.0)
     smooth: Floats = u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
@@ -386,7 +360,7 @@ def _press(time: Floats, seconds: float, faster: float, random: np.random.Genera
     start, turn, end = seconds * np.sort(random.uniform([0.05, 0.45, 0.9], [0.15, 0.6, 0.98]))
     above = random.uniform(0.1, 0.4)
     into, out = (time - start) / (turn - start), (time - turn) / (end - turn)
-    return -above + (1.0 + above) * (_rise(into) - _rise(out))
+    return -above + (1.0 + above) * (rise(into) - rise(out))
 
 
 def _ramps(time: Floats, seconds: float, faster: float, random: np.random.Generator) -> Floats:
@@ -407,7 +381,7 @@ def _holds(time: Floats, seconds: float, faster: float, random: np.random.Genera
     phase, above = time % period / period, 0.2
     depths = random.uniform(0.6, 1.0, int(np.ceil(seconds / period)) + 1)
     size = depths[(time // period).astype(int)]
-    wave = (size + above) * (_rise((phase - 0.05) / 0.25) - _rise((phase - 0.6) / 0.25)) - above
+    wave = (size + above) * (rise((phase - 0.05) / 0.25) - rise((phase - 0.6) / 0.25)) - above
     return np.asarray(wave / max(wave.max(), 0.3))
 
 
@@ -433,9 +407,9 @@ def _about(
 ) -> Floats:
     """Move about a depth, after an approach, which two of three recordings have."""
     last = min(1.0, 0.2 * seconds)
-    rise = _rise((time - 0.3 * last) / last) if random.random() < 0.67 else np.ones(time.size)
+    near = rise((time - 0.3 * last) / last) if random.random() < 0.67 else np.ones(time.size)
     x = (1.0 + size * waves) / (1.0 + size)
-    return -0.2 + rise * (0.2 + x)
+    return -0.2 + near * (0.2 + x)
 
 
 MOTIONS: dict[str, Callable[[Floats, float, float, np.random.Generator], Floats]] = {

@@ -1,7 +1,6 @@
 """The probed materials and motions: the laboratory's, followed exactly."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -32,36 +31,29 @@ THREE_SINES, ONE_SINE = lab.THREE_SINES.motion, lab.ONE_SINE.motion
 MEAN_DEPTH = THREE_SINES.depth
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Sampled:
-    """The true time [s], penetration [m] and velocity [m/s] of the probe."""
-
-    time: Floats
-    penetration: Floats
-    velocity: Floats
-
-
 @lru_cache(maxsize=8)
-def sines(duration: float, motion: Motion = THREE_SINES, start: float = 0.0) -> Sampled:
-    """A motion in the material, at 1 kHz from ``start`` [s] on."""
-    t = start + _clock(duration)
-    return Sampled(t, *motion.at(t))
+def sines(
+    duration: float, motion: Motion = THREE_SINES, start: float = 0.0
+) -> tuple[Floats, Floats]:
+    """True penetration [m] and velocity [m/s] of a motion, at 1 kHz from ``start`` [s] on."""
+    return motion.at(start + clock(duration))
 
 
 @lru_cache(maxsize=2)
-def approach_and_probe(duration: float, free: float = 3e-3) -> Sampled:
-    """A second from ``free`` [m] above the surface to the mean depth, then the three sines.
+def approach_and_probe(duration: float) -> tuple[Floats, Floats]:
+    """A second from 3 mm above the surface to the mean depth, then the three sines.
 
     The lab's own approach begins 0.5 mm above it, less than the uncertainty of the surface here.
     """
-    t = _clock(duration)
+    t = clock(duration)
     ramp = np.clip(t, 0.0, 1.0)
+    free = 3e-3  # m
     travel = MEAN_DEPTH + free
     on = np.where(t >= 1.0, 1.0, 0.0)
     x = -free + travel * ramp**2 * (3.0 - 2.0 * ramp)
     v = travel * 6.0 * ramp * (1.0 - ramp)
     moved, speed = waves(t - 1.0, 0.0, THREE_SINES.amplitudes, THREE_SINES.frequencies)
-    return Sampled(t, x + on * moved, v + on * speed)
+    return x + on * moved, v + on * speed
 
 
 def waves(
@@ -82,9 +74,10 @@ def taps(t: Floats) -> tuple[Floats, Floats]:
     return waves(t, -3e-3, (12e-3, 1.5e-3), (8.2, 1.7))
 
 
-def _clock(duration: float) -> Floats:
-    clock: Floats = np.arange(round(duration / SAMPLE_TIME), dtype=np.float64) * SAMPLE_TIME
-    return clock
+def clock(duration: float) -> Floats:
+    """Times of samples at 1 kHz, s."""
+    times: Floats = np.arange(round(duration / SAMPLE_TIME), dtype=np.float64) * SAMPLE_TIME
+    return times
 
 
 def noise(rng: np.random.Generator, samples: int) -> Floats:
@@ -100,6 +93,21 @@ def autoregressive(white: Floats, pole: float) -> Floats:
 def switched(before: HuntCrossley, after: HuntCrossley, x: Floats, v: Floats, at: int) -> Floats:
     """Force without noise of a material that is another from sample ``at`` on."""
     return np.where(np.arange(len(x)) < at, before.force(x, v), after.force(x, v))
+
+
+def change_material(
+    rng: np.random.Generator, before: HuntCrossley, after: HuntCrossley, last: int, look: int
+) -> tuple[int, Floats, Floats, Floats]:
+    """Change a material at random from sample 5000 to ``last``.
+
+    Returns
+    -------
+    tuple
+        The sample of the change, and x, v and the force without noise until ``look`` samples later.
+    """
+    at = int(rng.integers(5000, last))
+    x, v = (signal[: at + look] for signal in sines(SAMPLE_TIME * (last + look)))
+    return at, x, v, switched(before, after, x, v, at)
 
 
 def feed(

@@ -16,8 +16,7 @@ from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
 LEAD = 2.0  # s before the window of the notes, because a material may have memory
-# A pause between segments, s, that resets the branches.
-PAUSE = 0.5
+PAUSE = 0.5  # s, the longest within a segment, or 20 samples
 EXPONENTS = (0.3, 3.6)  # the default range of VariableProjection
 STARTS = (0.5, 1.2, 2.0, 3.0)
 
@@ -36,30 +35,8 @@ def with_notes() -> list[Path]:
     return found
 
 
-@dataclass(frozen=True)
-class Recorded:
-    """A recording, used as its notes specify."""
-
-    steps: Floats  # s; 0 at the first sample
-    penetration: Floats
-    velocity: Floats
-    force: Floats
-    good: NDArray[np.bool_]  # within the window of the notes
-
-    @property
-    def sample_time(self) -> float:
-        """The median time step, s."""
-        return float(np.median(self.steps[self.steps > 0.0]))
-
-    @property
-    def breaks(self) -> NDArray[np.bool_]:
-        """Return the samples that do not directly follow the one before."""
-        long = max(20.0 * self.sample_time, PAUSE)
-        return np.asarray((self.steps <= 0.0) | (self.steps > long))
-
-
-def read(path: Path) -> Recorded:
-    """Read a recording and its notes."""
+def read(path: Path) -> tuple[Contact, NDArray[np.intp]]:
+    """Return the part of a recording that its notes name, and its contact samples by the notes."""
     notes = json.loads(path.with_suffix(".json").read_text())
     fit = notes["fit"]
     contact = prepare(path)
@@ -76,7 +53,12 @@ def read(path: Path) -> Recorded:
     known &= (contact.time >= start - LEAD) & (contact.time <= stop)
     time, x, v, force = (channel[known] for channel in channels)
     good = (x > fit["x_min"]) & (force > fit["F_min"]) & (time >= start) & masked[known]
-    return Recorded(np.diff(time, prepend=time[:1]), x, v, force, good)
+    steps = np.diff(time, prepend=time[:1])
+    usual = float(np.median(steps[steps > 0.0]))
+    segment = np.cumsum((steps <= 0.0) | (steps > max(20.0 * usual, PAUSE)))
+    time = np.cumsum(np.where(steps > 0.0, steps, usual))
+    part = Contact(time, penetration=x, velocity=v, force=force, segment=segment)
+    return part, np.flatnonzero(good)
 
 
 def differentiated(contact: Contact, windows: float | dict[str, float]) -> Floats:

@@ -2,24 +2,22 @@
 
 import datetime
 import importlib.metadata
-import json
 import os
 import platform
 import shlex
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cyclopts import App, Parameter
 from rich.console import Console
-from rich.table import Table as TerminalTable
-from rich.text import Text
+from rich.markdown import Markdown
 
 from palpate.writing import write_text
 
 Value = float | str
-Cell = tuple[str, bool]  # its text, and whether it is beyond its limit
+Cells = list[str]  # of a row; a value beyond its limit is bold
 LEFT = {"", "figure", "to", "limit", "within"}  # headings of columns of text
 PACKAGES = (
     *("palpate", "numpy", "nanobind", "padasip", "filterpy", "statsmodels", "mcap", "rosbags"),
@@ -70,15 +68,13 @@ class Row:
             return None
         return self.limit.holds(self.value if self.ratio is None else self.ratio)
 
-    def cells(self) -> list[Cell]:
+    def cells(self) -> Cells:
         """Return the row of a table."""
         ratio = "" if self.ratio is None else f"{self.ratio:.{2 if self.ratio < 100.0 else 0}f}"
         limit = "" if self.limit is None else str(self.limit)
-        within = {None: "", True: "yes", False: "NO"}[self.within]
-        texts = (self.name, f"{_significant(self.value)} {self.unit}".strip(), ratio)
-        return [(text, False) for text in (*texts, self.reference, limit)] + [
-            (within, self.within is False)
-        ]
+        within = {None: "", True: "yes", False: "**NO**"}[self.within]
+        measured = f"{_significant(self.value)} {self.unit}".strip()
+        return [self.name, measured, ratio, self.reference, limit, within]
 
 
 @dataclass(frozen=True)
@@ -88,7 +84,7 @@ class Section:
     title: str
     rows: Sequence[Row]
     notes: Sequence[str] = ()
-    definition: str = ""
+    definition = ""
     headings = ("", "measured", "ratio", "to", "limit", "within")
 
 
@@ -165,14 +161,15 @@ class Group:
     def _limited(self) -> bool:
         return any(line.within is not None for line in self.rows)
 
-    def cells(self, line: Line) -> list[Cell]:
+    def cells(self, line: Line) -> Cells:
         """Return the row of a table."""
-        limit, within = line.limit, {None: "–", True: "yes", False: "no"}[line.within]
-        ours = [(self._show(value), not line.holds(i)) for i, value in enumerate(line.ours)]
-        beside = [(self._show(value), False) for value in line.beside]
+        ours = [self._show(value) for value in line.ours]
+        ours = [text if line.holds(i) else f"**{text}**" for i, text in enumerate(ours)]
+        beside = [self._show(value) for value in line.beside]
         if not self._limited:
-            return [(line.figure, False), *ours, *beside]
-        return [(line.figure, False), (limit, False), *ours, (within, False), *beside]
+            return [line.figure, *ours, *beside]
+        within = {None: "–", True: "yes", False: "no"}[line.within]
+        return [line.figure, line.limit, *ours, within, *beside]
 
     def _show(self, value: Value) -> str:
         if isinstance(value, str):
@@ -186,12 +183,6 @@ Table = Section | Group
 Facts = dict[str, str]
 
 
-def _cells(table: Table) -> list[list[Cell]]:
-    if isinstance(table, Group):
-        return [table.cells(line) for line in table.rows]
-    return [row.cells() for row in table.rows]
-
-
 def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[object]]) -> list[str]:
     """Return the lines of a table; the first column and those of text are on the left."""
     marks = ["---" if k == 0 or name in LEFT else "--:" for k, name in enumerate(headings)]
@@ -200,35 +191,17 @@ def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[object]]) ->
 
 
 def markdown(tables: Sequence[Table]) -> list[str]:
-    """Return the lines of all tables; a value beyond its limit is bold."""
+    """Return the lines of all tables."""
     lines = []
     for table in tables:
-        rows = [
-            [f"**{text}**" if beyond else text for text, beyond in row] for row in _cells(table)
-        ]
+        if isinstance(table, Group):
+            rows = [table.cells(line) for line in table.rows]
+        else:
+            rows = [row.cells() for row in table.rows]
         definition = [table.definition, ""] if table.definition else []
         lines += [f"## {table.title}", "", *definition, *markdown_table(table.headings, rows), ""]
         lines += [part for note in table.notes for part in (note, "")]
     return lines
-
-
-def print_table(table: Table) -> None:
-    """Print a table; a value beyond its limit is red."""
-    shown = TerminalTable(title=Text(table.title, style="bold"), title_justify="left")
-    for k, heading in enumerate(table.headings):
-        side = "left" if k == 0 or heading in LEFT else "right"
-        shown.add_column(heading, justify=side)  # type: ignore[arg-type]
-    for row in _cells(table):
-        shown.add_row(*(Text(text, style="bold red" if beyond else "") for text, beyond in row))
-    console().print(shown)
-    for text in (table.definition, *table.notes):
-        console().print(Text(text.replace("`", ""), style="dim"), soft_wrap=True)
-
-
-def console() -> Console:
-    """Return the console for tables; wide enough for all columns if it is not a terminal."""
-    there = Console(highlight=False)
-    return there if there.is_terminal else Console(highlight=False, width=150)
 
 
 def verdict(tables: Sequence[Table]) -> str:
@@ -245,28 +218,25 @@ def publish(
     title: str = "",
     path: Path | None = None,
     question: str = "",
-) -> None:
-    """Print all tables, and write a page of them if there is a path for it."""
-    for table in tables:
-        print_table(table)
-    console().print(verdict(tables), *_facts(facts), sep="\n", soft_wrap=True)
-    write_page(title, tables, facts, path, question)
-
-
-def write_page(
-    title: str,
-    tables: Sequence[Table],
-    facts: Facts,
-    path: Path | None,
-    question: str = "",
     command: str = "",
 ) -> None:
-    """Write a page: the command that wrote it, a title, a question, the tables, the machine."""
+    """Print all tables and the machine, and write a page of them if there is a path for it."""
+    lines = [*markdown(tables), f"**{verdict(tables)}.**", "", *list_facts(facts)]
+    show([question, "", *lines] if question else lines, title, path, command)
+
+
+def show(
+    lines: Sequence[str], title: str = "", path: Path | None = None, command: str = ""
+) -> None:
+    """Print Markdown; with a path write a page: the command that wrote it, a title, the lines."""
+    console, text = Console(highlight=False), "\n".join(lines)
+    if console.is_terminal:
+        console.print(Markdown(text))
+    else:
+        print(text)
     if path is not None:
-        asked = [question, ""] if question else []
-        head = [f"<!-- Written by {command or command_line()} -->", "", f"# {title}", "", *asked]
-        foot = [f"**{verdict(tables)}.**", "", *_facts(facts), ""]
-        write_text(path, "\n".join([*head, *markdown(tables), *foot]))
+        head = f"<!-- Written by {command or command_line()} -->\n\n# {title}\n\n"
+        write_text(path, f"{head}{text}\n")
 
 
 def command_line() -> str:
@@ -274,17 +244,6 @@ def command_line() -> str:
     spec = sys.modules["__main__"].__spec__
     module = "" if spec is None else spec.name.removesuffix(".__main__")
     return shlex.join(["python", "-m", module, *sys.argv[1:]])
-
-
-def write_json(path: Path | None, tables: Sequence[Table], facts: Facts) -> None:
-    """Write all numbers, if there is a path for them."""
-    if path is not None:
-        content = [
-            {**asdict(table), "rows": [{**asdict(row), "within": row.within} for row in table.rows]}
-            for table in tables
-        ]
-        whole = {"machine": facts, "tables": content}
-        write_text(path, json.dumps(whole, ensure_ascii=False, indent=1, default=float) + "\n")
 
 
 def run_command(main: Callable[..., None]) -> None:
@@ -314,12 +273,8 @@ def describe_machine(compiler: str = "", **more: object) -> Facts:
     return {name: value for name, value in facts.items() if value}
 
 
-def print_facts(facts: Facts) -> None:
-    """Print the machine of a measurement."""
-    print("\n".join(_facts(facts)))
-
-
-def _facts(facts: Facts) -> list[str]:
+def list_facts(facts: Facts) -> list[str]:
+    """Return the lines of a list of facts."""
     return [f"- {name}: {value}" for name, value in facts.items()]
 
 

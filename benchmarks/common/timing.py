@@ -5,21 +5,17 @@ Every case is timed once a round, so that a slow second affects all of them.
 
 import gc
 import importlib.util
-import resource
 import subprocess
 import sys
 import tracemalloc
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from time import perf_counter
-from typing import Any
+from time import perf_counter, thread_time
+from typing import Any, TypeVar
 
 import numpy as np
-from rich.console import Console
-from rich.progress import Progress
 
 from benchmarks.common.report import Limit, Row, Section
 from palpate import ContactEstimator, lab
@@ -29,74 +25,49 @@ from palpate.validation import Floats
 Case = Callable[[], float]
 Samples = list[tuple[float, float, float]]
 Update = Callable[[float, float, float], Any]
+Result = TypeVar("Result")
 PERIOD = 5000  # samples
 BLOCK = 65_536
 CALLS = 100_000  # in which allocations are counted
-STATUS = Path("/proc/self/status")
 NATIVE = Path(__file__).parents[1] / "native"
 BUILD = NATIVE.parents[1] / "build" / "benchmarks"
 
 
-@dataclass(frozen=True)
-class Effort:
-    """The size of each measurement."""
-
-    call_rounds: int = 80
-    replay_rounds: int = 30
-    peer_rounds: int = 12
-    start_rounds: int = 15
-    replay_samples: int = 100_000
-    memory_minutes: tuple[int, int] = (15, 60)
-
-    @classmethod
-    def quick(cls) -> "Effort":
-        """Short runs that show the order of magnitude."""
-        return cls(8, 4, 2, 3, 20_000, (1, 4))
+def time_rounds(title: str, cases: Mapping[str, Case], rounds: int) -> dict[str, list[float]]:
+    """Return the seconds an item of each case, for each round; a round runs every case once."""
+    print(f"{title} …", file=sys.stderr)
+    times: dict[str, list[float]] = {name: [] for name in cases}
+    for _ in range(rounds):
+        for name, case in cases.items():
+            gc.collect()
+            gc.disable()  # as timeit does, for all cases
+            try:
+                times[name].append(case())
+            finally:
+                gc.enable()
+    return times
 
 
-class Clock:
-    """Runs cases in rounds, and shows its progress on standard error."""
+def best_times(title: str, cases: Mapping[str, Case], rounds: int) -> dict[str, float]:
+    """Return the shortest of the rounds, because other processes only ever add time.
 
-    def __init__(self, progress: Progress) -> None:
-        self._progress = progress
-
-    def rounds(self, title: str, cases: Mapping[str, Case], rounds: int) -> dict[str, list[float]]:
-        """Return the seconds an item of each case, for each round."""
-        times: dict[str, list[float]] = {name: [] for name in cases}
-        task = self._progress.add_task(title, total=rounds)
-        for _ in range(rounds):
-            for name, case in cases.items():
-                gc.collect()
-                gc.disable()  # as timeit does, for all cases
-                try:
-                    times[name].append(case())
-                finally:
-                    gc.enable()
-            self._progress.advance(task)
-            self._progress.refresh()
-        return times
-
-    def best(
-        self, title: str, cases: Mapping[str, Case], rounds: int, *, passes: int = 2
-    ) -> dict[str, float]:
-        """Return the shortest of the rounds, because other processes only ever add time.
-
-        A case runs ``passes`` times in its turn, because the one before left the caches cold.
-        """
-        warm = {name: _least(case, passes) for name, case in cases.items()}
-        return {name: min(times) for name, times in self.rounds(title, warm, rounds).items()}
+    A case runs twice in its turn, because the one before left the caches cold.
+    """
+    warm: dict[str, Case] = {
+        name: lambda case=case: min(case(), case())  # type: ignore[misc]
+        for name, case in cases.items()
+    }
+    return {name: min(times) for name, times in time_rounds(title, warm, rounds).items()}
 
 
-def _least(case: Case, passes: int) -> Case:
-    return lambda: min(case() for _ in range(passes))
-
-
-@contextmanager
-def clock() -> Iterator[Clock]:
-    """Open a clock; it draws nothing while a case runs."""
-    console = Console(stderr=True)
-    with Progress(console=console, auto_refresh=False, transient=True) as progress:
-        yield Clock(progress)
+def least_seconds(work: Callable[[], Result]) -> tuple[float, Result]:
+    """Return the least time of this thread on its processor for some work, and what it gave."""
+    best = np.inf
+    for _ in range(7):
+        start = thread_time()
+        result = work()
+        best = min(best, thread_time() - start)
+    return float(best), result
 
 
 def contact_arrays(samples: int) -> tuple[Floats, Floats, Floats]:
@@ -133,6 +104,14 @@ def seconds_per_call(update: Update, samples: Samples) -> float:
     return (perf_counter() - start) / len(samples)
 
 
+def seconds_per_row(update: Callable[..., Any], rows: Sequence[Any]) -> float:
+    """Call it with every row, however many numbers it has."""
+    start = perf_counter()
+    for row in rows:
+        update(*row)
+    return (perf_counter() - start) / len(rows)
+
+
 def seconds_per_update(estimator: ContactEstimator, samples: Samples) -> float:
     """Update a new estimate with every sample."""
     estimator.reset()
@@ -140,12 +119,9 @@ def seconds_per_update(estimator: ContactEstimator, samples: Samples) -> float:
 
 
 def resident(entry: str) -> int:
-    """Resident memory, bytes: now ("VmRSS") or at most so far ("VmHWM")."""
-    if not STATUS.exists():
-        unit = 1 if sys.platform == "darwin" else 1024
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-    # On Linux ru_maxrss survives exec, and would show the parent's peak.
-    (line,) = (line for line in STATUS.read_text().splitlines() if line.startswith(entry))
+    """Resident memory of this process, bytes: now ("VmRSS") or at most so far ("VmHWM")."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    (line,) = (line for line in lines if line.startswith(entry))
     return 1024 * int(line.split()[1])
 
 
@@ -159,10 +135,8 @@ def count_allocations(kinds: Sequence[type[ContactEstimator]]) -> Section:
         update(*contact[0])
         passing, kept = 0, 0
         for samples in (contact, free):
-            # Minus what the counting itself allocates, a number or two.
-            own = passing_bytes(_nothing, samples), kept_blocks(_nothing, samples)
-            passing = max(passing, passing_bytes(update, samples) - own[0])
-            kept = max(kept, kept_blocks(update, samples) - own[1])
+            passing = max(passing, allocated(passing_bytes, update, samples))
+            kept = max(kept, allocated(kept_blocks, update, samples))
         name = f"{kind.__name__}.update"
         rows.append(Row(f"{name}: passing", passing, "bytes", limit=Limit(0)))
         rows.append(Row(f"{name}: kept", kept, "blocks", limit=Limit(0)))
@@ -195,12 +169,13 @@ def kept_blocks(update: Callable[..., Any], samples: Sequence[Any]) -> int:
     return sys.getallocatedblocks() - before
 
 
-def _nothing(penetration: float, velocity: float, force: float) -> None:
-    pass
+def allocated(count: Callable[..., int], update: Callable[..., Any], rows: Sequence[Any]) -> int:
+    """Return what the calls allocate, minus what the counting does, a number or two."""
+    return count(update, rows) - count(_nothing, rows)
 
 
-class BuildError(Exception):
-    """The native programs could not be built, for the reason in the message."""
+def _nothing(x: object, v: object, force: object, time: object = None) -> None:
+    """Take a row of three or four without a tuple, which would count."""
 
 
 @dataclass(frozen=True)
@@ -215,49 +190,25 @@ class NativePrograms:
 
 @cache
 def native_programs() -> NativePrograms:
-    """Configure and build with CMake, optimised as the extension is.
+    """Configure and build with CMake, optimised as the extension is."""
+    import nanobind  # of the extra develop, which the tests of curves do without
 
-    Raises
-    ------
-    BuildError
-        There is no CMake, compiler or nanobind, or the build failed.
-    """
-    nanobind = _output([sys.executable, "-m", "nanobind", "--cmake_dir"])
     settings = {
         "CMAKE_BUILD_TYPE": "Release",
-        "nanobind_DIR": nanobind,
+        "nanobind_DIR": nanobind.cmake_dir(),
         "Python_EXECUTABLE": sys.executable,
     }
     given = [f"-D{name}={value}" for name, value in settings.items()]
-    _output(["cmake", "-S", str(NATIVE), "-B", str(BUILD), *given])
-    _output(["cmake", "--build", str(BUILD), "--config", "Release"])
-    modules = sorted(BUILD.glob("empty_method*.so")) + sorted(BUILD.glob("empty_method*.pyd"))
-    if not modules:
-        raise BuildError("the build made no empty_method module")
-    spec = importlib.util.spec_from_file_location("empty_method", modules[0])
-    if spec is None or spec.loader is None:
-        raise BuildError(f"{modules[0].name} cannot be imported")
+    for command in (
+        ["cmake", "-S", str(NATIVE), "-B", str(BUILD), *given],
+        ["cmake", "--build", str(BUILD), "--config", "Release"],
+    ):
+        subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+    (module,) = [*BUILD.glob("empty_method*.so"), *BUILD.glob("empty_method*.pyd")]
+    spec = importlib.util.spec_from_file_location("empty_method", module)
+    assert spec is not None
+    assert spec.loader is not None
     method = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(method)
     compiler = (BUILD / "compiler.txt").read_text().strip()
     return NativePrograms(BUILD / "replay", BUILD / "preparation", method, compiler)
-
-
-def compiler() -> str:
-    """Return the compiler of the native programs, or why there are none."""
-    try:
-        return native_programs().compiler
-    except BuildError as error:
-        print(f"without the C++ program: {error}", file=sys.stderr)
-        return f"none ({error})"
-
-
-def _output(command: list[str]) -> str:
-    try:
-        done = subprocess.run(command, capture_output=True, text=True, check=True)
-    except FileNotFoundError:
-        raise BuildError(f"{command[0]} is not installed") from None
-    except subprocess.CalledProcessError as error:
-        last = (error.stderr or error.stdout).strip().splitlines()[-1:]
-        raise BuildError(f"{' '.join(command[:3])} failed: {' '.join(last)}") from None
-    return done.stdout.strip()

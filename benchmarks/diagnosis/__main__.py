@@ -1,16 +1,15 @@
 """``python -m benchmarks.diagnosis``: undetected errors, their causes, and real recordings."""
 
 import json
-import os
+import operator
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 
-from benchmarks.common.report import command_line, describe_machine, run_command
+from benchmarks.common.report import describe_machine, run_command, show
+from benchmarks.common.workers import Workers
 from benchmarks.diagnosis.marks import Jobs, Row, recordings_of
 from benchmarks.diagnosis.tables import TITLE, page
-from palpate.writing import check_writable, write_text
+from palpate.writing import check_writable
 
 BANKS = ("known", "good", "hard", "clean")
 
@@ -48,7 +47,6 @@ def main(
     markdown
         Write the page to this file, such as ``docs/validation/diagnosis.md``.
     """
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if markdown is not None:
         check_writable(markdown)
     store.parent.mkdir(parents=True, exist_ok=True)
@@ -59,10 +57,8 @@ def main(
     for bank in names:
         jobs |= recordings_of(bank, range(first, first + seeds), range(first, first + robot_seeds))
     facts = describe_machine(seeds=seeds)
-    text = page(done(store, jobs, workers), facts)
-    print(text)
-    if markdown is not None:
-        write_text(markdown, f"<!-- Written by {command_line()} -->\n\n# {TITLE}\n\n{text}")
+    rows = done(store, jobs, workers)
+    show(page(rows, facts), TITLE, markdown)
 
 
 def done(store: Path, jobs: Jobs, workers: int) -> list[Row]:
@@ -71,19 +67,12 @@ def done(store: Path, jobs: Jobs, workers: int) -> list[Row]:
     if store.is_file():
         lines = (json.loads(line) for line in store.read_text().splitlines())
         known = {line["key"]: line["rows"] for line in lines}
-    todo = [key for key in jobs if key not in known]
-    with (
-        ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool,
-        store.open("a") as file,
-    ):
-        futures = {pool.submit(jobs[key][0], jobs[key][1]): key for key in todo}
-        for count, future in enumerate(as_completed(futures)):
-            key = futures[future]
-            known[key] = future.result()
-            file.write(json.dumps({"key": key, "rows": known[key]}) + "\n")
-            file.flush()
-            if count % 200 == 0:
-                print(f"{count} of {len(todo)}", file=sys.stderr)
+    todo = {key: job for key, job in jobs.items() if key not in known}
+    results = Workers(workers).each("recordings", operator.call, list(todo.values()))
+    with store.open("a") as file:
+        for key, rows in zip(todo, results, strict=True):
+            known[key] = rows
+            print(json.dumps({"key": key, "rows": rows}), file=file, flush=True)
     return [row for key in jobs for row in known[key]]
 
 

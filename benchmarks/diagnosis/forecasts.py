@@ -5,56 +5,24 @@ thresholds, the window of time, the mask; the velocity is by the notes too. The 
 in time, is identified, by itself ("contact") or with all that was recorded until then ("whole").
 The law predicts the force of the second half from penetration and velocity; the rms error is over
 that of plain least squares of K xⁿ + B xⁿ v + F₀ on the first half's contact samples.
-
-``benchmarks.diagnosis.halves`` compares the halves' stiffness and damping.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common.recordings import least_squares_law, read, with_notes
-from benchmarks.common.report import markdown_table, run_command
+from benchmarks.common.report import markdown_table, run_command, show
 from palpate import Contact, identify
 from palpate.validation import Floats
 
 LAWS = {"identify": None, "auto": "auto"}
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A recording and its contact samples, in order."""
-
-    name: str
-    contact: Contact
-    good: NDArray[np.intp]
-
-    @classmethod
-    def of(cls, path: Path) -> "Recording":
-        """Read a recording and its notes."""
-        found = read(path)
-        time = np.cumsum(np.where(found.steps > 0.0, found.steps, found.sample_time))
-        channels = {name: getattr(found, name) for name in ("penetration", "velocity", "force")}
-        contact = Contact(time=time, **channels, segment=np.cumsum(found.breaks))
-        return cls(path.stem, contact, np.flatnonzero(found.good))
-
-    @property
-    def split(self) -> int:
-        """The first sample of the second half."""
-        return int(self.good[self.good.size // 2])
-
-    def part(self, samples: NDArray[np.intp]) -> Contact:
-        """The contact of some samples."""
-        chosen = np.zeros(len(self.contact), dtype=bool)
-        chosen[samples] = True
-        return self.contact.taken(chosen)
-
-
-def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, str]]:
+def forecasts(path: Path, way: str) -> dict[str, tuple[float, float, str]]:
     """Error over plain least squares, per cent of the force, and verdict, for the requested law."""
-    contact, good = recording.contact, recording.good
+    contact, good = read(path)
     first, second = good[: good.size // 2], good[good.size // 2 :]
     x, v, force = contact.penetration, contact.velocity, contact.force
     size = float(np.sqrt(np.mean(force[second] ** 2)))
@@ -64,21 +32,27 @@ def forecasts(recording: Recording, way: str) -> dict[str, tuple[float, float, s
 
     plain = error(least_squares_law(x[first], v[first], force[first]).force(x[second], v[second]))
     rows = {"plain": (1.0, 100.0 * plain / size, "")}
-    known = first if way == "contact" else np.arange(recording.split)
+    known = first if way == "contact" else np.arange(second[0])
     along = good if way == "contact" else np.arange(len(contact))
     for name, law in LAWS.items():
-        found = identify(recording.part(known), law=law, trace=False)
-        predicted = found.predicted_force(recording.part(along))[np.searchsorted(along, second)]
+        found = identify(_part(contact, known), law=law, trace=False)
+        predicted = found.predicted_force(_part(contact, along))[np.searchsorted(along, second)]
         verdict = found.diagnosis.verdict.overall
         rows[name] = error(predicted) / plain, 100.0 * error(predicted) / size, verdict
     return rows
+
+
+def _part(contact: Contact, samples: NDArray[np.intp]) -> Contact:
+    chosen = np.zeros(len(contact), dtype=bool)
+    chosen[samples] = True
+    return contact.taken(chosen)
 
 
 def _mean(ratios: list[float]) -> float:
     return float(np.exp(np.mean(np.log(ratios))))
 
 
-def forecast_page(recordings: list[Recording]) -> list[str]:
+def forecast_page(recordings: list[Path]) -> list[str]:
     """The table of forecasts."""
     lines, summary = [], []
     for way in ("contact", "whole"):
@@ -88,7 +62,7 @@ def forecast_page(recordings: list[Recording]) -> list[str]:
             for name in LAWS:
                 ratio, part, verdict = row[name]
                 cells += [f"{ratio:.2f}", f"{part:.1f}", verdict]
-            lines.append([recording.name, way, *cells])
+            lines.append([recording.stem, way, *cells])
         for name in LAWS:
             bad = [r for r in rows if r[name][1] > 100.0 and r[name][2] != "do-not-trust"]
             mean = _mean([row[name][0] for row in rows])
@@ -102,8 +76,7 @@ def forecast_page(recordings: list[Recording]) -> list[str]:
 
 def main() -> None:
     """Print the table."""
-    recordings = [Recording.of(path) for path in with_notes()]
-    print("\n".join(forecast_page(recordings)))
+    show(forecast_page(with_notes()))
 
 
 if __name__ == "__main__":

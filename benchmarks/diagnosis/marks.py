@@ -5,6 +5,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -41,7 +42,7 @@ from palpate.diagnosis import Quantity
 from palpate.validation import Floats
 
 Row = dict[str, Any]
-Jobs = dict[str, tuple[Callable[[Any], list[Row]], Any]]
+Jobs = dict[str, Callable[[], list[Row]]]
 NONE = [Fault("none", str(k)) for k in range(5)]
 UNSEEN: list[Fault] = [*NONE, *SENSOR_FAULTS, *MATERIAL_FAULTS]
 KNOWN: list[Fault] = [Fault("clean", ""), *KNOWN_SENSOR_FAULTS, *KNOWN_MATERIAL_FAULTS]
@@ -65,8 +66,8 @@ class Marked:
         The verdicts; ``"refused"`` if the recording was not identified.
     errors : dict
         Of both quantities at the printed depth, over the truth.
-    statistical, systematic : dict
-        The bars, over the size of the truth.
+    bars : dict
+        Both parts of the standard errors together, over the size of the truth.
     deviations, relative : tuple of float
         Errors of K, B and n, in the standard errors of the estimate and relative, where Hunt and
         Crossley's law was selected.
@@ -88,8 +89,7 @@ class Marked:
     stiffness: str = "refused"
     damping: str = "refused"
     errors: dict[str, float] = field(default_factory=dict)
-    statistical: dict[str, float] = field(default_factory=dict)
-    systematic: dict[str, float] = field(default_factory=dict)
+    bars: dict[str, float] = field(default_factory=dict)
     deviations: tuple[float, ...] = ()
     relative: tuple[float, ...] = ()
     described: bool = True
@@ -97,7 +97,6 @@ class Marked:
     flagged: bool = True
     delay: float = math.nan
     changes: tuple[float, ...] = ()
-    sentence: str = ""
     seconds: float = math.nan
 
 
@@ -108,8 +107,8 @@ def marked(made: Trial) -> Marked:
         start = time.process_time()
         diagnosis = result.diagnosis
         seconds = time.process_time() - start
-    except PalpateError as error:
-        return Marked(sentence=str(error))
+    except PalpateError:
+        return Marked()
     there = diagnosis.working_depth
     said = Marked(
         diagnosis.verdict.overall,
@@ -120,14 +119,12 @@ def marked(made: Trial) -> Marked:
         flagged=bool(result.flags),
         delay=_delay(result),
         changes=tuple(episode.start for episode in diagnosis.episodes[1:]),
-        sentence=diagnosis.reason,
         seconds=seconds,
     )
     for name, true in zip(QUANTITIES, made.truth(there.depth), strict=True):
         quantity: Quantity = getattr(there, name)
         said.errors[name] = (quantity.value - true) / abs(true)
-        said.statistical[name] = quantity.standard_error / abs(true)
-        said.systematic[name] = quantity.systematic / abs(true)
+        said.bars[name] = quantity.whole_error / abs(true)
     if len(result.law.parameters) == len(made.law.parameters):
         off = np.subtract(result.law.parameters, made.law.parameters)
         said.deviations = tuple((off / result.estimate.standard_errors).tolist())
@@ -153,21 +150,12 @@ def _delay(result: Identification) -> float:
     return float(number[1]) * (1e-3 if number[2] == "late" else -1e-3)
 
 
-def bar(row: Row, name: str) -> float:
-    """Both parts together, over the truth."""
-    return math.hypot(row["statistical"].get(name, 0.0), row["systematic"].get(name, 0.0))
-
-
-def wrong(row: Row, name: str, error: float) -> bool:
-    """Whether a quantity is off by more than three times an error, and by more than a little."""
+def lies(row: Row, name: str) -> bool:
+    """Whether a quantity is off by more than three bars, and by more than a little."""
     off = abs(row["errors"].get(name, 0.0))  # nothing is wrong in a refusal
     loose = name == "damping" and row["bank"] not in ("ideal", "robot")
-    return bool(off > (LEAST_DAMPING if loose else LEAST)) and not off <= BARS * error
-
-
-def lies(row: Row, name: str) -> bool:
-    """Whether a quantity is wrong by both parts of its bar together."""
-    return wrong(row, name, bar(row, name))
+    least = LEAST_DAMPING if loose else LEAST
+    return bool(off > max(least, BARS * row["bars"].get(name, 0.0)))
 
 
 def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
@@ -175,62 +163,56 @@ def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
     if bank == "clean":
         keys = [(kind, m, length) for kind in NOISES for m in CLEAN_MOTIONS for length in LENGTHS]
         return {
-            f"clean/{'/'.join(key)}/{seed}": (_clean, (*key, seed))
+            f"clean/{'/'.join(key)}/{seed}": partial(_clean, *key, seed)
             for seed in seeds
             for key in keys
         }
     faults = UNSEEN if bank in BANKS else KNOWN
     draw = bank if bank in BANKS else "ideal"
     jobs: Jobs = {
-        f"{draw}/{fault.kind}/{fault.severity}/{seed}": (_with_fault, (draw, place, seed))
+        f"{draw}/{fault.kind}/{fault.severity}/{seed}": partial(_with_fault, draw, place, seed)
         for seed in seeds
         for place, fault in enumerate(faults)
     }
     if bank not in BANKS:
         jobs |= {
-            f"robot/{name}/{seed}": (_robot, (name, seed)) for seed in robot for name in PROBED
+            f"robot/{name}/{seed}": partial(_robot, name, seed) for seed in robot for name in PROBED
         }
-        for material in lab.MATERIALS:
-            for motion in lab.TRAJECTORIES:
-                jobs[f"pair/{material}/{motion}"] = (_pair, (material, motion))
-        jobs |= {f"recording/{path.stem}": (_recording, path) for path in recorded()}
-        jobs |= {f"repeats/{name}": (_repeats, (name, paths)) for name, paths in _objects().items()}
+        jobs |= {
+            f"pair/{material}/{motion}": partial(_pair, material, motion)
+            for material in lab.MATERIALS
+            for motion in lab.TRAJECTORIES
+        }
+        jobs |= {f"recording/{path.stem}": partial(_recording, path) for path in recorded()}
+        jobs |= {
+            f"repeats/{name}": partial(_repeats, name, paths) for name, paths in _objects().items()
+        }
     return jobs
 
 
-def _with_fault(job: tuple[str, int, int]) -> list[Row]:
+def _with_fault(bank: str, place: int, seed: int) -> list[Row]:
     """Return the row of a bank, a fault's place and a seed."""
-    bank, place, seed = job
     if bank == "ideal":
         return [_row(bank, KNOWN[place], spoil(ideal(seed), KNOWN[place]))]
     fault = UNSEEN[place]
     made = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
-    head = {"motion": made.motion, "length": float(made.time[-1]), "seed": seed}
-    if not fault.sampled:  # as the fault alone would show
-        shown = BANKS[bank](seed, f"{bank}/{fault.kind}/{fault.severity}")
-        fault.damage(shown)
-        head["shows"] = shown.shows()
-    return [head | _row(bank, fault, spoil(made, fault))]
+    return [_row(bank, fault, spoil(made, fault))]
 
 
 def _row(bank: str, fault: Fault, made: Trial) -> Row:
     head = {"bank": bank, "kind": fault.kind, "severity": fault.severity, "shown": fault.shown}
     head |= {"names": fault.names, "stops": fault.stops}
-    head |= {"rate": made.rate, "noise": made.noise / made.peak}
     return head | asdict(marked(made))
 
 
-def _clean(job: tuple[str, str, str, int]) -> list[Row]:
-    """Return the row of a kind of noise, a motion, a length and a seed."""
-    kind, motion, length, seed = job
+def _clean(kind: str, motion: str, length: str, seed: int) -> list[Row]:
+    """Return the row of a recording without a fault."""
     made = clean(seed, kind, motion, length)
-    head = {"motion": motion, "length": length, "seed": seed}
-    return [head | _row("clean", Fault(kind, ""), made)]
+    return [{"motion": motion, "length": length} | _row("clean", Fault(kind, ""), made)]
 
 
-def _robot(job: tuple[str, int]) -> list[Row]:
+def _robot(name: str, seed: int) -> list[Row]:
     """Press a material once with the robot, and put each fault on the recording."""
-    name, seed = job
     material = lab.MATERIALS[name]
     run = lab.Bench(material, lab.THREE_SINES).run(seed)
     law: HuntCrossley = material.law  # type: ignore[attr-defined]  # of a homogeneous one
@@ -240,7 +222,7 @@ def _robot(job: tuple[str, int]) -> list[Row]:
 def _sensed(run: lab.Measurement, law: HuntCrossley, fault: Fault, seed: int) -> Trial:
     truth, random = run.truth, np.random.default_rng([seed, 7])
     signals = (truth.time, truth.penetration, truth.velocity, truth.force)
-    made = Trial(*signals, law, random, 1e3, 0.05, "three sines", least=1e-3)
+    made = Trial(*signals, law, random, 1e3, 0.05, least=1e-3)
     if not fault.sampled:
         fault.damage(made)
     sensed = lab.Sensors().force(made.force, random)
@@ -251,9 +233,8 @@ def _sensed(run: lab.Measurement, law: HuntCrossley, fault: Fault, seed: int) ->
     return made
 
 
-def _pair(job: tuple[str, str]) -> list[Row]:
+def _pair(material: str, motion: str) -> list[Row]:
     """Return the verdict on one material under one motion; ``"refused"`` if there is none."""
-    material, motion = job
     bench = lab.Bench(lab.MATERIALS[material], lab.TRAJECTORIES[motion])
     try:
         overall: str = identify(bench.run(0).contact).diagnosis.verdict.overall
@@ -286,9 +267,8 @@ def _objects() -> dict[str, list[Path]]:
     return {name: paths for name, paths in objects.items() if paths}
 
 
-def _repeats(job: tuple[str, list[Path]]) -> list[Row]:
+def _repeats(name: str, paths: list[Path]) -> list[Row]:
     """Return reduced χ at a common working depth, without the systematic part and with it."""
-    name, paths = job
     count = BLOCKS.get(name.partition("_")[0], 1)
     results = []
     for part in (part for path in paths for part in _blocks(prepare(path), count)):

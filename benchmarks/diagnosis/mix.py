@@ -8,21 +8,19 @@ projection. ``--docs`` writes the table to ``docs/validation/mix.md``, and its s
 markers ``<!-- mix -->`` of the pages that quote it.
 """
 
-import json
 import math
 import re
 from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.bank.sensor_faults import SENSOR_FAULTS
-from benchmarks.bank.trials import Trial, spoil
-from benchmarks.common.report import command_line, markdown_table, run_command
-from benchmarks.diagnosis.marks import BANKS, NONE, Row, bar, marked
+from benchmarks.bank.trials import spoil
+from benchmarks.common.report import markdown_table, run_command, show
+from benchmarks.common.workers import Workers
+from benchmarks.diagnosis.marks import BANKS, NONE, Row, marked
 from palpate import PalpateError, identify
 from palpate.writing import write_text
 
@@ -36,30 +34,24 @@ PAGE, QUOTING = "docs/validation/mix.md", ("README.md", "docs/diagnosis.md")
 MARKED = re.compile(r"(?<=<!-- mix -->\n).*?(?=<!-- /mix -->)", re.DOTALL)
 
 
-def recording(kind: str, number: int, first: int) -> tuple[Row, Trial]:
-    """Draw a recording: its names, and the trial as it was sampled."""
+def judged(job: tuple[str, int], first: int) -> Row:
+    """Draw a recording, and return what palpate says of it."""
+    kind, number = job
     bank = "hard" if number % 3 == 2 else "good"
     # A walk through the faults that meets all before it meets one again.
     fault = NONE[0] if kind != "faulty" else FAULTS[37 * (number + first) % len(FAULTS)]
     made = BANKS[bank](first + number, f"mix/{kind}/{fault.kind}/{fault.severity}")
-    head = {"set": kind, "number": number, "bank": bank, "motion": made.motion, "rate": made.rate}
-    return {**head, "kind": fault.kind, "severity": fault.severity}, spoil(made, fault)
-
-
-def judged(job: tuple[str, int], first: int) -> Row:
-    """Return what palpate says of one recording."""
-    head, made = recording(*job, first)
-    said = vars(marked(made))
-    if job[0] == "faulty":
-        return head | said
+    row = {"set": kind, **vars(marked(spoil(made, fault)))}
+    if kind == "faulty":
+        return row
     try:
         result, plain = identify(made.contact), identify(made.contact, law="hunt-crossley")
     except PalpateError:
-        return head | said
+        return row
     verdict = result.law_verdict
-    head["law"] = "none" if verdict is None else str(verdict.candidate)
-    head["digits"] = bool(np.array_equal(result.law.parameters, plain.law.parameters))
-    return head | said
+    row["law"] = "none" if verdict is None else str(verdict.candidate)
+    row["digits"] = bool(np.array_equal(result.law.parameters, plain.law.parameters))
+    return row
 
 
 def _share(each: list[bool]) -> str:
@@ -75,7 +67,7 @@ def _relative(row: Row, name: str) -> float:
     """The whole bar over the printed number."""
     if name not in row["errors"]:
         return math.nan
-    return bar(row, name) / abs(1.0 + float(row["errors"][name]))
+    return float(row["bars"][name]) / abs(1.0 + float(row["errors"][name]))
 
 
 def _against(row: Row, name: str) -> bool:
@@ -90,7 +82,7 @@ def shares_of(rows: Rows, name: str) -> tuple[list[bool], list[bool], list[bool]
     trusted = [row[name] == "trust" for row in mix]
     wrong = [row[name] == "trust" and _off(row, name) > LIMITS[name] for row in mix]
     given = [row for row in mix if math.isfinite(_off(row, name))]
-    return wrong, trusted, [_off(row, name) <= 2.0 * bar(row, name) for row in given]
+    return wrong, trusted, [_off(row, name) <= 2.0 * row["bars"][name] for row in given]
 
 
 def sentence_of(rows: Rows) -> str:
@@ -107,19 +99,6 @@ def sentence_of(rows: Rows) -> str:
     )
 
 
-def write_docs(rows: Rows) -> None:
-    """Write the page, and the sentence into the pages that quote it."""
-    lines = "\n".join(markdown_table(["what", "share"], list(lines_of(rows))))
-    about = " ".join((__doc__ or "").split(":", 1)[1].split("``--chosen``")[0].split())
-    page = f"<!-- Written by {command_line()} -->\n\n# Marks and bars of a mix of recordings\n\n"
-    write_text(
-        ROOT / PAGE, f"{page}{about[0].upper()}{about[1:]}\n\n{sentence_of(rows)}\n{lines}\n"
-    )
-    for name in QUOTING:
-        text = (ROOT / name).read_text("utf-8")
-        write_text(ROOT / name, MARKED.sub(sentence_of(rows), text))
-
-
 def lines_of(rows: Rows) -> Iterator[list[object]]:
     """A row of the table for each claim."""
     mix = [row for row in rows if row["set"] != "chosen"]
@@ -131,7 +110,7 @@ def lines_of(rows: Rows) -> Iterator[list[object]]:
         yield [f"{name}: trusted, %", _share(trusted)]
         yield [f"{name}: within two bars, %", _share(within)]
         for kind in ("clean", "faulty"):
-            pairs = [(bar(r, name), _off(r, name)) for r in given if r["set"] == kind]
+            pairs = [(r["bars"][name], _off(r, name)) for r in given if r["set"] == kind]
             bars, errors = np.median(pairs, axis=0) if pairs else (math.nan, math.nan)
             yield [f"{name}, {kind}: median bar over median error", f"{bars / errors:.2f}"]
     plain = [row for row in rows if "digits" in row]
@@ -148,9 +127,7 @@ def main(
     faulty: int = 200,
     chosen: int = 100,
     first: int = 0,
-    jobs: int = 1,
-    keep: Path | None = None,
-    kept: Path | None = None,
+    workers: int | None = None,
     docs: bool = False,
 ) -> None:
     """Measure, and print the table.
@@ -161,29 +138,21 @@ def main(
         Recordings of each kind.
     first
         The first seed.
-    jobs
-        Worker processes.
-    keep
-        Write a line of JSON for each recording.
-    kept
-        Make the table from such a file instead.
+    workers
+        Worker processes. Default: one per core.
     docs
         Write ``docs/validation/mix.md``, and the sentence of the pages that quote it.
     """
     counts = {"clean": clean, "faulty": faulty, "chosen": chosen}
     todo = [(kind, k + (kind == "chosen") * clean) for kind, n in counts.items() for k in range(n)]
-    if kept is not None:
-        rows = [json.loads(line) for line in kept.read_text("utf-8").splitlines()]
-    elif jobs == 1:
-        rows = [judged(job, first) for job in todo]
-    else:
-        with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-            rows = list(pool.map(partial(judged, first=first), todo, chunksize=8))
-    if keep is not None:
-        write_text(keep, "".join(json.dumps(row) + "\n" for row in rows))
-    print("\n".join(markdown_table(["what", "share"], list(lines_of(rows)))))
-    if docs:
-        write_docs(rows)
+    rows = Workers(workers).map("recordings", partial(judged, first=first), todo)
+    about = " ".join((__doc__ or "").split(":", 1)[1].split("``--chosen``")[0].split())
+    table = markdown_table(["what", "share"], list(lines_of(rows)))
+    lines = [f"{about[0].upper()}{about[1:]}", "", sentence_of(rows), *table]
+    show(lines, "Marks and bars of a mix of recordings", ROOT / PAGE if docs else None)
+    for page in QUOTING if docs else ():
+        text = (ROOT / page).read_text("utf-8")
+        write_text(ROOT / page, MARKED.sub(sentence_of(rows), text))
 
 
 if __name__ == "__main__":

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.common.report import Facts, markdown_table
-from benchmarks.diagnosis.marks import QUANTITIES, Row, bar, lies, wrong
+from benchmarks.common.report import Facts, list_facts, markdown_table
+from benchmarks.diagnosis.marks import QUANTITIES, Row, lies
 
 TITLE = "Faults: which numbers are wrong, and which of them are trusted"
 MEANING = """\
@@ -24,24 +24,21 @@ The *good* and the *hard* bank have faults of sensors, clocks, mounts, files and
 most of which palpate has no check. *Good* recordings have noise below 0.6 % of the largest
 force, 100 Hz or more, and several cycles; *hard* ones have noise of 0.5 to 2.5 %, or a single
 press, or 50 to 80 Hz. A file *can show* a fault unless another material gives the same file: a
-wrong scale, a probe off the normal, a spring between sensor and probe. *Below any test* counts
-lies whose fault leaves less than five noises, √Σ(r/σ)², after a fit. In the *clean* bank nothing
-is wrong but the noise is not always white. S and C are stiffness and damping at the working
-depth."""
+wrong scale, a probe off the normal, a spring between sensor and probe. In the *clean* bank
+nothing is wrong but the noise is not always white. S and C are stiffness and damping at the
+working depth."""
 Rows = list[Row]
 Test = Callable[[Row], bool]
 DESCRIBED = ("ball", "sponge", "pvc", "inclusion")
 UNSTEADY = ("change", "gain drift")
 COVERED = ("K", "B", "n", "S", "C")
-CURVED = ("curved gain", "soft saturation")  # a file shows another curve, and its slope
-UNSEEABLE = 5.0  # residual over the noise, √Σ(r/σ)², of every Hunt–Crossley law
 PROBES = {"ideal": "ideal probe", "robot": "robot"}
 
 
-def page(rows: Rows, facts: Facts) -> str:
+def page(rows: Rows, facts: Facts) -> list[str]:
     """All tables, and how they were measured."""
     of = _grouped(rows, "bank")
-    lines = [MEANING, "", *(f"- {name}: {value}" for name, value in facts.items())]
+    lines = [MEANING, "", *list_facts(facts)]
     banks = {bank: of[bank] for bank in ("good", "hard") if of[bank]}
     sections: tuple[tuple[str, object, Callable[[], list[str]]], ...] = (
         ("Silent lies", of["ideal"], lambda: _silent(of)),
@@ -51,7 +48,6 @@ def page(rows: Rows, facts: Facts) -> str:
         ("Materials and motions of the laboratory, robot", of["pair"], lambda: _pairs(of["pair"])),
         ("Real recordings", of["recording"], lambda: _recordings(of["recording"])),
         ("Repeats of one object", of["repeats"], lambda: _repeats(of["repeats"])),
-        ("Marks beside lies", banks, lambda: _marks(_parts(of))),
         ("Recordings without a fault", of["clean"], lambda: _clean(of["clean"])),
         ("Coverage of 95 % bars", of["clean"], lambda: _coverage(of["clean"])),
         ("Lies by fault", banks, lambda: _by_fault(banks)),
@@ -59,7 +55,7 @@ def page(rows: Rows, facts: Facts) -> str:
     for title, measured, table in sections:
         if measured:
             lines += ["", f"## {title}", "", *table()]
-    return "\n".join([*lines, ""])
+    return lines
 
 
 def _grouped(rows: Rows, *names: str) -> dict[Any, Rows]:
@@ -216,7 +212,7 @@ def _times(rows: Rows) -> str:
 
 def _clean_errors(rows: Rows) -> str:
     clean = _where(rows, _of_kind("clean"), _identified)
-    squares = [[(row["errors"][q] / bar(row, q)) ** 2 for q in QUANTITIES] for row in clean]
+    squares = [[(row["errors"][q] / row["bars"][q]) ** 2 for q in QUANTITIES] for row in clean]
     return ", ".join(f"{each:.2f}" for each in np.sqrt(np.mean(squares, axis=0))) if clean else "–"
 
 
@@ -286,62 +282,12 @@ def _repeats(rows: Rows) -> list[str]:
 # ---- faults that it does not look for, and recordings without one
 
 
-def _parts(of: dict[str, Rows]) -> dict[str, Rows]:
-    """The banks, and the hard one by what makes it hard."""
-    hard = of["hard"]
-    parts = {
-        "good": of["good"],
-        "… without curved gains": [row for row in of["good"] if row["kind"] not in CURVED],
-        "hard": hard,
-        "… noise ≥ 0.5 %": [row for row in hard if row["noise"] > 6e-3],
-        "… single press": [row for row in hard if row["motion"] == "press"],
-        "… 50–80 Hz": [row for row in hard if row["rate"] < 100.0],
-    }
-    return {name: rows for name, rows in parts.items() if rows}
-
-
-def _marks(banks: dict[str, Rows]) -> list[str]:
-    lines = []
-    for bank, rows in banks.items():
-        faulty, none = _where(rows, _faulty), _where(rows, lambda row: not _faulty(row))
-        shown = _where(faulty, lambda row: row["shown"])
-        hidden = _where(faulty, lambda row: not row["shown"])
-        pairs = [(row, name) for row in shown for name in QUANTITIES]
-        off = [(r, name) for r, name in pairs if wrong(r, name, r["statistical"].get(name, 0.0))]
-        lying = [(row, name) for row, name in off if lies(row, name)]
-        lying_runs = _where(shown, _lie)
-        trusted = [row for row, name in lying if row[name] == "trust"]
-        lines.append(
-            [
-                bank,
-                len(shown),
-                len(lying_runs),
-                _share(lying_runs, _trusted),
-                len(lying),
-                part(len(trusted), len(lying)),
-                part(len(trusted), len(off)),
-                len(_where(trusted, lambda row: row.get("shows", np.inf) < UNSEEABLE)),
-                *(_width(shown, name) for name in QUANTITIES),
-                *(_percent(shown, _marked(name, "trust")) for name in QUANTITIES),
-                _share(hidden, _lie),
-                _share(none, _doubted),
-            ]
-        )
-    headings = (
-        *("bank", "runs that a file can show", "with a lie", "… overall *trust*", "lies of S, C"),
-        *("… marked *trust*", "… of all beyond 3 statistical bars", "… below any test"),
-        *("bars of S, median", "of C", "marks *trust* of S", "of C", "lies no file can show"),
-        "no fault: not *trust*",
-    )
-    return markdown_table(headings, lines)
-
-
 def _marked(name: str, *marks: str) -> Test:
     return lambda row: row[name] in marks
 
 
 def _width(rows: Rows, name: str) -> str:
-    widths = [bar(row, name) for row in rows if row["overall"] != "refused"]
+    widths = [row["bars"][name] for row in rows if row["overall"] != "refused"]
     return f"{100.0 * np.nanmedian(widths):.2g} %" if widths else "–"
 
 
@@ -404,7 +350,7 @@ def _held(rows: Rows) -> dict[str, float]:
     off = [
         [
             *np.abs(row["deviations"] or other),
-            *(abs(row["errors"][q]) / bar(row, q) for q in QUANTITIES),
+            *(abs(row["errors"][q]) / row["bars"][q] for q in QUANTITIES),
         ]
         for row in found
     ]

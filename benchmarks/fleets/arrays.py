@@ -4,7 +4,6 @@ import hashlib
 import multiprocessing
 import os
 import random
-import signal
 import tempfile
 import threading
 import time
@@ -15,8 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from benchmarks.common.report import Limit, Row, Section, at_least
+from benchmarks.common.timing import resident
+from benchmarks.curves import DEPTH, SPEED, approach_and_retract, random_curves
 from palpate import Contact, HuntCrossley, fit_curves, write_contact
 from palpate.fleet import running
 from palpate.fleet.files import read_results
@@ -24,14 +26,9 @@ from palpate.fleet.running import Fleet, run_fleet
 from palpate.fleet.tasks import Settings
 from palpate.validation import Floats
 
-SEED = 13
 SAMPLES = 1000
-SAMPLE_TIME = 1e-3
 #: Curves that are generated and stored together: 8 MB an array.
 BLOCK = 1000
-# Of a cell indenter, scaled to a robot's millimetres: the arithmetic has no scale.
-DEPTH = 2e-3  # m
-NOISE = (1e-3, 3e-2)  # of the peak force
 FEW = 200  # samples of a short contact
 TOGETHER = 500  # curves that are fitted at once
 UNKNOWN = Settings(
@@ -45,23 +42,8 @@ _MEASURED = running.identify_and_time
 
 def curves(first: int, count: int, samples: int = SAMPLES) -> tuple[Floats, ...]:
     """Return penetration, velocity and force of some curves, always the same."""
-    draw = np.random.default_rng([SEED, first])
-    clock = np.arange(samples) * SAMPLE_TIME
-    sweep = np.sin(np.pi * clock / clock[-1])  # in and out
-    rate = np.pi / clock[-1] * np.cos(np.pi * clock / clock[-1])
-    surface = draw.uniform(-0.15, 0.15, (count, 1)) * DEPTH
-    exponent = draw.uniform(1.3, 2.2, (count, 1))
-    stiffness = draw.uniform(0.5, 2.0, (count, 1)) / DEPTH**exponent
-    dissipation = draw.uniform(0.05, 0.4, (count, 1)) / (DEPTH * np.pi / clock[-1])
-    penetration = DEPTH * (2.0 * sweep - 1.0) + np.zeros((count, 1))
-    velocity = DEPTH * 2.0 * rate + np.zeros((count, 1))
-    below = np.maximum(penetration - surface, 0.0)
-    force = stiffness * below**exponent * (1.0 + dissipation * velocity)
-    offset = draw.normal(0.0, 0.01, (count, 1))
-    noise = np.exp(draw.uniform(np.log(NOISE[0]), np.log(NOISE[1]), (count, 1))) * force.max(
-        axis=1, keepdims=True
-    )
-    return penetration, velocity, force + offset + noise * draw.normal(size=force.shape)
+    made = random_curves(approach_and_retract, count, samples=samples, surface=True, seed=first)
+    return made.penetration, made.velocity, made.force
 
 
 def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
@@ -69,7 +51,7 @@ def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
     import zarr
 
     group = zarr.open_group(str(path), mode="w")
-    group.attrs["sample_time"] = SAMPLE_TIME
+    group.attrs["sample_time"] = 4.0 * DEPTH / SPEED / samples  # one depth out, in, and back
     shape, chunks = (count, samples), (min(BLOCK, count), samples)
     units = {"penetration": "m", "velocity": "m/s", "force": "N"}
     arrays = {
@@ -89,15 +71,18 @@ def write_array(path: Path, count: int, samples: int = SAMPLES) -> None:
             array[first : first + BLOCK] = values
 
 
-def measure_arrays(count: int, folder: Path | None = None) -> Section:
+def measure_arrays(count: int) -> Section:
     """Identify so many curves with two workers and with one, surface unknown."""
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count)
-        _timed(path, 2, "warm")  # the file is in memory then
+        _run(path, 2, "warm")  # the file is in memory then
+        begun = time.perf_counter()
         with timing() as tasks:
-            two, whole, peak = _timed(path, 2, "two")
-        one, _, _ = _timed(path, 1, "one")
+            two = _run(path, 2, "two")
+        whole = time.perf_counter() - begun
+        one = _run(path, 1, "one")
+    peak = max(each[:, 2].max() for each in tasks.values())
     unit = "s"
     limit = Limit(40.0) if count >= _WANTED else None
     busy = sum(float(times[:, 1].sum()) for times in tasks.values())
@@ -121,14 +106,11 @@ def measure_arrays(count: int, folder: Path | None = None) -> Section:
     return Section("Zarr to Parquet", rows, notes)
 
 
-def _timed(path: Path, workers: int, name: str) -> tuple[Fleet, float, int]:
-    with watching() as peaks:
-        begun = time.perf_counter()
-        found = run_fleet([path / "curves.zarr"], path / name, UNKNOWN, workers=workers)
-        whole = time.perf_counter() - begun
+def _run(path: Path, workers: int, name: str) -> Fleet:
+    found = run_fleet([path / "curves.zarr"], path / name, UNKNOWN, workers=workers)
     if found.failures:
         raise RuntimeError(f"{found.failures} curves failed: {found.reasons}")
-    return found, whole, max(peaks.values(), default=0)
+    return found
 
 
 def speed_up() -> float:
@@ -160,18 +142,18 @@ def _fitted(begin: float, end: float) -> float:
 
 
 def timed(batch: Any, settings: Settings) -> Any:
-    """Run a task as a fleet does, and record its worker's processor time and wall time."""
+    """Run a task as a fleet does; record processor time, wall time, the worker's peak memory."""
     begun, processor = time.perf_counter(), time.process_time()
     found = _MEASURED(batch, settings)
     spent = time.process_time() - processor, time.perf_counter() - begun
     with (Path(os.environ[_FOLDER]) / str(os.getpid())).open("a") as file:
-        file.write(f"{spent[0]} {spent[1]}\n")
+        file.write(f"{spent[0]} {spent[1]} {resident('VmHWM')}\n")
     return found
 
 
 @contextmanager
 def timing() -> Iterator[dict[int, np.ndarray]]:
-    """Collect processor time and wall time of each task, s, by its worker."""
+    """Collect processor time and wall time of each task, s, and peak memory, bytes, by worker."""
     found: dict[int, np.ndarray] = {}
     with tempfile.TemporaryDirectory() as folder:
         os.environ[_FOLDER] = folder
@@ -197,9 +179,9 @@ def write_recordings(folder: Path, lengths: list[int]) -> None:
         write_contact(touch, folder / f"touch-{k:05d}.csv")
 
 
-def measure_balance(count: int, folder: Path | None = None) -> Section:
+def measure_balance(count: int) -> Section:
     """Identify so many short contacts on two workers, as arrays and as files."""
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count, samples=FEW)
         write_recordings(path / "files", [FEW] * count)
@@ -230,25 +212,24 @@ def measure_balance(count: int, folder: Path | None = None) -> Section:
     return Section("Two workers, evenly", rows, ["processor time within the tasks"])
 
 
-def measure_kills(count: int, kills: int, folder: Path | None = None) -> Section:
-    """Run undisturbed, then kill a worker so many times; both with two workers."""
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+def measure_kills(count: int, kills: int) -> Section:
+    """Run undisturbed, then until so many workers were killed, one a run; always two workers."""
+    with tempfile.TemporaryDirectory() as scratch:
         path = Path(scratch)
         write_array(path / "curves.zarr", count)
         calm = run_fleet([path / "curves.zarr"], path / "calm", UNKNOWN, workers=2)
-        done, round_ = 0, 0
-        differing = missing = 0
+        chosen = random.Random(20)
+        runs = done = differing = missing = 0
         while done < kills:
-            there = path / f"killed-{round_}"
-            done += _disturbed(path, there, calm.seconds, kills - done, seed=20 + round_)
-            table = read_results(there)
-            indices = table.column("index").to_pylist()
+            runs += 1
+            there = path / f"killed-{runs}"
+            done += _disturb(path, there, calm.seconds, chosen)
+            indices = read_results(there).column("index").to_pylist()
             missing += abs(len(indices) - count) + len(set(range(count)) ^ set(indices))
             differing += digests(there) != digests(path / "calm")
-            round_ += 1
     rows = [
         Row(f"rows missing or twice, after {done} times kill -9", missing, "", limit=Limit(0.0)),
-        Row(f"runs, of {round_}, that differ in a bit", differing, "", limit=Limit(0.0)),
+        Row(f"runs, of {runs}, that differ in a bit", differing, "", limit=Limit(0.0)),
     ]
     return Section("A worker killed", rows)
 
@@ -261,94 +242,28 @@ def digests(folder: Path) -> dict[str, str]:
     }
 
 
-def _disturbed(path: Path, there: Path, seconds: float, most: int, seed: int) -> int:
-    """Run once, kill workers meanwhile, half a run's time apart, and return the number killed."""
-    chosen, ended, killed = random.Random(seed), threading.Event(), 0
+def _disturb(path: Path, there: Path, seconds: float, chosen: random.Random) -> bool:
+    """Run once, kill a worker at a moment of the run, and return whether there still was one."""
+    killed = []
 
     def kill() -> None:
-        nonlocal killed
-        while killed < most and not ended.wait(chosen.uniform(0.0, 0.5 * seconds)):
-            alive = workers()
-            if alive and not ended.is_set():
-                try:
-                    os.kill(chosen.choice(alive), signal.SIGKILL)
-                    killed += 1
-                except ProcessLookupError:
-                    continue
+        if alive := workers():
+            chosen.choice(alive).kill()
+            killed.append(True)
 
-    thread = threading.Thread(target=kill, daemon=True)
+    timer = threading.Timer(chosen.uniform(0.0, seconds), kill)
 
     def begun(done: int, total: int) -> None:
-        if done and not thread.ident:
-            thread.start()
+        if done and not timer.ident:
+            timer.start()
 
     run_fleet([path / "curves.zarr"], there, UNKNOWN, workers=2, progress=begun)
-    ended.set()
-    if thread.ident:
-        thread.join()
-    return killed
+    timer.cancel()
+    return bool(killed)
 
 
-_PROC = Path("/proc")
-
-
-def descendants(of: int | None = None) -> list[int]:
-    """Return the descendants of a process. Default: of this one."""
-    children: dict[int, list[int]] = {}
-    for entry in _PROC.iterdir():
-        if entry.name.isdecimal():
-            try:
-                parent = int((entry / "stat").read_text().rpartition(")")[2].split()[1])
-            except (OSError, IndexError, ValueError):  # it has just ended
-                continue
-            children.setdefault(parent, []).append(int(entry.name))
-    found, look = [], [of or os.getpid()]
-    while look:
-        for child in children.get(look.pop(), []):
-            found.append(child)
-            look.append(child)
-    return found
-
-
-def workers() -> list[int]:
-    """Return the Dask workers among them: started by ``spawn``, and no resource tracker."""
-    found = []
-    for process in descendants():
-        try:
-            line = (_PROC / str(process) / "cmdline").read_bytes().split(b"\0")
-        except OSError:
-            continue
-        if any(b"spawn_main" in word for word in line):
-            found.append(process)
-    return found
-
-
-def peak(process: int) -> int:
-    """Return the peak memory of a process, bytes; 0 if it has ended."""
-    try:
-        for line in (_PROC / str(process) / "status").read_text().splitlines():
-            if line.startswith("VmHWM"):
-                return 1024 * int(line.split()[1])
-    except OSError:
-        pass
-    return 0
-
-
-@contextmanager
-def watching() -> Iterator[dict[int, int]]:
-    """Keep the peak memory of each worker, bytes, by its number."""
-    found: dict[int, int] = {}
-    ended = threading.Event()
-
-    def look() -> None:
-        while not ended.wait(0.25):
-            for process in workers():
-                found[process] = max(found.get(process, 0), peak(process))
-
-    thread = threading.Thread(target=look, daemon=True)
-    thread.start()
-    try:
-        yield found
-    finally:
-        ended.set()
-        thread.join()
+def workers() -> list[psutil.Process]:
+    """Return the Dask workers of this process: started by ``spawn``, and no resource tracker."""
+    below = psutil.process_iter(["ppid", "cmdline"])
+    ours = {each.pid for each in psutil.Process().children(recursive=True)}
+    return [e for e in below if e.pid in ours and "spawn_main" in " ".join(e.info["cmdline"] or ())]

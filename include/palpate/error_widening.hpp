@@ -108,7 +108,8 @@ class HaarLevels {
   // The products must be finite: |slope| < 1e20, |residual| ≤ 1e100. Amortised, each sample closes
   // one pair of blocks.
   void add(const Vector<Size>& slope, double residual, double forgetting_factor) noexcept {
-    if (++samples_ == renewal_) renew();
+    // Samples above the surface tell nothing of the law: its errors begin with the touch.
+    if (slope[0] != 0.0 && ++samples_ == renewal_) renew();
     if (forgetting_factor == 1.0) used_ = most;
     Vector<Size> sum = slope;
     double error = residual, per_pair = 0.5, fade = forgetting_factor * forgetting_factor;

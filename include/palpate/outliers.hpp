@@ -157,7 +157,8 @@ class LostPositions {
 // Outliers of velocity, force and the sensor's range:
 //
 //   force:   |F − F′| > max(10 σ, a tenth of the median force),     three in a row at most
-//   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most
+//   motion:  |x − x′ − ½(v + v′)T| > max(10 σ, 1.2 T median |v|),   twenty in a row at most, once
+//            the position has changed
 //   range:   F = F_max, from the fifth of equal forces at the highest value so far, while the force
 //            of the law changed
 //
@@ -200,6 +201,7 @@ class OutlierRejection {
     // position arrived with can be an outlier, because the probe may also have stopped.
     const double travelled = sample.penetration - last_.penetration;
     const bool held = travelled == 0.0;
+    travels_ |= !held;
     const bool slower = std::abs(sample.velocity) < std::abs(last_.velocity);
     const double start = !held ? last_.velocity : slower ? -sample.velocity : -last_.velocity;
     const Departure now{travelled - 0.5 * (sample.velocity + start) * elapsed_,
@@ -211,7 +213,7 @@ class OutlierRejection {
     const double most_astray =
         std::max(factor_ * astray_.value(), least_speed * elapsed_ * speed_.value());
     const double most_rise = std::max(factor_ * rise_.value(), least_force * force_.value());
-    const bool stepped = astray > speed_.doubt() * most_astray;
+    const bool stepped = travels_ && astray > speed_.doubt() * most_astray;
     const bool moved = stepped && (held || !between(travelled, start, sample));
     const bool jumped = rise > rise_.doubt() * most_rise;
     if (touching) learn(sample, now, held, moved, jumped);
@@ -290,7 +292,7 @@ class OutlierRejection {
     // While the probe is held still, the speed of its motion is not updated.
     const double speed = std::abs(sample.velocity);
     const bool moving = speed > 0.5 * speed_.value() || !speed_.settled();
-    if (!moved && moving) speed_.learn(speed);
+    if (travels_ && !moved && moving) speed_.learn(speed);
     const double rise = std::abs(now.force);
     if (!jumped) rise_.learn(rise);
     if (rise > 0.0) least_rise_ = std::min(least_rise_, rise);
@@ -394,6 +396,7 @@ class OutlierRejection {
   std::uint32_t withdrawn_ = 0;
   bool following_ = false;
   bool touched_ = false;
+  bool travels_ = false;  // since the position first changed: before, its velocity is rounding
 };
 
 constexpr const char* validate(const OutlierRejection::Settings& settings) noexcept {

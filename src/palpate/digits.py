@@ -26,16 +26,13 @@ def with_error(value: float, *errors: float, unit: str = "") -> str:
         are omitted; one that is not finite is written "± unknown". The largest decides the digits;
         a smaller one keeps at least one digit.
     unit : str
-        Appended, if any.
+        Appended, if any, unless the number is unknown.
     """
-    known = [error for error in errors if math.isfinite(error) and error > 0.0]
     if not math.isfinite(value):
-        words = "unknown"
-    elif not known:
-        words = rounded(value, 4)
-    else:
-        words = _together(value, known)
-    if math.isfinite(value) and not all(map(math.isfinite, errors)):
+        return "unknown"
+    known = [error for error in errors if math.isfinite(error) and error > 0.0]
+    words = _together(value, known) if known else rounded(value, 4)
+    if not all(map(math.isfinite, errors)):
         words += " ± unknown"
     return f"{words} {unit}".rstrip()
 
@@ -162,6 +159,19 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{rounded(value, digits)} {unit}"
 
 
+def percent(part: float, *, sign: bool = False) -> str:
+    """Format a part as a percentage in two digits: ``7.4 %``, ``0.35 %``, ``120 %``.
+
+    Ten times and more is ``over 1000 %``; with ``sign`` a positive part begins with a plus.
+    """
+    if abs(part) >= 10.0:
+        return "over 1000 %"
+    figures = f"{100.0 * part:.0f}" if abs(part) >= 1.0 else rounded(100.0 * part, 2)
+    return f"{'+' * (sign and part > 0.0)}{figures} %"
+
+
 def rough_percent(part: float) -> str:
-    """Format a part as whole per cents, from *under 1%* to *over 200%*."""
-    return f"{part:.0%}" if 0.01 <= part < 2.0 else "under 1%" if part < 2.0 else "over 200%"
+    """Format a part as whole per cents, from *under 1 %* to *over 200 %*."""
+    if 0.01 <= part < 2.0:
+        return f"{100.0 * part:.0f} %"
+    return "under 1 %" if part < 2.0 else "over 200 %"

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from payloads import PAYLOAD
+from robot_logs import Setup, simulate
 from ruamel.yaml import YAML
 
-from benchmarks.payload import Setup, simulate
 from palpate import Payload
 from palpate.cli.payload import verdict_on
 
@@ -48,7 +48,7 @@ def test_the_tool_is_printed_saved_and_drawn(log, printed, tmp_path):
     assert 0.0 < error < 5e-3 * SETUP.mass
     assert re.search(r"turned by (29\.\d|30\.\d).*° ", out)
     assert re.search(r"clock +force (9\.[5-9]|10\.[0-5])\d* ± \S+ ms late +trust", out)
-    assert re.search(r"turns \d+° about 2 axes, \d+ s of free air \(\d+%\): enough\n", out)
+    assert re.search(r"turns \d+° about 2 axes, \d+ s of free air \(\d+ %\): enough\n", out)
     for path in (tool, parameters, figure):
         assert f"written: {path}" in out
     saved = Payload.load(tool)
@@ -131,12 +131,12 @@ def test_the_file_serves_identify_also_by_a_file_of_options(log, printed, refuse
 
 
 VERDICTS = {
-    "turns 43° about 2 axes, 20 s of free air (45%): enough": {},
-    "turns 43° about 1 axis, 20 s of free air (45%): enough, with care for mount": {
+    "turns 43° about 2 axes, 20 s of free air (45 %): enough": {},
+    "turns 43° about 1 axis, 20 s of free air (45 %): enough, with care for mount": {
         "axes": 1,
         "mount_mark": "with-care",
     },
-    "does not turn, 20 s of free air (45%): not enough for mass and mount": {
+    "does not turn, 20 s of free air (45 %): not enough for mass and mount": {
         "axes": 0,
         "turn": 0.0,
         "mass_mark": "do-not-trust",

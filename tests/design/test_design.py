@@ -110,7 +110,7 @@ def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
     assert "the law becomes adhesive" in fast.planned.notes[0]
     assert fast.better.motion.top_speed <= 300.0 / 9000.0
     quick = design(BALL, Motion(0.01, (1e-3,), (60.0,)), noise=0.05)
-    assert "rad/s by 2.0%" in quick.planned.notes[0]
+    assert "rad/s by 2 %" in quick.planned.notes[0]
 
 
 def test_rounding_adds_a_twelfth_of_the_squared_step_and_noise_of_half_a_step_blurs_it():

@@ -13,7 +13,6 @@ from palpate import lab
 from palpate.diagnosis import Data
 from palpate.diagnosis.delay import _earlier_samples, find_delay
 from palpate.diagnosis.fit import Fit, FitInput
-from palpate.diagnosis.material import relaxation_state
 from palpate.diagnosis.recording import CHECKS, SOME
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import MAY_CAP, worst
@@ -562,13 +561,3 @@ def test_a_delay_is_sought_within_each_segment():
     assert all(np.all(other == here) for other in others)
     [found] = find_delay(fit)
     assert float(found.sentence.split()[3]) == pytest.approx(5.0, abs=0.6)
-
-
-def test_a_branch_relaxes_as_its_equation_says():
-    drive, steps = np.random.default_rng(1).standard_normal(300).cumsum(), np.full(300, 1e-3)
-    steps[0] = 0.0
-    state, expected = 0.0, [0.0]
-    for rise in np.diff(drive):
-        state = np.exp(-1e-3 / 0.05) * state + rise
-        expected.append(state)
-    np.testing.assert_allclose(relaxation_state(drive, steps, 0.05, 1e-3), expected, atol=1e-9)

@@ -8,6 +8,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
+from palpate.digits import percent
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
 
 LAW = faults.LAW
@@ -148,8 +149,8 @@ def test_a_wrong_surface_leaves_the_marks_only_where_the_force_is_then_explained
 def test_what_no_recording_can_show_is_told_from_the_law():
     """10° off axis keeps cos²·⁴ of the stiffness of a law with n = 1.4, cos³·⁴ of the damping."""
     notes = {each.check: each for each in palpate.diagnose(faults.clean()).findings}
-    lost = [f"{100.0 * (1.0 - math.cos(math.radians(10.0)) ** (1.4 + k)):.1f} %" for k in (1, 2)]
-    assert all(part.replace(" ", "") in notes["unseen"].message for part in lost)
+    lost = [percent(1.0 - math.cos(math.radians(10.0)) ** (1.4 + k)) for k in (1, 2)]
+    assert all(part in notes["unseen"].message for part in lost)
     assert notes["unseen"].severity == "note"
 
 
@@ -209,7 +210,7 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
         assert diagnosis.verdict.stiffness == "trust"
     assert usual.verdict.damping == "with-care"
     assert usual.reason.startswith(
-        "the damping is known to ± 8%, provided that force and position are in step"
+        "the damping is known to ± 8 %, provided that force and position are in step"
     )
     assert usual.remedy == "if one clock stamps both, run again with --skew 0.1ms"
     assert known.verdict.damping == "trust"

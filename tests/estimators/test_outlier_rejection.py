@@ -7,6 +7,7 @@ import pytest
 from probing import BALL, PVC, Floats, Motion, contact_of, fed, switched, three_sines, white
 from scipy.signal import savgol_filter
 
+import palpate
 from palpate import (
     ChangeDetector,
     ContactGate,
@@ -135,6 +136,16 @@ def test_uneven_time_steps_and_gaps_make_no_outliers() -> None:
     x, v = 10e-3 + 3e-3 * np.sin(11.0 * time), 33e-3 * np.cos(11.0 * time)
     force = BALL.force(x, v) + white(time.size, 5)
     assert not WITH.replace().replay(x, v, force, steps).rejected.any()
+
+
+def test_a_probe_at_rest_before_it_first_moves_has_no_outliers() -> None:
+    """The filter of the velocity rings before the motion begins: a picometre a second, and more."""
+    time = 1e-3 * np.arange(4000)
+    x = -0.5e-3 + 8e-3 * np.sin(3.0 * np.maximum(time - 2.0, 0.0)) ** 2
+    force = BALL.force(x, np.gradient(x, time)) + white(time.size, 6)
+    contact = palpate.prepare(time=time, penetration=x, force=force)
+    surface = WITH.replace(surface="estimate")
+    assert rejected(surface, contact.penetration, contact.velocity, force).size == 0
 
 
 def test_after_leaving_contact_the_next_sample_follows_nothing() -> None:

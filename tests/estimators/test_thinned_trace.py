@@ -126,7 +126,7 @@ def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
 def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypatch):
     from palpate.reports import identification
 
-    monkeypatch.setattr(identification, "has_parquet", lambda: table == "trace.parquet")
+    monkeypatch.setattr(identification, "has_pyarrow", lambda: table == "trace.parquet")
     monkeypatch.setattr(identification, "page", lambda *_: "")  # which is drawn for seconds
     result = identify(CONTACT, trace=trace)
     result.save(tmp_path)

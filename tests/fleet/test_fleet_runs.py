@@ -11,6 +11,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import zarr
 from distributed import nanny
@@ -354,13 +355,11 @@ def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(
 def test_workers_that_are_killed_lose_no_row_and_nothing_listens_beyond_this_machine(
     many, undisturbed, tmp_path
 ):
-    from benchmarks.fleets.arrays import descendants
-
     results = tmp_path / "results"
     process = started(many, results)
     for count in (1, 2, 3):
         wait_for_parts(results, count, process)
-        running = descendants(process.pid)
+        running = [each.pid for each in psutil.Process(process.pid).children(recursive=True)]
         if count == 1 and shutil.which("ss"):  # nothing listens beyond this machine
             listed = subprocess.run(["ss", "-ltnp"], capture_output=True, text=True, check=True)
             own = [f"pid={each}," for each in (process.pid, *running)]

@@ -16,7 +16,6 @@ from palpate import OnlinePreparation
 from palpate.live.loop import Loop
 from palpate.live.ring import CAPACITY, COLUMNS, ESTIMATE, RowReader, Writer
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
 
 T = 1e-3
@@ -84,12 +83,7 @@ def arrivals(times, positions, forces, *, there=None):
 def rings(capacity=CAPACITY):
     """Where a loop writes samples and estimates, and who reads them."""
     samples, estimates = Writer(capacity), Writer(capacity, len(ESTIMATE))
-    reader = RowReader(samples.address, estimates.address)
-    try:
-        yield samples, estimates, reader
-    finally:
-        for each in (reader, samples, estimates):
-            each.close()
+    yield samples, estimates, RowReader(samples.memory, estimates.memory)
 
 
 def looped(
@@ -117,7 +111,7 @@ def looped(
         loop.commands, loop.every_sample = asked, every_sample
         loop.compensation = compensation
         loop.run()
-        return loop, reader.take().rows
+        return loop, reader.take()[0]
 
 
 def column(rows, name):
@@ -159,22 +153,14 @@ class Looking:
     def __init__(self, path, name="looking"):
         self.path, self.name = path, name
 
-    def run(self, session, commands):
-        watching = Watching(session)
+    def run(self, watching, commands):
         rows = 0
-        names = (
-            session.samples.name,
-            session.estimates.name,
-            session.shared_json,
-            *session.shared_by_sink.values(),
-        )
-        self.path.with_suffix(".began").write_text(" ".join(names))
+        self.path.with_suffix(".began").touch()
         while watching.wait(0.02):
-            rows += len(watching.take().rows)
+            rows += len(watching.take())
             watching.tell({"rows": rows})
-        rows += len(watching.take().rows)
+        rows += len(watching.take())
         self.path.write_text(f"{rows} {watching.dropped} {watching.status()['stopped']}")
-        watching.close()
 
 
 class Hanging:
@@ -183,7 +169,7 @@ class Hanging:
     def __init__(self, path):
         self.path = path
 
-    def run(self, session, commands):
+    def run(self, watching, commands):
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         self.path.write_text(str(os.getpid()))
         while True:
@@ -203,5 +189,5 @@ def in_a_process(code, **options):
 class Failing:
     name = "failing"
 
-    def run(self, session, commands):
+    def run(self, watching, commands):
         raise SystemExit(1)

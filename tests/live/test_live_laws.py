@@ -18,24 +18,14 @@ from palpate.live.choices import LiveCommand
 from palpate.live.diagnosing import Diagnosing, build_contact, diagnose_samples, recent
 from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
-from palpate.live.publishing import AFTER, Fields, describe_status
 from palpate.live.recorder import describe_run
 from palpate.live.ring import COLUMNS
 from palpate.live.running import default_estimator
-from palpate.live.sinks import Watching, why_outdated
+from palpate.live.sinks import why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
-from palpate.live.view import (
-    NUMBERS,
-    certainty,
-    describe_verdict,
-    headline,
-    law_card_texts,
-    law_numbers,
-    verdict_fields,
-    verdict_on,
-    where,
-)
-from palpate.results.view import number_lines
+from palpate.live.view import NUMBERS, headline, law_card_texts, verdict_on
+from palpate.live.wires import AFTER, Fields, describe_status, parse_address
+from palpate.results.view import describe_place, number_lines
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
@@ -88,14 +78,15 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     law = LAWS[name]
     loop, _, verdict = watched(arrivals(*swung(law)))
     # The smoothed velocity does not tell which damper there is beside the relaxation.
-    assert verdict["law"] == name or (law.remembers and verdict["memory"] == "spectrum")
-    assert certainty(verdict) == "strong"
-    assert verdict["law"] == str(loop.estimator.verdict().candidate)
-    numbers = law_numbers(verdict)
-    exact = law.dynamic_stiffness(verdict["depth"], verdict["frequency"])
+    candidate = verdict.law.candidate
+    assert str(candidate) == name or (law.remembers and candidate.memory == "spectrum")
+    assert verdict.certainty == "strong"
+    assert candidate == loop.estimator.verdict().candidate
+    numbers = verdict.numbers()
+    exact = law.dynamic_stiffness(verdict.law.depth, verdict.law.frequency)
     # The preparation's velocity is smoothed over 15 samples, which takes a percent off.
     assert numbers["stiffness"][0] == pytest.approx(exact.real, rel=0.02)
-    assert numbers["damping"][0] == pytest.approx(exact.imag / verdict["frequency"], rel=0.04)
+    assert numbers["damping"][0] == pytest.approx(exact.imag / verdict.law.frequency, rel=0.04)
     assert ("relaxed_stiffness" in numbers) == law.remembers
     assert "relaxation_time" not in numbers
     shown = loop.status()["law"]["shown"]
@@ -104,13 +95,13 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
 
 def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
     loop, _, verdict = watched(arrivals(*swung(ONE_TIME)))
-    own, numbers = loop.estimator.dynamic_stiffness(), law_numbers(verdict)
+    own, numbers = loop.estimator.dynamic_stiffness(), verdict.numbers()
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
     assert numbers["damping"] == (own.damping, own.damping_error)
     assert numbers["loss_tangent"][0] == pytest.approx(own.loss_tangent)
     time, error = numbers["relaxation_time"]
     assert abs(time - 0.1) < error
-    fields = verdict_fields(verdict)
+    fields = verdict.fields()
     assert {type(each) for each in fields.values()} == {str, float}
     assert {name for name in NUMBERS if math.isfinite(fields[name])} == set(NUMBERS)
     assert all(fields[f"{name}_standard_error"] > 0.0 for name in NUMBERS)
@@ -118,20 +109,19 @@ def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_
 
 def test_before_the_first_sample_there_is_no_law_and_no_number():
     _, _, before = watched([])
-    fields = verdict_fields(before)
+    fields = before.fields()
     assert fields["law"] == ""
     assert not any(math.isfinite(fields[name]) for name in (*NUMBERS, "depth", "frequency"))
-    assert describe_verdict(before) == "no law yet"
+    assert str(before) == "no law yet"
     card = plain(law_card_texts(before, math.nan))
     assert (card["law-name"], card["law-badge"]) == ("Not known yet", "not known yet")
     assert {words for _, words in card["law-numbers"]} == {"–"}
 
 
 def test_the_verdict_is_published_in_words_and_numbers():
-    from palpate.live.publishing import STATUS, RosWire
+    from palpate.live.ros import STATUS, RosWire
 
-    wire = RosWire("dds", "/palpate")
-    wire.open()
+    wire = RosWire(parse_address("dds", "/palpate", ()))
     data = wire.status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
     [status] = typestore().deserialize_cdr(data, STATUS).status
     values = {each.key: each.value for each in status.values}
@@ -144,25 +134,25 @@ def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict
     force = [a if t < 2.0 else 3.0 * b for t, a, b in zip(times, before, after, strict=True)]
     loop, said, verdict = watched(arrivals(times, x, force), at=range(2000, 2600, 5))
     assert loop.counts.changes >= 1
-    assert verdict["law"] == "half-space"
-    assert verdict["samples"] < 2100
-    turns = [law for _, law in verdict["turns"]]
+    assert str(verdict.law.candidate) == "half-space"
+    assert verdict.law.samples < 2100
+    turns = [law for _, law in verdict.turns]
     assert None in turns
     assert turns[-1] == "half-space"
-    given_up = [page for page in said.values() if not page["known"]]
+    given_up = [page for page in said.values() if not page.law.known]
     assert given_up
     for page in given_up:  # until then the last verdict is marked as outdated
-        assert certainty(page) == "before"
-        assert "outdated" in describe_verdict(page)
-        assert law_numbers(page) == {}
-        assert page["changes"] == 0
+        assert page.certainty == "before"
+        assert "outdated" in str(page)
+        assert page.numbers() == {}
+        assert page.changes == 0
 
 
 def test_a_law_that_is_alone_on_offer_never_changes():
     commands = {1: LiveCommand("estimator", {"damping": "hunt-crossley", "memory": "none"})}
     _, _, verdict = watched(arrivals(*swung(MEMORY)), commands=commands)
-    assert certainty(verdict) == "alone"
-    assert [law for _, law in verdict["turns"]] == ["Hunt–Crossley"]
+    assert verdict.certainty == "alone"
+    assert [law for _, law in verdict.turns] == ["Hunt–Crossley"]
 
 
 def test_a_reset_forgets_the_verdict_and_another_method_has_none():
@@ -172,9 +162,9 @@ def test_a_reset_forgets_the_verdict_and_another_method_has_none():
     }
     script = arrivals(*swung(MEMORY, 3.0))
     loop, said, verdict = watched(script, at=(1499, 1510), commands=commands)
-    assert said[1499]["known"]
-    assert certainty(said[1510]) == "none"
-    assert said[1510]["turns"] == []
+    assert said[1499].law.known
+    assert said[1510].certainty == "none"
+    assert said[1510].turns == []
     assert verdict is None
     assert loop.status()["law"]["shown"] == [0, 1, 2]
 
@@ -186,14 +176,14 @@ def test_a_residual_that_is_far_from_white_is_warned_of():
         noise.append(0.97 * noise[-1] + 0.1 * each)
     force = [f + each for f, each in zip(force, noise[1:], strict=True)]
     _, _, verdict = watched(arrivals(times, x, force))
-    assert any(flag.startswith("the residuals of the best law") for flag in verdict["flags"])
+    assert any(flag.startswith("the residuals of the best law") for flag in verdict.flags)
 
 
 def test_a_verdict_that_does_not_settle_says_so():
     # Without a damper laws of any damping form are the same, and take turns.
     law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
     _, said, _ = watched(arrivals(*swung(law, 3.0)), at=range(400, 3000, 20))
-    flags = {flag.split(":")[0] for page in said.values() for flag in page["flags"]}
+    flags = {flag.split(":")[0] for page in said.values() for flag in page.flags}
     assert "the preferred law is not settled" in flags
     assert "B is 0" in flags
 
@@ -201,9 +191,13 @@ def test_a_verdict_that_does_not_settle_says_so():
 def test_a_known_exponent_is_given_and_no_estimate():
     loop, _, verdict = watched(arrivals(*swung(MEMORY)), exponent=1.5)
     page, estimator = loop.status(), loop.estimator
-    assert verdict["fixed"] == ["exponent"]
+    assert verdict.estimate.fixed == ("exponent",)
     size = len(estimator.law_type.symbols)
-    values = [0.0] * 10 + verdict["parameters"] + estimator.estimate().standard_errors.tolist()
+    values = (
+        [0.0] * 10
+        + estimator.estimate().parameters.tolist()
+        + estimator.estimate().standard_errors.tolist()
+    )
     fields = Fields(0, tuple(estimator.law_type.names()), 10**12)
     values += [0.0] * len(AFTER)
     said = describe_status(page, fields, dict(zip(fields.names, values, strict=True)))
@@ -211,10 +205,10 @@ def test_a_known_exponent_is_given_and_no_estimate():
     assert said["exponent"] == 1.5
     assert "exponent 1.5 (fixed)" in said["words"]
     assert "damping_exponent" not in said
-    assert said["verdict_law"] == verdict["law"]
+    assert said["verdict_law"] == str(verdict.law.candidate)
     assert isinstance(said["verdict_stiffness"], float)
-    assert said["verdict_since"] == pytest.approx(1000.0 + verdict["since"])  # the robot's clock
-    assert describe_run(page)["law"] == verdict["law"]
+    assert said["verdict_since"] == pytest.approx(1000.0 + verdict.since)  # the robot's clock
+    assert describe_run(page)["law"] == str(verdict.law.candidate)
 
 
 SAMPLE = [COLUMNS.index(name) for name in ("time", "penetration", "velocity", "force", "status")]
@@ -252,7 +246,7 @@ def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
     assert headline(page, status, {}, "") == (lines := number_lines(result))
     assert all(line.mark for line in lines)
     now = {"stiffness": (500.0, 1.0), "damping": (4.0, 0.1)}
-    at = where(9e-3, 2.0)
+    at = describe_place(9e-3, 2.0)
     for found, why in ((None, "--no-diagnosis"), ({}, "first"), (page, "material has changed")):
         first, second = headline(found, {**status, "counts": {"changes": 1}}, now, at)
         assert (first.name, first.value, first.at, first.mark) == (
@@ -321,12 +315,10 @@ class Reading:
     def __init__(self, path):
         self.path = path
 
-    def run(self, session, commands):
-        watching = Watching(session)
+    def run(self, watching, commands):
         while watching.wait(0.1):
             if said := watching.others()["diagnosis"].get("said"):
                 self.path.write_text(said)
-        watching.close()
 
 
 class Heard(Replay):

@@ -19,9 +19,9 @@ from palpate import (
 )
 from palpate.live import run
 from palpate.live.choices import LiveCommand, State
-from palpate.live.ordering import Pairing, Stamped
 from palpate.live.ros import MessageReader
 from palpate.live.sources import Arrival, Counts, SourceOptions
+from palpate.live.wires import Pairing, Stamped
 from palpate.live.zeromq import PacketError, packed, unpacked
 
 LAW = HuntCrossley(2000.0, 2000.0, 1.0)

@@ -1,5 +1,6 @@
 """Of the loop's rows what goes to a browser; the ring, the board and the histogram they come by."""
 
+import math
 import multiprocessing
 import struct
 import time
@@ -13,8 +14,9 @@ from hypothesis import strategies as st
 
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, Status
 from palpate.estimators import ESTIMATORS
-from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.force_laws import HuntCrossley
 from palpate.lab import MATERIALS
+from palpate.live.console import read_numbers
 from palpate.live.loop import Histogram
 from palpate.live.page import watch
 from palpate.live.page.watch import (
@@ -22,7 +24,6 @@ from palpate.live.page.watch import (
     HEADER,
     History,
     compute_channels,
-    stiffness_and_damping,
 )
 from palpate.live.ring import (
     COLUMNS,
@@ -34,7 +35,7 @@ from palpate.live.ring import (
     SharedJson,
     Writer,
 )
-from palpate.live.sinks import Session
+from palpate.live.sinks import Session, Watching
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
 DELAY = 0.009
@@ -61,48 +62,41 @@ def frame(history, first, until, **options):
 
 
 def test_what_the_law_in_force_has_not_is_no_curve():
-    rows = rows_of([0.0, 1.0])
+    rows = np.hstack([rows_of([0.0, 1.0]), np.zeros((2, 4))])
     law = GeneralisedHuntCrossley(1e3, 1.5, 2e3, 1.5, 5e2, FlatSpectrum(2e-3, 2.0))
     rows[:, AT["parameter_0"] : AT["parameter_0"] + 5] = law.parameters
     square = np.diag([1.0, 0.01, 4.0, 0.01, 1.0, 0.0, 0.0, 0.0])
     rows[:, AT["covariance_0"] : AT["covariance_0"] + MOST_PARAMETERS**2] = square.ravel()
-    found = compute_channels(rows, GeneralisedHuntCrossley, 1e-3)
+    found = compute_channels(rows, GeneralisedHuntCrossley)
     numbers = found[CHANNELS.index("parameter_0") :][:MOST_PARAMETERS, 0]
     assert np.isfinite(numbers).tolist() == [True] * 5 + [False] * 3
     # Of a law whose numbers are always its own one that is given has an error of 0, and a curve.
-    assert np.isfinite(
-        compute_channels(rows, HuntCrossley, 1e-3)[CHANNELS.index("parameter_5")]
-    ).all()
+    assert np.isfinite(compute_channels(rows, HuntCrossley)[CHANNELS.index("parameter_5")]).all()
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=KINDS)
-def test_stiffness_and_damping_at_a_depth_are_those_of_the_estimate(kind):
+def test_stiffness_and_damping_in_a_row_are_those_of_the_estimate(kind):
     estimator = kind()
     signals = exciting(next(iter(MATERIALS.values())).law, noise=0.05, seed=3)
     estimator.replay(*signals[:800].arrays)
-    estimate = estimator.estimate()
-    parameters, covariance = estimate.parameters[None], estimate.covariance[None]
-    for depth in (1e-4, 0.01):
-        found = stiffness_and_damping(estimator.law_type, parameters, covariance, depth)[:, 0]
-        expected = [*estimate.stiffness_at(depth), *estimate.damping_at(depth)]
-        # Damping by differences of the force, which has sixteen digits of which these take eight.
-        np.testing.assert_allclose(found, expected, rtol=1e-6)
-
-
-@pytest.mark.parametrize("method", ESTIMATORS)
-def test_many_laws_at_once_are_each_of_them(method):
-    law = ESTIMATORS[method].law_type
-    parameters = np.random.default_rng(5).uniform(0.5, 2.0, (20, len(law.symbols)))
-    if law.relaxes:  # its fifth parameter needs a spectrum
-        parameters[:, 4] = 0.0
-    quick, slow = law.many_at(parameters, 0.01), ForceLaw.many_at.__func__(law, parameters, 0.01)
-    np.testing.assert_allclose(quick, slow, rtol=1e-9)  # by differences over 2 mm/s
+    estimate, size = estimator.estimate(), len(estimator.law_type.symbols)
+    row, square = rows_of([0.0]), np.zeros((MOST_PARAMETERS, MOST_PARAMETERS))
+    row[0, AT["parameter_0"] : AT["parameter_0"] + size] = estimate.parameters
+    square[:size, :size] = estimate.covariance
+    row[0, AT["covariance_0"] :][: square.size] = square.ravel()
+    found = read_numbers(row, estimator.law_type, 0.01)
+    if not estimator.law_type.relaxes:  # a law with a spectrum has more numbers
+        assert found == {
+            "stiffness": estimate.stiffness_at(0.01),
+            "damping": estimate.damping_at(0.01),
+        }
+    assert read_numbers(row, estimator.law_type, math.nan) == {}
 
 
 @given(st.binary(min_size=8 * len(COLUMNS), max_size=8 * len(COLUMNS)))
 def test_any_floats_make_channels_that_are_finite_or_nothing(content):
-    row = np.array([struct.unpack(f"<{len(COLUMNS)}d", content)])
-    found = compute_channels(row, HuntCrossley, 0.005)
+    row = np.array([struct.unpack(f"<{len(COLUMNS)}d", content) + (0.0,) * 4])
+    found = compute_channels(row, HuntCrossley)
     assert found.dtype == np.dtype("<f4")
     assert not np.isinf(found).any()
 
@@ -114,6 +108,7 @@ def history():
 
 def test_what_is_kept_is_the_last_seconds_without_a_gap(history):
     history.show(HuntCrossley, 0.01, 0.0)
+    history.response = np.array([900.0, 5.0, 30.0, 1.0])
     times = np.arange(40_000) * 1e-3
     for part in np.array_split(rows_of(times, force=times), 321):
         history.add(part, DELAY)
@@ -123,8 +118,7 @@ def test_what_is_kept_is_the_last_seconds_without_a_gap(history):
     assert number == history.oldest
     np.testing.assert_array_equal(kept, times[-12_000:])
     np.testing.assert_array_equal(values["force"], times[-12_000:].astype(np.float32))
-    expected = 1.3 * 2000.0 * 0.01**0.3
-    np.testing.assert_allclose(values["stiffness"][1:], expected, rtol=1e-6)
+    assert (values["stiffness"] == 900.0).all()
 
 
 def test_thinned_rows_are_the_same_ones_however_they_are_cut(history):
@@ -152,7 +146,7 @@ def test_a_clock_that_is_set_back_voids_what_was_before(history):
     np.testing.assert_array_equal(frame(history, 5, 7)[1], [5.001, 5.002])
 
 
-def test_the_response_of_a_law_that_relaxes_is_that_of_its_time_and_of_one_depth(history):
+def test_the_response_is_that_of_its_time_and_of_one_depth(history):
     history.show(GeneralisedHuntCrossley, 0.01, 0.0)
     for k, response in enumerate(([900.0, 5.0, 30.0, 1.0], [950.0, 4.0, 31.0, 0.9])):
         history.response = np.array(response)
@@ -166,6 +160,7 @@ def test_the_response_of_a_law_that_relaxes_is_that_of_its_time_and_of_one_depth
 
 def test_no_line_leads_from_one_estimator_to_the_next(history):
     history.show(HuntCrossley, 0.01, 0.0)
+    history.response = np.ones(4)
     history.add(rows_of(np.arange(6) * 1e-3, method=[0, 0, 0, 1, 1, 1]), DELAY)
     known = np.isfinite(frame(history, 0, 6)[2]["stiffness"])
     assert known.tolist() == [True] * 3 + [False] * 3  # the board has not said yet what 1 is
@@ -177,25 +172,31 @@ def test_no_line_leads_from_one_estimator_to_the_next(history):
     assert not history.show(ESTIMATORS["kelvin-voigt"].law_type, 0.01, 2.0)
 
 
+LAW = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
+LAW |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
+OTHER = {"kind": "kelvin-voigt", "shown": []}
+STATUS = {"sample_time": 1e-3, "generation": 0, "law": LAW, "state": "contact"}
+
+
 @pytest.fixture
 def watched(monkeypatch):
     """A ring, the loop's board, and what a page sees of them at once."""
     monkeypatch.setattr(watch, "ALIVE", 0.0)
     writers, shared_json, own = (Writer(64), Writer(64, len(ESTIMATE))), SharedJson(), SharedJson()
-    addresses = [each.address for each in writers]
-    seen = watch.Watch(Session(*addresses, shared_json.name, {"page": own.name}, own.name))
-    yield writers, shared_json, seen
-    seen.run.close()
-    for each in (own, shared_json, *writers):
-        each.close()
+    memories = [each.memory for each in writers]
+    shared_json.write({**STATUS, "state": "none"})
+    seen = watch.Watch(
+        Watching(Session(*memories, shared_json.memory, {"page": own.memory}), "page")
+    )
+    return writers, shared_json, seen
 
 
 def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
     _, shared_json, seen = watched
     seen.look()
     assert seen.page({})["state"] == "none"
-    shared_json.write({"sample_time": 1e-3, "generation": 0, "law": {"kind": "hunt-crossley"}})
-    seen.take()
+    shared_json.write(STATUS)
+    seen.look()
     assert seen.page({})["state"] == "dead"  # it has been, and says nothing more
 
 
@@ -208,19 +209,18 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
             samples.write(*row[: len(SAMPLE)])
         seen.take()
 
-    law = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
-    law |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
-    shared_json.write({"sample_time": 1e-3, "generation": 0, "law": law, "state": "contact"})
+    shared_json.write(STATUS)
+    seen.look()
     write(0.0, 0.2)
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
-    page = seen.page({"clients": 1}, ended=True)
+    page = seen.page({"browsers": 1}, ended=True)
     assert page["view"]["numbers"][0] == ["Stiffness K [N/mⁿ]", "2000"]
     assert page["view"]["changes"][0][1][0] == "K = 2000 N/mⁿ"
     assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own
     assert ["page: browsers", "1", ""] in page["facts"]["counts"]
     assert seen.page({})["now"]["parameters"] == [2000.0, 3000.0, 1.3]
-    shared_json.write({"sample_time": 1e-3, "generation": 1, "law": {"kind": "kelvin-voigt"}})
+    shared_json.write({**STATUS, "generation": 1, "law": OTHER})
     seen.look()
     write(0.401)  # the last one of the estimator before
     (change,) = seen.page({})["changes"]
@@ -235,9 +235,9 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
 SPAWN = multiprocessing.get_context("spawn")
 
 
-def writing(kind, address, seconds, gate):
+def writing(kind, memory, seconds, gate):
     """Rows or pages whose numbers are all of one value, as quickly as it goes."""
-    made = Writer(made=address) if kind == "ring" else SharedJson(address)
+    made = Writer(memory=memory) if kind == "ring" else SharedJson(memory)
     gate.send("there")
     until, k = time.monotonic() + seconds, 0
     while time.monotonic() < until:
@@ -247,14 +247,13 @@ def writing(kind, address, seconds, gate):
             made.write({"k": k, "words": "x" * (k % 3000), "again": k})
         k += 1
     gate.send(k)
-    made.close()
 
 
 @contextmanager
-def another_process(kind, address, seconds):
+def another_process(kind, memory, seconds):
     """One that writes; its end says how many it has written."""
     gate, theirs = SPAWN.Pipe()
-    process = SPAWN.Process(target=writing, args=(kind, address, seconds, theirs))
+    process = SPAWN.Process(target=writing, args=(kind, memory, seconds, theirs))
     process.start()
     assert gate.recv() == "there"
     yield gate
@@ -263,9 +262,9 @@ def another_process(kind, address, seconds):
 
 def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     ring = Writer(256)  # so small that it goes round all the time
-    reader = Reader(ring.address)
+    reader = Reader(ring.memory)
     seen, dropped, last = 0, 0, -1.0
-    with another_process("ring", ring.address, 0.7) as gate:
+    with another_process("ring", ring.memory, 0.7) as gate:
         while not gate.poll():
             rows, lost = reader.take()
             assert (rows == rows[:, :1]).all()  # none is half another's
@@ -282,15 +281,11 @@ def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
     assert seen + len(rows) + dropped + lost == written
     assert seen > 256
     assert dropped > 0
-    reader.close()
-    ring.close()
 
 
 @pytest.fixture
 def ring():
-    made = Writer(8)
-    yield made
-    made.close()
+    return Writer(8)
 
 
 def written(ring, *numbers):
@@ -300,41 +295,38 @@ def written(ring, *numbers):
 
 def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(ring):
     written(ring, *range(5))
-    early, late = Reader(ring.address), Reader(ring.address)
-    assert early.take().rows[:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
+    early, late = Reader(ring.memory), Reader(ring.memory)
+    assert early.take()[0][:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     written(ring, *range(5, 20))
     # The oldest row of a full ring may be written over while it is read, so it is not given.
     rows, dropped = late.take()
     assert rows[:, 0].tolist() == [13.0, 14.0, 15.0, 16.0, 17.0, 18.0, 19.0]
     assert dropped == 13
-    assert late.take().rows.size == 0
-    begun_late = Reader(ring.address)
+    assert late.take()[0].size == 0
+    begun_late = Reader(ring.memory)
     rows, dropped = begun_late.take()
     assert (len(rows), dropped) == (7, 13)
-    for each in (early, late, begun_late):
-        each.close()
 
 
 def test_a_reader_goes_back_as_far_as_half_the_ring(ring):
-    reader = Reader(ring.address)
+    reader = Reader(ring.memory)
     written(ring, *range(6))
     reader.take()
     reader.go_back(4)
-    assert reader.take().rows[:, 0].tolist() == [4.0, 5.0]
+    assert reader.take()[0][:, 0].tolist() == [4.0, 5.0]
     reader.go_back(0)
     rows, dropped = reader.take()
     assert rows[:, 0].tolist() == [2.0, 3.0, 4.0, 5.0]
     assert dropped == 0
     reader.go_back(99)
-    assert len(reader.take().rows) == 0
-    reader.close()
+    assert len(reader.take()[0]) == 0
 
 
 @pytest.mark.slow
 def test_a_page_that_is_read_while_it_is_written_is_whole():
     shared_json = SharedJson()
     newest, different = -1, 0
-    with another_process("board", shared_json.name, 0.5) as gate:
+    with another_process("board", shared_json.memory, 0.5) as gate:
         while not gate.poll():
             if page := shared_json.read():
                 assert page["k"] == page["again"] >= newest
@@ -343,14 +335,12 @@ def test_a_page_that_is_read_while_it_is_written_is_whole():
                 newest = page["k"]
         assert shared_json.read()["k"] == gate.recv() - 1
     assert different > 5
-    shared_json.close()
 
 
 def test_a_page_that_is_too_long_is_cut_to_its_first_fields():
     shared_json = SharedJson()
     shared_json.write({"first": 1, "second": "x" * SIZE})
     assert shared_json.read() == {"first": 1}
-    shared_json.close()
 
 
 @pytest.mark.parametrize("seed", [0, 1])

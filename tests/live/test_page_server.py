@@ -27,7 +27,7 @@ from palpate.live.page import Page, server, watch
 from palpate.live.page.sink import token_for
 from palpate.live.page.watch import CHANNELS, HEADER
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
-from palpate.live.sinks import Session
+from palpate.live.sinks import Session, Watching
 from palpate.live.sources import EndOfSourceError, Replay
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -95,19 +95,20 @@ def served(recording="tapping.csv", *, seconds=3.0, estimator=None, **options):
     shared_json.write(loop.status())
     page = Page(port=0, **options)
     ours, theirs = Pipe()
-    addresses = writer.address, estimates.address
-    session = Session(*addresses, shared_json.name, {"page": own.name}, own.name)
-    thread = threading.Thread(target=page.run, args=(session, theirs))
+    memories = writer.memory, estimates.memory
+    watching = Watching(Session(*memories, shared_json.memory, {"page": own.memory}), "page")
+    thread = threading.Thread(target=page.run, args=(watching, theirs))
     thread.start()
     try:
-        yield Served(page=page, writer=writer, own=own, commands=ours, loop=loop, rows=written[-1])
+        yield Served(
+            page=page, writer=writer, own=own, commands=ours, loop=loop, rows=written[-1],
+            shared_json=shared_json,
+        )  # fmt: skip
     finally:
         shared_json.write({**loop.status(), "stopped": True})
         thread.join(20.0)
         assert not thread.is_alive()
         page.close()
-        for each in (shared_json, own, writer, estimates):
-            each.close()
 
 
 class Head(NamedTuple):
@@ -184,18 +185,21 @@ def test_a_browser_gets_the_last_seconds_and_then_what_is_new(page):
 
 
 def test_a_chosen_depth_is_the_one_of_all_that_is_shown(page):
+    def choose(client, value):
+        client.send(json.dumps({"ask": "depth", "value": value}))
+        assert page.commands.recv() == LiveCommand("depth", {"value": value})
+        page.shared_json.write({**page.loop.status(), "depth": value})  # as the loop does
+
     with page.socket() as client:
-        client.send(json.dumps({"ask": "depth", "value": 0.004}))
+        choose(client, 0.004)
         received(client, dict, lambda each: each.get("depth", {}).get("chosen"))
         head, _, values = frame(client)
         assert head.void  # all of it anew
         stiffness, exponent = values["parameter_0"][-1], values["parameter_2"][-1]
         expected = stiffness * exponent * 0.004 ** (exponent - 1)
         assert values["stiffness"][-1] == pytest.approx(expected, rel=1e-5)
-        client.send(json.dumps({"ask": "depth", "value": None}))
+        choose(client, None)
         received(client, dict, lambda each: each.get("depth", {}).get("chosen") is False)
-    asked = [page.commands.recv() for _ in range(2)]  # so that the diagnosis is at that depth
-    assert asked == [LiveCommand("depth", {"value": value}) for value in (0.004, None)]
 
 
 def test_a_browser_that_asks_for_fewer_samples_gets_every_fourth(page):

@@ -23,9 +23,9 @@ from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live import run
 from palpate.live.choices import State
 from palpate.live.diagnosing import diagnose_samples, recent
-from palpate.live.publishing import AFTER, Publisher, open_publisher
 from palpate.live.sinks import PLACE, UNDIAGNOSED, diagnosis_fields
 from palpate.live.sources import Replay
+from palpate.live.wires import AFTER, Publisher, open_publisher
 
 NAMES = [
     "time", "prepared_time", "penetration", "velocity", "force", "predicted_force", "state",
@@ -346,8 +346,8 @@ def test_what_is_not_installed_is_one_clear_line() -> None:
 import sys
 sys.modules["rosbags"] = None
 from palpate.errors import MissingExtraError
-from palpate.live.publishing import open_publisher
 from palpate.live.sources import open_source
+from palpate.live.wires import open_publisher
 for opened in (open_source, open_publisher):
     try:
         opened("dds:/pose")

@@ -18,7 +18,9 @@ from scripted import resident
 from wire_robots import POSE, ROBOTS, START, VECTORS, WRENCH, collect, force, free_port, position
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.ordering import (
+from palpate.live.ros import FORCES, POSITIONS, MessageReader
+from palpate.live.sources import Counts, SourceOptions, open_source
+from palpate.live.wires import (
     WAITING,
     Followed,
     Order,
@@ -30,8 +32,6 @@ from palpate.live.ordering import (
     parse_address,
     topic_names,
 )
-from palpate.live.ros import FORCES, POSITIONS, MessageReader
-from palpate.live.sources import Counts, SourceOptions, open_source
 from palpate.live.zenoh import attachment, parse_attachment
 from palpate.live.zeromq import PacketError, packed, unpacked
 
@@ -532,15 +532,11 @@ def test_layouts_that_a_hostile_sender_invents_are_not_kept_for_ever():
     assert len(reader._known) <= 64
 
 
-def test_attachments_are_those_of_rmw_zenoh_old_and_new():
+def test_attachments_are_those_of_rmw_zenoh():
     data = attachment(7, SINCE_1970, b"0123456789abcdef")
     assert len(data) == 33
     assert parse_attachment(data) == (7, SINCE_1970, b"0123456789abcdef")
-    old = b"\x0fsequence_number" + struct.pack("<q", 7)
-    old += b"\x10source_timestamp" + struct.pack("<q", SINCE_1970)
-    old += b"\x0asource_gid\x10" + b"0123456789abcdef"
-    assert parse_attachment(old) == (7, SINCE_1970, b"0123456789abcdef")
-    for other in (b"", data[:-1], data + b"x", data[:16] + b"\x11" + data[17:], b"x" * len(old)):
+    for other in (b"", data[:-1], data + b"x", data[:16] + b"\x11" + data[17:]):
         assert parse_attachment(other) is None
 
 

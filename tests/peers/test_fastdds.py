@@ -45,8 +45,8 @@ def program(tmp_path_factory) -> Path:
 def session(program: Path, count: int, junk: int) -> tuple[dict, list[str]]:
     """What the loop counted, and what the robot heard of it."""
     from palpate.live import run
-    from palpate.live.publishing import open_publisher
     from palpate.live.sources import SourceOptions, open_source
+    from palpate.live.wires import open_publisher
 
     command = [program, str(DOMAIN), str(count), str(junk)]
     robot = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)

@@ -5,16 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from robot_logs import FAULTS, IDEAL, STILL, Setup, identify, random_setup, simulate
 from scipy.spatial.transform import Rotation
 
 import palpate
-from benchmarks.payload import FAULTS, IDEAL, STILL, Setup, identify, random_setup, simulate
 from palpate import Recording, RecordingError, prepare
 from palpate.preparation.flange_motion import motion_of
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import regressors, rotation, skew
 from palpate.preparation.settings import Preparation
 from palpate.preparation.spatial import compensate_log
+from palpate.recordings.recording import GRAVITY
 
 
 def without(recording: Recording, word: str) -> Recording:
@@ -47,9 +48,8 @@ def test_the_wrench_of_a_payload_is_that_of_the_regressors():
     motion = g.normal(size=(20, 9))
     w = motion[:, 3:6]
     products = np.column_stack([w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]])
-    by_force, by_torque = regressors(np.hstack([motion, products]), mount)
     values = np.concatenate([[1.3], 1.3 * centre, inertia, 1.3 * lever])
-    expected = np.hstack([by_force @ values, by_torque @ values])
+    expected = regressors(np.hstack([motion, products]), mount) @ values
     found = tool.wrench(motion[:, :3], w, motion[:, 6:9])
     np.testing.assert_allclose(found, expected, atol=1e-12)
     np.testing.assert_allclose(skew(w) @ centre, np.cross(w, centre), atol=1e-12)
@@ -57,7 +57,7 @@ def test_the_wrench_of_a_payload_is_that_of_the_regressors():
 
 def assert_found(setup: Setup) -> None:
     found = identify(setup)
-    # The limits of the 95th percentile in `benchmarks.payload`, by a half more for the worst.
+    # By a half more than the limits of the 95th percentile of random set-ups.
     limits = {"mass, %": 0.75, "centre, mm": 0.75, "mount, °": 0.75, "clock, ms": 1.0, "S, %": 1.0}
     for name, limit in limits.items():
         assert abs(found.absolute[name]) < limit, name

@@ -226,7 +226,7 @@ def test_clocks_without_a_time_in_common_or_of_another_length_are_refused():
     with pytest.raises(RecordingError, match="do not overlap"):
         prepare(apart)
     short = {"time_s": np.arange(5.0), "penetration_m": np.arange(4.0), "force_N": np.arange(5.0)}
-    with pytest.raises(RecordingError, match="'time_s' has 5, depth has 4"):
+    with pytest.raises(RecordingError, match="'time_s' has 5, 'depth' has 4"):
         prepare(Recording(short))
 
 
@@ -395,7 +395,7 @@ def test_parts_of_a_vector_have_one_length():
         prepare(parts)
     with pytest.raises(RecordingError, match="'pos/x' has 400, 'pos/y' has 399, 'pos/z' has 397"):
         prepare(parts, columns=Columns(position="pos/x,pos/y,pos/z"))
-    with pytest.raises(RecordingError, match="depth has 399 and force has 400 samples"):
+    with pytest.raises(RecordingError, match="'depth' has 399, 'force' has 400"):
         prepare(Recording({"depth": depth[:399], "force": force}), rate=100.0)
 
 

@@ -13,7 +13,7 @@ from cases import contact_of, exciting, tapping
 
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
-from palpate.digits import with_error
+from palpate.digits import percent, with_error
 from palpate.preparation.touches import find_touches
 from palpate.quantities.derived import build_path
 from palpate.quantities.energy import find_loops
@@ -223,7 +223,9 @@ def test_a_loss_that_is_not_the_dampers_is_said():
     energy = identify(contact, "variable-projection").energy
     accounted = energy.predicted.value / energy.measured.value
     assert accounted < 0.9
-    assert energy.remarks == (f"the law accounts for {accounted:.0%} of the dissipated energy",)
+    assert energy.remarks == (
+        f"the law accounts for {percent(accounted)} of the dissipated energy",
+    )
 
 
 def test_work_goes_on_where_the_time_does_and_a_probe_that_only_goes_in_closes_no_loop():

@@ -58,7 +58,7 @@ def test_a_number_is_the_one_that_python_reads(tmp_path, monkeypatch, parser, od
     name, other = (
         ("_parse_with_numpy", text._parse_with_arrow)
         if by_arrow
-        else ("_pyarrow_csv", lambda: None)
+        else ("has_pyarrow", lambda: False)
     )
     monkeypatch.setattr(text, name, other)
     # Plain spellings are parsed at once; odd ones keep a whole block from that.
@@ -119,7 +119,7 @@ def test_small_blocks_and_either_parser_read_the_same(tmp_path, monkeypatch, con
         monkeypatch.setattr(text, name, size)
     same(open_recording(path), expected)  # with pyarrow, for the file has several blocks
     with monkeypatch.context() as without:
-        without.setattr(text, "_pyarrow_csv", lambda: None)
+        without.setattr(text, "has_pyarrow", lambda: False)
         same(open_recording(path), expected)
     module = (gzip, bz2, lzma)[len(content) % 3]
     same(open_recording(written(path, module.compress(content.encode()))), expected)

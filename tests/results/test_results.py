@@ -150,7 +150,7 @@ def test_frequency_relaxed_stiffness_and_limits_are_saved(tmp_path, undrawn):
 
 @pytest.mark.parametrize("parquet", [True, False])
 def test_the_trace_of_another_run_is_refused(ball, tmp_path, monkeypatch, undrawn, parquet):
-    monkeypatch.setattr(identification, "has_parquet", lambda: parquet)
+    monkeypatch.setattr(identification, "has_pyarrow", lambda: parquet)
     shifted = replace(ball.contact, force=ball.contact.force + 1e-12)  # of the same length
     for folder, each in (("one", ball), ("other", palpate.identify(shifted))):
         each.save(tmp_path / folder)

@@ -43,7 +43,8 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
     console = Terminal()
     channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
     say_path(console, recording.source or "recording", "bold")
-    say(console, f"{_count(channels, 'channel')} on {_count(clocks, 'clock')}")
+    times = f"on {_count(clocks, 'clock')}" if clocks else "without times"
+    say(console, f"{_count(channels, 'channel')} {times}")
     for headings, rows in (_types_table(recording, surveyed), _clocks_table(surveyed)):
         if rows:
             console.print()
@@ -126,7 +127,10 @@ def print_episodes(data: DataSet) -> None:
     rate = "" if data.rate is None else f" at {rounded(data.rate, 4)} Hz"
     say(console, f"{data.name}: {_count(len(lengths), 'episode')}{rate}", "bold")
     for number, length in [*lengths.items()][:_MOST_EPISODES]:
-        say(console, f"episode {number}: " + (f"{length} samples" if length >= 0 else "no length"))
+        say(
+            console,
+            f"episode {number}: " + (f"{length} samples" if length >= 0 else "length not stated"),
+        )
     if len(lengths) > _MOST_EPISODES:
         more = len(lengths) - _MOST_EPISODES
         say(console, f"and {more} more; palpate fleet identifies each")

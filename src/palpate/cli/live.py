@@ -24,6 +24,7 @@ from palpate.cli.options import (
     parse_units,
     quantities,
     quantity,
+    si_parameter,
 )
 from palpate.cli.reading import channels_to_flip, check_fixed_exponent
 from palpate.errors import InvalidParameterError, RecordingError
@@ -65,8 +66,8 @@ class StreamOptions:
     "Direction into the material, such as 0,0,-1, for positions and forces that are vectors."
     payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
     "Subtract weight and inertia of the tool that palpate payload saved to this file."
-    velocity_window: Annotated[float | None, _PREPARED] = None
-    "Length of the velocity filter, s (default: 15 samples, at most 15 ms)."
+    velocity_window: Annotated[float | None, si_parameter("time", "DURATION", PREPARED)] = None
+    "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
     flip_force: Annotated[bool, _FLAG] = False
     "Invert the sign of the force, so that compression is positive."
     flip_penetration: Annotated[bool, _FLAG] = False
@@ -98,7 +99,7 @@ class StreamOptions:
             reading=reading,
         )
         source = open_source(address, options)
-        self._check(address)
+        self._check(address, recording=recording)
         return source
 
     @property
@@ -108,11 +109,8 @@ class StreamOptions:
 
         return None if self.payload is None else Payload.load(self.payload)
 
-    def _check(self, address: str) -> None:
+    def _check(self, address: str, *, recording: bool) -> None:
         """Raise for an option that would have no effect."""
-        from palpate.live.sources import SOURCES
-
-        recording = address.partition(":")[0] not in SOURCES
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):
@@ -245,8 +243,8 @@ def _sinks(
 ) -> "list[Sink]":
     from palpate.live.console import Console
     from palpate.live.diagnosing import Diagnosing
-    from palpate.live.publishing import open_publisher
     from palpate.live.recorder import Recorder
+    from palpate.live.wires import open_publisher
     from palpate.writing import check_writable
 
     if record is not None:
@@ -266,11 +264,9 @@ def _sinks(
 def _direction(text: str) -> list[float]:
     """Parse three comma-separated numbers."""
     try:
-        numbers = [float(part) for part in text.split(",")]
+        x, y, z = (float(part) for part in text.split(","))
     except ValueError:
-        numbers = []
-    if len(numbers) != 3:
         raise InvalidParameterError(
             f"--direction must be three numbers such as 0,0,-1, not {text!r}"
-        )
-    return numbers
+        ) from None
+    return [x, y, z]

@@ -29,6 +29,7 @@ from palpate.cli.printing import (
     say,
     say_path,
 )
+from palpate.digits import percent
 
 if TYPE_CHECKING:
     from palpate.preparation import Payload
@@ -141,7 +142,7 @@ def verdict_on(found: "Payload") -> str:
     """Return what the log is good for: *turns 43° about 2 axes, 20 s of free air: enough*."""
     axes = f"{found.axes} axis" if found.axes == 1 else f"{found.axes} axes"
     turns = f"turns {math.degrees(found.turn):.0f}° about {axes}" if found.axes else "does not turn"
-    words = f"{turns}, {found.free_time:.0f} s of free air ({found.free_share:.0%})"
+    words = f"{turns}, {found.free_time:.0f} s of free air ({percent(found.free_share)})"
     marks = {
         "mass": found.mass_mark, "mount": found.mount_mark, "clock": found.delay_mark,
     }  # fmt: skip

@@ -96,7 +96,7 @@ class ReadingOptions:
     min_force: Annotated[float | None, si_parameter("force", "FORCE", PREPARED)] = None
     "Least force in contact, such as 0.5N (default: chosen by the method or from the data)."
     velocity_window: Annotated[float | None, si_parameter("time", "DURATION", PREPARED)] = None
-    "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
+    "Window of a parabola for the velocity, such as 30ms (default: a smoothing spline)."
     flip_force: Annotated[bool, _FLAG] = False
     "Reverse the sign of the force: compression must be positive."
     flip_penetration: Annotated[bool, _FLAG] = False

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from palpate.design.motion import Motion
-from palpate.digits import rounded
+from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.validation import Floats, number_in, plain
 
@@ -571,6 +571,6 @@ def _notes(
         loss = 5.57 * (fastest * measurement.sample_time) ** 2
         notes.append(
             f"a velocity filter of 15 samples reduces the speed of the sine of "
-            f"{rounded(fastest, 4)} rad/s by {loss:.1%}, which biases the damping"
+            f"{rounded(fastest, 4)} rad/s by {percent(loss)}, which biases the damping"
         )
     return notes

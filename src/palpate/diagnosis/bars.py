@@ -91,9 +91,10 @@ def _parts(
     # A skew τ changes the damping by S τ.
     per_second, applied = abs(fit.stiffness(fit.solution.law)) / scale, fit.data.contact.delay
     if applied is not None and applied.standard_error > 0.0:
-        reason, remedy = "by the standard error of the delay", "run again with --delay find"
-        if has_two_clocks(fit):
-            reason, remedy = "by the standard error of the clocks' offset", ONE_CLOCK
+        what = "clocks' offset" if has_two_clocks(fit) else "delay"
+        reason = f"by the standard error of the {what}"
+        again = not (applied.found or has_two_clocks(fit))
+        remedy = "run again with --delay find" if again else ONE_CLOCK
         yield SystematicPart((0.0, per_second * applied.standard_error), reason, remedy)
     if skew > 0.0:
         reason = f"since {rounded(1e3 * skew, 2)} ms of skew between force and position is possible"

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.diagnosis.causes import MisfitHypothesis, OtherLaw, cause_from_column
 from palpate.diagnosis.fit import Fit, MovedSamples, Solution, fit_with_column
 from palpate.diagnosis.windows import WindowedSamples
-from palpate.digits import rounded, with_error
+from palpate.digits import percent, rounded, with_error
 from palpate.findings import Check, Finding
 from palpate.validation import Floats
 
@@ -136,7 +136,7 @@ def check_skew(fit: Fit) -> Finding:
     law = fit.solution.law
     damping = abs(fit.damping(law))
     by_skew = abs(fit.stiffness(law)) * 1e-3 / damping if damping > 0.0 else math.inf
-    words = f"1 ms of skew between force and position changes the damping by {by_skew:.1%}"
+    words = f"1 ms of skew between force and position changes the damping by {percent(by_skew)}"
     if (applied := fit.data.contact.delay) is not None and applied.seconds:
         size = with_error(abs(applied.seconds) * 1e3, applied.standard_error * 1e3, unit="ms")
         way = "late" if applied.seconds > 0.0 else "early"

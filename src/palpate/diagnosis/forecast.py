@@ -6,7 +6,7 @@ import numpy as np
 
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.windows import FEWEST_ROWS
-from palpate.digits import rounded
+from palpate.digits import percent, rounded
 from palpate.findings import Check, Finding
 
 PARTS = 3  # parts of the rows; the last part is predicted
@@ -34,7 +34,7 @@ def check_forecast(fit: Fit) -> Finding | None:
     if whole > max(CARE * size, UNEXPECTED * expected):
         return Check.FORECAST.finding(
             "identified on its first two thirds, the recording's last third is off by "
-            f"{whole / size:.0%} of the force",
+            f"{percent(whole / size)} of the force",
             "record the motion of the task, and repeat it",
             mark="do-not-trust" if whole > STOP * size else "trust",
         )

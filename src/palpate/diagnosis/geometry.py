@@ -6,7 +6,7 @@ import numpy as np
 
 from palpate.diagnosis.causes import CARE, MisfitHypothesis, OtherLaw
 from palpate.diagnosis.fit import NOISE_LIKE, Fit, MovedSamples
-from palpate.digits import format_quantity
+from palpate.digits import format_quantity, percent
 from palpate.estimators import ESTIMATORS
 from palpate.estimators.least_squares import robust_covariance
 from palpate.findings import Check, Finding
@@ -54,12 +54,13 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
 
 
 def _describe_surface(fit: Fit, change: OtherLaw, error: float) -> str:
-    k, b, *_ = fit.units.to_si(change.law).parameters / fit.law.parameters - 1.0
+    changes = fit.units.to_si(change.law).parameters / fit.law.parameters - 1.0
+    k, b, *_ = (percent(each, sign=True) for each in changes.tolist())
     way = "deeper than zero penetration" if change.deeper > 0.0 else "above zero penetration"
     return (
         f"the surface is {format_quantity(abs(change.deeper) * fit.reference, 'm')} ± "
-        f"{format_quantity(error * fit.reference, 'm')} {way}: with it K changes by {k:+.0%} "
-        f"and B by {b:+.0%}"
+        f"{format_quantity(error * fit.reference, 'm')} {way}: with it K changes by {k} "
+        f"and B by {b}"
     )
 
 
@@ -93,8 +94,9 @@ def check_unobservable(fit: Fit) -> Finding:
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
     return Check.UNSEEN.finding(
         f"no recording shows these: {OFF_AXIS:.0f}° off the surface normal makes the stiffness "
-        f"{lost[0]:.1%} and the damping {lost[1]:.1%} too small; 1 % of scale changes them by 1 %; "
-        f"a mount softer than {soft} makes the stiffness over {SOFT_MOUNT:.0%} too small"
+        f"{percent(lost[0])} and the damping {percent(lost[1])} too small; 1 % of scale changes "
+        f"them by 1 %; a mount softer than {soft} makes the stiffness over {percent(SOFT_MOUNT)} "
+        "too small"
     )
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+import palpate._core as _core
 from palpate.diagnosis.causes import (
     SURE,
     MisfitHypothesis,
@@ -17,10 +18,9 @@ from palpate.diagnosis.change import find_changes
 from palpate.diagnosis.fit import SIGNIFICANT, Fit, deeper_half_remedy, fit_with_column
 from palpate.diagnosis.outcome import SELECT_LAW, ModelSelection
 from palpate.diagnosis.windows import FEWEST_FREE
-from palpate.digits import format_quantity, rounded
+from palpate.digits import format_quantity, percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding
-from palpate.validation import Floats
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
@@ -50,16 +50,18 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
     """Return the sentence and the next step for an amount of a column."""
-    part = abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300)
+    part = percent(abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300))
+    # The line through a change that is not even may fall below zero.
+    change = f"hardens by {percent(amount)}" if amount > 0.0 else f"softens by {percent(-amount)}"
+    change = "softens by over 90 %" if amount < -0.9 else change
     half = rounded(float(np.median(fit.data.time)), 3)
     return {
         Check.GAIN_DRIFT: (
-            f"the material {'hardens' if amount > 0.0 else 'softens'} by {abs(amount):.1%} during "
-            "the recording",
+            f"the material {change} during the recording",
             f"identify the two halves separately: --stop {half}, then --start {half}",
         ),
         Check.FRICTION: (
-            f"friction of {part:.1%} of the force: it depends on the direction of motion, not on "
+            f"friction of {part} of the force: it depends on the direction of motion, not on "
             "the speed",
             "press along the surface normal",
         ),
@@ -82,7 +84,6 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
 
 
 TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
-BLOCK = 64  # samples whose state is computed in one vectorised step
 
 
 def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
@@ -101,10 +102,10 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
     at_depth = fit.force_at_depth(law) or 1.0
     spring = law.force(x, np.zeros_like(x)) / at_depth
-    times = np.geomspace(shortest, 0.7 * duration, TIMES).tolist()
-    states = (relaxation_state(spring, steps, tau, data.sample_time) for tau in times)
-    fits = [fit_with_column(fit, fit.windows.mean(h[fit.windows.samples])) for h in states]
-    known = [(each, time) for each, time in zip(fits, times, strict=True) if each]
+    times = np.geomspace(shortest, 0.7 * duration, TIMES)
+    states = _core.relaxation_states(1.0, times, steps, spring)[fit.windows.samples]
+    fits = [fit_with_column(fit, fit.windows.mean(h)) for h in states.T]
+    known = [(each, time) for each, time in zip(fits, times.tolist(), strict=True) if each]
     if not known:
         return []
     best, time = max(known, key=lambda each: each[0].explained_fraction)
@@ -130,31 +131,6 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
     else:
         return f"the force relaxes over {over} differently than the law", remedy
     return f"the force relaxes over {over}{other}", tare
-
-
-def relaxation_state(drive: Floats, steps: Floats, tau: float, sample_time: float) -> Floats:
-    """State h of dh = d(drive) − h dt/τ, from h = 0, with the median time step within blocks.
-
-    Exact for even time steps. For uneven steps the decay over a block of 64 samples uses the
-    block's own duration, and the decay within it the median step.
-    """
-    decay = math.exp(-sample_time / tau)
-    power = decay ** np.arange(BLOCK + 1)
-    blocks = -(-len(drive) // BLOCK)
-    rise = np.zeros(blocks * BLOCK)
-    rise[1 : len(drive)] = np.diff(drive)
-    local, span = rise.reshape(blocks, BLOCK), 1
-    while span < BLOCK:  # Σ aⁱz⁻ⁱ = (1 + az⁻¹)(1 + a²z⁻²)(1 + a⁴z⁻⁴)…
-        local[:, span:] += power[span] * local[:, :-span]
-        span *= 2
-    elapsed = np.zeros(blocks * BLOCK)
-    elapsed[: len(drive)] = steps
-    over = np.exp(-elapsed.reshape(blocks, BLOCK).sum(axis=1) / tau).tolist()
-    carried, state = np.empty(blocks), 0.0
-    for block, (end, fade) in enumerate(zip(local[:, -1].tolist(), over, strict=True)):
-        carried[block] = state
-        state = end + fade * state
-    return (local + carried[:, None] * power[1:]).reshape(-1)[: len(drive)]
 
 
 # Depth range over the working depth in which adhesion is searched for, and its number of pieces.

@@ -12,7 +12,7 @@ from palpate.diagnosis.fit import (
     standard_errors,
 )
 from palpate.diagnosis.outcome import SELECT_LAW
-from palpate.digits import rounded
+from palpate.digits import percent, rounded
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
 
@@ -33,11 +33,11 @@ def check_misfit(fit: Fit) -> Finding | None:
     unexplained, times = fraction_unexplained(fit), fit.residual_to_noise
     if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
-    part = rounded(unexplained, 2) if unexplained < 0.01 else f"{unexplained:.0%}"
     remedy = SELECT_LAW if fit.laws is None else deeper_half_remedy(fit)
     mark: Mark = "do-not-trust" if unexplained > TOO_MUCH_UNEXPLAINED else "trust"
     return Check.MISFIT.finding(
-        f"the law leaves {part} of the force unexplained ({rounded(times, 2)} times the noise)",
+        f"the law leaves {percent(unexplained)} of the force unexplained ({rounded(times, 2)} "
+        "times the noise)",
         remedy,
         z=times,
         mark=mark,
@@ -67,8 +67,9 @@ def check_method(fit: Fit) -> Finding | None:
     remedy = deeper_half_remedy(fit) if exact else "run again with --method variable-projection"
     whose = f"{fit.method} fails here: its" if large else "the method's"
     return Check.METHOD.finding(
-        f"{whose} stiffness is {off_s:+.1%} and its damping {off_c:+.1%} off the least-squares fit "
-        f"of its own law ({rounded(z, 2)} standard errors)",
+        f"{whose} stiffness is {percent(off_s, sign=True)} and its damping "
+        f"{percent(off_c, sign=True)} off the least-squares fit of its own law ({rounded(z, 2)} "
+        "standard errors)",
         remedy,
         z,
         moves_percent=(-100.0 * off_s, -100.0 * off_c),

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import ModelSelection
-from palpate.digits import format_quantity, rounded
+from palpate.digits import format_quantity, percent, rounded
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length, report_held_channel
 from palpate.preparation.load_transfer import exclude_load_transfer
@@ -138,7 +138,7 @@ def check_steps(data: Data) -> Finding | None:
         if 0.0 < most * peak < step and np.mean(np.diff(values) == 0.0) > REPEATED:
             return Check.COARSE_STEPS.finding(
                 f"the {name} is quantised in steps of {format_quantity(step, unit)}, "
-                f"{step / peak:.1%} of its largest value{more}",
+                f"{percent(step / peak)} of its largest value{more}",
                 remedy,
                 mark="with-care",
             )
@@ -220,7 +220,7 @@ def check_spikes(data: Data) -> Finding | None:
     if part <= SOME or part * len(data) < FEWEST_SPIKES:
         return None
     return Check.SPIKES.finding(
-        f"{part:.2%} of the {name} samples are spikes",
+        f"{percent(part)} of the {name} samples are spikes",
         f"check the {name} sensor's cable",
         mark="do-not-trust" if part > MANY else "with-care",
     )
@@ -409,7 +409,7 @@ def check_velocity_column(data: Data) -> Finding | None:
         return Check.VELOCITY_COLUMN.finding(words + OTHER, VELOCITY_NONE, mark="do-not-trust")
     if abs(slope - 1.0) <= CARE:
         return None
-    wrong = f"{abs(slope - 1.0):.0%} too {'small' if slope > 1.0 else 'large'}"
+    wrong = f"{percent(abs(slope - 1.0))} too {'small' if slope > 1.0 else 'large'}"
     return Check.VELOCITY_COLUMN.finding(
         f"{words}: the damping is {wrong} if the penetration is right",
         VELOCITY_NONE,

@@ -13,7 +13,7 @@ from palpate.diagnosis.causes import (
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.recording import VELOCITY_NONE
 from palpate.diagnosis.windows import FEWEST_FREE
-from palpate.digits import format_quantity, rough_percent, rounded
+from palpate.digits import format_quantity, percent, rough_percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length
@@ -59,10 +59,10 @@ def check_saturation(fit: Fit) -> Finding | None:
         return None
     mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
     if at_top < elsewhere:
-        words = f"the force is constant for {part:.1%} of the contact while the probe moves"
+        words = f"the force is constant for {percent(part)} of the contact while the probe moves"
         return Check.STUCK_FORCE.finding(words, "check the sensor's connection", mark=mark)
     words = (
-        f"the force stays at its largest value, {rounded(top, 3)} N, for {part:.1%} of the "
+        f"the force stays at its largest value, {rounded(top, 3)} N, for {percent(part)} of the "
         "contact: the sensor saturates"
     )
     return Check.SATURATION.finding(words, "use a force sensor with a larger range", mark=mark)
@@ -108,7 +108,7 @@ def check_velocity_noise(fit: Fit) -> Finding | None:
         "the velocity, differentiated from the penetration," if derived else "the velocity column"
     )
     return Check.VELOCITY_NOISE.finding(
-        f"{whose} is noisy: the damping is about {min(part, 1.0):.0%} too small",
+        f"{whose} is noisy: the damping is about {percent(min(part, 1.0))} too small",
         fit.data.wider_window if derived else VELOCITY_NONE,
         moves_percent=(0.0, 100.0 * min(part, 1.0)),
     )
@@ -134,7 +134,7 @@ def check_free_air(fit: Fit) -> Finding | None:
     return Check.FREE_AIR.finding(
         "the force changes with the motion in free air: a cable, a guide or a mass that moves "
         f"with the probe changes {much}",
-        "route the cable so that it does not pull, and subtract the force measured in free air",
+        "subtract the force in free air; route the cable so it cannot pull",
         float(np.max(np.abs(slopes) / errors)),
         brief="the force in free air changes with the motion",
         moves_percent=(100.0 * float(moved[0]), 100.0 * float(moved[1])),
@@ -203,7 +203,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | 
         if abs(amount) > MOST_CURVED:
             return None
         return (
-            f"the force sensor's gain changes by {abs(amount):.0%} up to the working force",
+            f"the force sensor's gain changes by {percent(abs(amount))} up to the working force",
             "calibrate the force sensor at several forces",
         )
     return (

@@ -344,9 +344,9 @@ def _law_findings(
         # At this depth the force is three times the noise.
         needed = depth * (3.0 * noise / force) ** (1.0 / n)
         yield Check.GATE.finding(
-            "the contact gate selects light samples by a force within the noise, so K′ and K are "
-            "too low",
-            f"set gate=ContactGate(minimum_penetration={needed:.2g})",
+            f"at depths below {format_quantity(needed, 'm', digits=2)} the contact gate selects "
+            "samples by a force within the noise, so K′ and K are too low",
+            "raise the least penetration in contact to that depth",
         )
 
 

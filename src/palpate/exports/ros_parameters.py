@@ -3,7 +3,8 @@
 import math
 from typing import Any
 
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import Payload
+from palpate.recordings.recording import GRAVITY
 
 
 def ros_parameters(

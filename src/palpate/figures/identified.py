@@ -7,11 +7,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
+from palpate.figures.field import ERRORS, VALUES, draw_field
 from palpate.figures.panels import (
     JOINED,
     Final,
@@ -37,6 +37,7 @@ from palpate.figures.style import (
     choose_scale,
     drawing,
     head,
+    largest,
     scale_as_written,
     set_titles,
     stack,
@@ -49,7 +50,6 @@ from palpate.quantities.derived import SmallOscillation, motion_band
 from palpate.results.parameters import law_name, parameter_rows
 from palpate.results.view import short_answer
 from palpate.stages import log_stage
-from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -193,41 +193,25 @@ def draw_places(result: Identified) -> "Figure":
     seen_along = -np.mean(np.abs(normals), axis=0) if normals else np.ptp(positions, axis=0)
     across = np.delete(np.arange(3), np.argmin(seen_along))
     marks = np.array([part.diagnosis.verdict.overall for part in result.segments])
+    shapes = [(m.replace("-", " "), _MARKERS[m], marks == m) for m in np.unique(marks).tolist()]
+    trusted = marks != "do-not-trust"
     values = [part.diagnosis.working_depth.stiffness for part in result.segments]
     look = choose_look(dark=False, width=None)
     with drawing(look, 4.8) as figure:
         left, right = figure.subplots(1, 2)
         for axes, title, colours, numbers in (
-            (left, "Stiffness at working depth", "viridis", [each.value for each in values]),
-            (right, "Its standard error", "cividis", [each.whole_error for each in values]),
+            (left, "Stiffness at working depth", VALUES, [each.value for each in values]),
+            (right, "Its standard error", ERRORS, [each.whole_error for each in values]),
         ):
+            size = np.array(numbers)
+            unit = choose_scale(largest(size[trusted] if trusted.any() else size), "N/m")
+            at, label = positions[:, across], f"[{unit.unit}]"
+            size *= unit.factor
+            draw_field(axes, at, size, trusted, label, look, colours=colours, markers=shapes)
             axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
-            _draw_places(axes, positions[:, across], np.array(numbers), marks, colours, look)
+            axes.set_aspect("equal", adjustable="datalim")
             head(axes, title)
     return figure
-
-
-def _draw_places(
-    axes: "Axes", places: Floats, values: Floats, marks: NDArray[Any], colours: str, look: Look
-) -> None:
-    known, ink = np.isfinite(values), look.theme.ink
-    sure = known & (marks != "do-not-trust")
-    shown = values[sure if sure.any() else known]
-    # To the largest value that is to be trusted: the peak of an inclusion shows.
-    low, high = (shown.min(), shown.max()) if shown.size else (0.0, 1.0)
-    beyond = bool((values[known] < low).any()), bool((values[known] > high).any())
-    extend = ("neither", "min", "max", "both")[beyond[0] + 2 * beyond[1]]
-    unit = choose_scale(float(high), "N/m")
-    k = unit.factor
-    options: dict[str, Any] = {"cmap": colours, "vmin": k * low, "vmax": k * high, "s": 50.0}
-    for mark in np.unique(marks):
-        there, marker = (marks == mark) & known, _MARKERS[mark]
-        x, y = places[there].T
-        dots = axes.scatter(x, y, c=k * values[there], marker=marker, ec=ink, lw=0.6, **options)
-        label = mark.replace("-", " ")
-        axes.scatter([], [], marker=marker, label=label, facecolor="none", edgecolor=ink)
-    axes.set_aspect("equal", adjustable="datalim")
-    axes.figure.colorbar(dots, ax=axes, extend=extend).set_label(f"[{unit.unit}]")
 
 
 # Dynamic stiffness and damping over the frequencies that a motion contained.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import Data, Quantity
+from palpate.digits import percent
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.oscillation import dynamic_response
 from palpate.figures.style import (
@@ -654,5 +655,5 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
     axes.set(xlabel=label, ylabel=unit.label("speed"))
     head(
         axes,
-        f"Speed limit |v| < 0.1 K/B: violated in {result.violated_fraction:.1%} of contact",
+        f"Speed limit |v| < 0.1 K/B: violated in {percent(result.violated_fraction)} of contact",
     )

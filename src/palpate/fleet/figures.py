@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.figures.field import ERRORS, VALUES, draw_field
 from palpate.figures.style import (
     AxisScale,
     Look,
@@ -22,7 +23,6 @@ from palpate.validation import Floats
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
 
@@ -207,9 +207,6 @@ def _histogram(
 # A strip with a larger ratio of length to width is not drawn to scale, because its width would
 # vanish.
 _LONGEST = 20.0
-Indices = NDArray[np.intp]
-# The map is drawn as cells if at least this share of the grid's cells has a place.
-_FILLED = 0.6
 # Percentile of the sizes that determines the unit.
 _USUAL = 98.0
 
@@ -296,36 +293,17 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
     """Draw values over two coordinates, as cells of a grid or as dots."""
     places = found.places - _origin(found)
     along = choose_scale(largest(places), found.units[0])
-    x, y = (along.factor * places).T
+    places = along.factor * places
+    x, y = places.T
     values = unit.factor * getattr(found, what)
-    known = np.isfinite(values)
-    # The colours span the values that are to be trusted, so that the peak of an inclusion shows.
-    sure = known & ~found.mistrusted
-    low, high = _span(values[sure if sure.any() else known], zero=what == "error")
-    colours = "viridis" if what == "value" else "cividis"
-    grid = _grid(x, y)
-    if grid is not None and (~known).sum() < len(known):
-        columns, rows, i, j = grid
-        cells = np.full((len(rows), len(columns)), np.nan)
-        cells[j, i] = values
-        rendered: ScalarMappable = axes.pcolormesh(
-            _edges(columns), _edges(rows), cells, cmap=colours, vmin=low, vmax=high
-        )
-    else:
-        rendered = axes.scatter(
-            x[known], y[known], c=values[known], cmap=colours, vmin=low, vmax=high,
-            s=look.points(60.0) * min(1.0, 200.0 / max(len(x), 1)) + look.points(8.0),
-            edgecolors=look.theme.ink, linewidths=0.4,
-        )  # fmt: skip
-    _mark(axes, x, y, known, found, look)
+    name, colours = (found.name, VALUES) if what == "value" else ("its standard error", ERRORS)
+    label = unit.label(name)
+    draw_field(axes, places, values, ~found.mistrusted, label, look, colours=colours)
+    _mark(axes, x, y, np.isfinite(values), found, look)
     sides = np.ptp(x), np.ptp(y)
     if found.units[0] == found.units[1] == "m" and max(sides) < _LONGEST * min(sides):
         axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
-    beyond = _beyond(values[known], low, high)
-    bar = axes.figure.colorbar(rendered, ax=axes, extend=beyond)
-    name = found.name if what == "value" else "its standard error"
-    bar.set_label(unit.label(name))
     labels = [f"{axis} [{along.unit}]" if along.unit else axis for axis in found.axes]
     axes.set(xlabel=labels[0], ylabel=labels[1])
     head(axes, name.capitalize())
@@ -337,46 +315,3 @@ def _origin(found: Map) -> Floats:
     far = np.abs(found.places).max(axis=0) > 20.0 * np.maximum(high - low, 1e-12)
     origin: Floats = np.where(far & (np.array(found.units) == "m"), low, 0.0)
     return origin
-
-
-def _span(values: Floats, *, zero: bool) -> tuple[float, float]:
-    if not values.size:
-        return 0.0, 1.0
-    low, high = float(values.min()), float(values.max())
-    if high <= low:
-        low, high = low - 0.5 * abs(low) - 1e-30, high + 0.5 * abs(high) + 1e-30
-    return (0.0 if zero else low), high
-
-
-def _beyond(values: Floats, low: float, high: float) -> str:
-    under, over = bool((values < low).any()), bool((values > high).any())
-    return ("neither", "min", "max", "both")[under + 2 * over]
-
-
-def _grid(x: Floats, y: Floats) -> tuple[Floats, Floats, Indices, Indices] | None:
-    """Return columns and rows of the grid of places and the cell of each; None if there is none."""
-    columns, rows = _levels(x), _levels(y)
-    cells = len(columns) * len(rows)
-    if len(columns) < 2 or len(rows) < 2 or len(x) < _FILLED * cells:
-        return None
-    i = np.abs(x[:, None] - columns).argmin(axis=1)
-    j = np.abs(y[:, None] - rows).argmin(axis=1)
-    if len({*zip(i.tolist(), j.tolist(), strict=True)}) < len(
-        x
-    ):  # repeats in one cell would hide each other
-        return None
-    return columns, rows, i, j
-
-
-def _levels(values: Floats) -> Floats:
-    """Return distinct coordinates; coordinates closer than 1/1000 of the range count as equal."""
-    order = np.sort(values)
-    apart = 1e-3 * max(float(order[-1] - order[0]), 1e-300)
-    groups = np.split(order, np.flatnonzero(np.diff(order) > apart) + 1)
-    return np.array([group.mean() for group in groups])
-
-
-def _edges(levels: Floats) -> Floats:
-    middle = 0.5 * (levels[1:] + levels[:-1])
-    ends = [2.0 * levels[:1] - middle[:1], middle, 2.0 * levels[-1:] - middle[-1:]]
-    return np.concatenate(ends)

@@ -6,7 +6,7 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
@@ -196,24 +196,6 @@ class ForceLaw:
         """Force [N], stiffness [N/m] and damping [N·s/m] at a depth > 0 [m] and at rest."""
         return float(self.force(depth, 0.0)), self.stiffness_at(depth), self.damping_at(depth)
 
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """:meth:`stiffness_at` and :meth:`damping_at` a depth, for many laws.
-
-        Parameters
-        ----------
-        parameters : numpy.ndarray, shape (k, p)
-            One law per row; NaN gives NaN.
-        depth : float or numpy.ndarray, shape (k,)
-            m, > 0.
-        """
-        found = np.full((2, len(parameters)), np.nan)
-        depths = np.broadcast_to(depth, len(parameters))
-        for k in np.flatnonzero(np.isfinite(parameters).all(axis=1)).tolist():
-            law = cls.from_parameters(parameters[k])
-            found[:, k] = law.stiffness_at(float(depths[k])), law.damping_at(float(depths[k]))
-        return found[0], found[1]
-
 
 def _typical_value(unit: str, own: dict[str, float]) -> float:
     """The typical value of a unit, such as ``N·s/m²``; other symbols than N, m, s count as 1."""
@@ -300,16 +282,6 @@ class CompiledLaw(ForceLaw):
         x, v = (np.ascontiguousarray(array).reshape(-1) for array in given)
         type(self)._compiled(self.parameters, x, v, force.reshape(-1))
         return float(force) if force.ndim == 0 else force
-
-    @classmethod
-    def many_at(cls, parameters: Floats, depth: float | Floats) -> tuple[Floats, Floats]:
-        """∂F/∂x and ∂F/∂v of many fully relaxed laws at zero velocity, one per row."""
-        laws = object.__new__(cls)  # with columns as parameters, which the gradients accept too
-        for own, column in zip(fields(cls), parameters.T, strict=False):  # type: ignore[arg-type]
-            object.__setattr__(laws, own.name, column)
-        x = np.broadcast_to(np.asarray(depth, dtype=np.float64), len(parameters))
-        with np.errstate(all="ignore"):  # early estimates may be extreme
-            return laws.penetration_gradient(x, np.zeros_like(x)), laws.velocity_gradient(x)
 
     def in_a_loop(self) -> Callable[[float, float], float]:
         """Return a faster :meth:`force` for plain floats; it is not thread-safe."""

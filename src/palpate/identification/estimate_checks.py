@@ -12,6 +12,7 @@ from palpate.diagnosis.causes import CARE
 from palpate.diagnosis.excitation import few_samples
 from palpate.diagnosis.fit import reference_scale
 from palpate.diagnosis.sensor import outlier_finding
+from palpate.digits import percent
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace, prediction_rmse_percent, violated_fraction
 from palpate.findings import Check, Finding
@@ -43,7 +44,7 @@ def check_estimate(
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:
         yield Check.CONDITION_10.finding(
-            f"|v| ≥ 0.1 K/B in {violated:.1%} of the contact, where the method is biased"
+            f"|v| ≥ 0.1 K/B in {percent(violated)} of the contact, where the method is biased"
         )
     if math.isnan(prediction_rmse_percent(trace, contact.force, contact.time_steps)):
         yield Check.PREDICTION.finding("less than 0.2 s of contact: no prediction error")

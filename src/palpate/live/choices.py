@@ -62,8 +62,7 @@ def chosen(estimator: ContactEstimator, options: dict[str, Any]) -> ContactEstim
     known = kind().settings
     kept = estimator.settings
     if kind is not type(estimator):
-        there = (name for name in _KEPT if name in known and kept.get(name) is not None)
-        kept = {name: kept[name] for name in there}
+        kept = {name: kept[name] for name in _KEPT if name in known and kept.get(name) is not None}
     given = {}
     for name, value in wanted.items():
         if name != "forgetting_factor" and name not in known:
@@ -100,7 +99,7 @@ class LiveCommand:
         ``"tare"``, ``"hold"``, ``"resume"``, ``"reset"``, ``"estimator"`` (``method`` and its
         settings), ``"source"`` (an option that the source offers, such as the laboratory's
         material), ``"depth"`` (``value``: the working depth, m; None for the median), ``"record"``
-        (``path``; or ``on``: whether to record, to a file that the recorder names) or ``"stop"``.
+        (``on``: whether to record, to a file that the recorder names) or ``"stop"``.
     options : dict
         Options of the command.
     """

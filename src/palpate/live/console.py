@@ -16,12 +16,11 @@ import numpy as np
 from palpate._core import Status
 from palpate.errors import printable
 from palpate.estimators.estimate import Estimate
-from palpate.force_laws import FORCE_LAWS
+from palpate.force_laws import FORCE_LAWS, ForceLaw
 from palpate.live.choices import State
 from palpate.live.sinks import (
     NOT_DIAGNOSED,
     PLACE,
-    Session,
     Watching,
     print_line,
     unpack_parameters,
@@ -29,16 +28,15 @@ from palpate.live.sinks import (
 )
 from palpate.live.view import (
     COUNTED,
+    LiveVerdict,
+    Numbers,
     answer,
-    describe_verdict,
     duration_rows,
     headline,
-    law_lines,
-    law_numbers,
     seconds,
     verdict_on,
-    where,
 )
+from palpate.results.view import describe_place
 from palpate.validation import Floats, or_nan
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
@@ -78,7 +76,7 @@ class ShownDepth:
         self._tick, self._shown = math.nan, _Steady()
         #: Depth, m, of two digits; NaN before the first contact.
         self.value = math.nan
-        self._of_law = {"depth": _Steady(), "frequency": _Steady()}
+        self._depth_of_law, self._frequency = _Steady(), _Steady()
 
     def see(self, rows: Floats) -> None:
         """Update the depth from rows of the ring."""
@@ -94,23 +92,32 @@ class ShownDepth:
 
     def verdict(
         self, status: dict[str, Any], time: float, depth: float = math.nan
-    ) -> dict[str, Any] | None:
+    ) -> LiveVerdict | None:
         """Return the verdict in a status, with a steady frequency, and depth if none is given."""
         verdict = verdict_on(status)
-        if verdict is None:
-            return None
-        known = [name for name in self._of_law if verdict[name]]
-        steady = {name: self._of_law[name].see(verdict[name], time) for name in known}
-        if steady.get("depth") and math.isfinite(depth):
-            steady["depth"] = depth
-        return verdict | steady
+        # A probe that has not moved has neither.
+        if verdict is None or not (verdict.law.depth > 0.0 and verdict.law.frequency > 0.0):
+            return verdict
+        steady = self._depth_of_law.see(verdict.law.depth, time)
+        frequency = self._frequency.see(verdict.law.frequency, time)
+        return verdict.at(depth if math.isfinite(depth) else steady, frequency)
+
+
+def read_numbers(row: Floats, law: type[ForceLaw], depth: float) -> Numbers:
+    """Return stiffness and damping of the estimate in a row of the ring, at a depth and at rest."""
+    (parameters,), _, (covariance,) = unpack_parameters(row, len(law.symbols))
+    if not (depth > 0.0 and np.isfinite(parameters).all()):
+        return {}
+    made, taken = law.from_parameters(parameters), Status(int(row[0, PLACE["status"]]))
+    estimate = Estimate.from_law(made, covariance, status=taken, samples=1)
+    return {"stiffness": estimate.stiffness_at(depth), "damping": estimate.damping_at(depth)}
 
 
 def describe_depth(
     status: dict[str, Any],
     row: Floats,
     depth: float,
-    verdict: dict[str, Any] | None = None,
+    verdict: LiveVerdict | None = None,
     found: dict[str, Any] | None = None,
 ) -> str:
     """Describe stiffness and damping with their marks, as diagnosed or, before, as estimated now.
@@ -123,7 +130,7 @@ def describe_depth(
         The last row of the ring.
     depth : float
         m, of the present estimate.
-    verdict : dict, optional
+    verdict : LiveVerdict, optional
         If the estimator compares laws.
     found : dict, optional
         The last status of the diagnosis.
@@ -135,18 +142,13 @@ def describe_depth(
         return "no contact yet"
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator starts"  # its law is not in the status yet
-    (parameters,), _, (covariance,) = unpack_parameters(row[None], len(kind.symbols))
-    if not np.isfinite(parameters).all():
-        return "no estimate yet"
     if verdict:
-        if not (now := law_numbers(verdict)):
-            return describe_verdict(verdict)
-        at = where(depth, verdict["frequency"])
-        return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
-    law, taken = kind.from_parameters(parameters), Status(int(row[PLACE["status"]]))
-    estimate = Estimate.from_law(law, covariance, status=taken, samples=1)
-    now = {"stiffness": estimate.stiffness_at(depth), "damping": estimate.damping_at(depth)}
-    return f"{answer(headline(found, status, now, where(depth, None)))}, {NOT_DIAGNOSED}"
+        now, at = verdict.numbers(), describe_place(depth, verdict.law.frequency)
+    else:
+        now, at = read_numbers(row[None], kind, depth), describe_place(depth)
+    if not now:
+        return str(verdict or "no estimate yet")
+    return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
 
 
 # The status line where the loop was started, and the summary at the end.
@@ -170,11 +172,11 @@ class Console:
     def __init__(self, *, quiet: bool = False) -> None:
         self._quiet = quiet
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Print until the loop stops, then print the summary."""
         if isinstance(sys.stdout, TextIOWrapper) and sys.stdout.errors == "strict":
             sys.stdout.reconfigure(errors="replace")
-        self._watching = Watching(session)
+        self._watching = watching
         self._terminal = sys.stdout is not None and sys.stdout.isatty()
         self._depth, self._said = ShownDepth(), list[str]()
         self._next, self._heard = 0.0, True
@@ -191,13 +193,12 @@ class Console:
             self._print("the loop has ended unexpectedly; its last counts:")
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
-        self._watching.close()
 
     def _print(self, words: str, end: str = "\n") -> None:
         self._heard = self._heard and print_line(words, end)
 
     def _look(self) -> None:
-        self._depth.see(self._watching.take().rows)
+        self._depth.see(self._watching.take())
         status = self._watching.status()
         for sentence in self._new(status):
             self._clear()
@@ -252,7 +253,7 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     if (found := others.get("diagnosis")) and not why_undiagnosed(found, status):
         yield from (answer([each]) for each in headline(found, status, {}, ""))
     if verdict := verdict_on(status):
-        yield from law_lines(verdict)
+        yield from verdict.lines()
     taken, learned = counts.get("taken", 0), counts.get("learned", 0)
     changes = f"{(count := counts.get('changes', 0))} material change{'' if count == 1 else 's'}"
     yield f"{status.get('source', '')}: {taken} samples, {learned} used, {changes}"

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
 from palpate.live import ros
-from palpate.live.ordering import parse_address, topic_names
-from palpate.live.publishing import RosWire
-from palpate.live.ros import RosTopics, dds_type
+from palpate.live.ros import RosTopics, RosWire, dds_type
 from palpate.live.sources import SourceOptions
+from palpate.live.wires import parse_address
 from palpate.recordings.messages.layout import Field, Group, Many, Number, Text
 
 if TYPE_CHECKING:
@@ -88,6 +87,16 @@ def _configuration(interface: str | None) -> str:
             f"dds: interface must be a name such as eth0, not {interface!r}"
         )
     return _INTERFACE.format(name=interface)
+
+
+def _quality_of_service() -> Any:
+    from cyclonedds.core import Policy, Qos
+
+    return Qos(
+        Policy.Reliability.Reliable(round(1e9 * PATIENCE)),
+        Policy.Durability.Volatile,
+        Policy.History.KeepLast(DEPTH),
+    )
 
 
 @lru_cache(maxsize=64)
@@ -248,17 +257,13 @@ class DDS(RosTopics):
         assert self._participant is not None
         # A reader that requests more than the publisher offers receives nothing; sensors often
         # offer best effort only.
-        kind = offered[Policy.Reliability]
-        if kind != Policy.Reliability.BestEffort:
-            kind = Policy.Reliability.Reliable(round(1e9 * PATIENCE))
-        qos = Qos(
-            kind,
-            Policy.Durability.Volatile,
-            Policy.History.KeepLast(DEPTH),
-            Policy.DataRepresentation(
-                use_cdrv0_representation=True, use_xcdrv2_representation=True
-            ),
+        qos = _quality_of_service()
+        if offered[Policy.Reliability] == Policy.Reliability.BestEffort:
+            qos = Qos(Policy.Reliability.BestEffort, base=qos)
+        every = Policy.DataRepresentation(
+            use_cdrv0_representation=True, use_xcdrv2_representation=True
         )
+        qos = Qos(every, base=qos)
         topic = Topic(self._participant, f"rt{name}", raw_type(type_name))
         reader: DataReader[Any] = DataReader(self._participant, topic, qos=qos)
         self._wake_for(reader)
@@ -307,24 +312,18 @@ class DDSWire(RosWire):
 
     def __init__(self, address: str) -> None:
         given = parse_address("dds", address, OPTIONS)
-        super().__init__("dds", topic_names(given, 1)[0])
+        super().__init__(given)
         self._domain = given.whole("domain", 0, 0, 230)
         self._interface = given.options.get("interface")
         self._writers: list[tuple[Any, Any]] = []
 
     def open(self) -> None:
         """Join the domain."""
-        super().open()
         member = participant(self._domain, self._interface)
-        from cyclonedds.core import Policy, Qos
         from cyclonedds.pub import DataWriter
         from cyclonedds.topic import Topic
 
-        qos = Qos(
-            Policy.Reliability.Reliable(round(1e9 * PATIENCE)),
-            Policy.Durability.Volatile,
-            Policy.History.KeepLast(DEPTH),
-        )
+        qos = _quality_of_service()
         for name, type_name in self.topics:
             kind = raw_type(type_name)
             topic: Any = Topic(member, f"rt{name}", kind)
@@ -343,5 +342,4 @@ class DDSWire(RosWire):
 
     def close(self) -> None:
         """Leave the domain."""
-        super().close()
         self._writers.clear()

@@ -8,15 +8,15 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.contact import Contact, VelocityFilter
+from palpate.digits import rounded
 from palpate.errors import PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
-from palpate.live.sinks import PLACE, Session, Watching, diagnosis_basis
+from palpate.live.sinks import PLACE, Watching, diagnosis_basis
 from palpate.live.view import answer
-from palpate.results.parameters import law_name
-from palpate.results.view import number_lines
+from palpate.results.view import fit_rows, number_lines
 from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s
@@ -49,14 +49,13 @@ class Diagnosing:
     def __init__(self, window: float = WINDOW, every: float = EVERY) -> None:
         self._window, self._every = window, every
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Diagnose until the loop stops."""
         lower_priority()
-        watching = Watching(session)
         samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
         page, tare = dict[str, Any](), None
         while watching.wait(_LOOKED_EVERY):
-            rows = watching.take().rows[:, _SAMPLE]
+            rows = watching.take()[:, _SAMPLE]
             status = watching.status()
             if status.get("tare") != tare:  # earlier samples have another offset
                 samples, rows, tare = samples[:0], rows[:0], status.get("tare")
@@ -66,7 +65,6 @@ class Diagnosing:
                 page = diagnose_samples(samples, status)
                 due = time.monotonic() + self._every
             watching.tell(page)
-        watching.close()
 
 
 def recent(samples: Floats, window: float, delay: float) -> Floats:
@@ -106,26 +104,20 @@ def build_contact(
     return Contact(time, **signals, segment=np.cumsum(gaps), source="the last seconds")
 
 
-def _estimator(status: dict[str, Any]) -> ContactEstimator | None:
+def _estimator(status: dict[str, Any]) -> ContactEstimator:
     """Return an estimator of the loop's method with the same laws and the same known exponent."""
-    method, settings = status.get("method"), status.get("settings", {})
-    if method is None:
-        return None
+    settings = status.get("settings", {})
     known = {name: settings[name] for name in CHOICES if name in settings}
     if (exponent := status.get("exponent")) is not None:
         known["exponent"] = exponent
-    return estimator_named(method)(**known)
+    return estimator_named(status["method"])(**known)
 
 
 def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     """Diagnose these samples with the loop's method, and return the diagnosis as a status."""
-    page: dict[str, Any] = {
-        "at": time.strftime("%H:%M:%S"),
-        "window": [float(samples[0, 0]), float(samples[-1, 0])],
-        "samples": len(samples),
-        "method": status.get("method"),
-        "of": diagnosis_basis(status),
-    }
+    first, last = float(samples[0, 0]), float(samples[-1, 0])
+    about = f"the last {rounded(last - first, 2)} s at {time.strftime('%H:%M:%S')}"
+    page: dict[str, Any] = {"window": [first, last], "of": diagnosis_basis(status)}
     try:
         used = status.get("velocity_filter")
         step = float(status.get("sample_time", 1e-3))
@@ -135,15 +127,22 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
             result = result.at_depth(depth)
         diagnosis, lines = result.diagnosis, number_lines(result)
     except PalpateError as error:  # the probe touched nothing
-        return {**page, "verdict": None, "reason": str(error), "remedy": None, "said": str(error)}
+        said = str(error)
+        return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}
+    rows = (f"{name}: {text}".replace("\n", "  ") for name, text in fit_rows(result))
     return {
         **page,
         "said": f"{diagnosis.verdict.both}: {diagnosis.reason}",
         "verdict": diagnosis.verdict.as_dict(),
         "reason": diagnosis.reason,
-        "remedy": diagnosis.remedy,
-        "law": law_name(result),
-        "method": result.method,
+        "lines": [
+            *([text, ""] for text in (diagnosis.remedy, *rows) if text),
+            [
+                f"{about}, by {result.method}; ± of stiffness and damping includes the systematic "
+                "uncertainty",
+                "soft",
+            ],
+        ],
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),
         "working_depths": [each.as_dict() for each in diagnosis.working_depths],

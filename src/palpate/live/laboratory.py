@@ -2,10 +2,12 @@
 
 import time
 from collections import deque
-from contextlib import closing, suppress
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from typing import Any
+
+import numpy as np
 
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
 from palpate.lab import (
@@ -18,14 +20,9 @@ from palpate.lab import (
     TwinPantograph,
 )
 from palpate.live.realtime import end, give_way, show_name, start
-from palpate.live.ring import Address, Reader, Writer
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import check_choice, shown
 
-#: Columns of a row: time, position, force, and the due time on the monotonic clock.
-WIDTH = 4
-#: Queue length, 4 s at 1 kHz; older rows are lost and counted.
-CAPACITY = 4096
 # s ahead of real time: other programs may delay the process by a tenth of a second. It is also the
 # time that a command takes to have an effect.
 _AHEAD = 0.2
@@ -34,46 +31,39 @@ _BLOCK = 0.01
 _BEHIND = 1.0  # s late, after which the laboratory's clock is reset
 
 
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """Initial configuration of the laboratory."""
-
-    material: str
-    motion: str
-    sample_time: float
-    seed: int
-    probe: str
-
-    def bench(self) -> tuple[OngoingBench, str, str]:
-        """Return the bench, its probe's name, and a message if the probe was replaced."""
-        probe = IdealProbe() if self.probe == "ideal" else TwinPantograph()
-        touched, sensors = MATERIALS[self.material], Sensors(sample_time=self.sample_time)
-        try:
-            bench = Bench(touched, TRAJECTORIES[self.motion], probe, sensors)
-            return OngoingBench(bench, self.seed), probe.name, ""
-        except MissingExtraError as error:
-            own, name, _ = replace(self, probe="ideal").bench()
-            return own, name, f"using an {name} instead of the {probe.name}: {error}"
+def start_bench(
+    material: str, motion: str, probe: str, sample_time: float
+) -> tuple[OngoingBench, str, str]:
+    """Return the bench, its probe's name, and a message if the probe was replaced."""
+    wanted = IdealProbe() if probe == "ideal" else TwinPantograph()
+    bench = Bench(
+        MATERIALS[material], TRAJECTORIES[motion], wanted, Sensors(sample_time=sample_time)
+    )
+    try:
+        return OngoingBench(bench), wanted.name, ""
+    except MissingExtraError as error:
+        ideal = IdealProbe()
+        words = f"using an {ideal.name} instead of the {wanted.name}: {error}"
+        return OngoingBench(replace(bench, probe=ideal)), ideal.name, words
 
 
-def press(setup: Setup, ring: Address, connection: Connection) -> None:
-    """Write samples until the other end closes the connection."""
+def press(chosen: dict[str, str], probe: str, step: float, connection: Connection) -> None:
+    """Send samples until the other end closes the connection."""
     show_name("lab")
     give_way(gently=False)
-    with (
-        closing(Writer(made=ring)) as writer,
-        suppress(BrokenPipeError, ConnectionResetError, EOFError),
-    ):
-        _Pressing(setup, writer, connection).run()
+    with suppress(BrokenPipeError, ConnectionResetError, EOFError):
+        _Pressing(chosen, probe, step, connection).run()
 
 
 class _Pressing:
-    def __init__(self, setup: Setup, writer: Writer, connection: Connection) -> None:
-        self._setup, self._writer, self._connection = setup, writer, connection
-        self._bench, self._probe, words = setup.bench()
+    def __init__(
+        self, chosen: dict[str, str], probe: str, step: float, connection: Connection
+    ) -> None:
+        self._first, self._connection = chosen, connection
+        self._bench, self._probe, words = start_bench(**chosen, probe=probe, sample_time=step)
         self._say(words)
         self._began = time.monotonic() + _BLOCK  # the rest of its lead is gained immediately
-        self._block = max(round(_BLOCK / setup.sample_time), 1)
+        self._block = max(round(_BLOCK / step), 1)
 
     def run(self) -> None:
         while True:
@@ -91,13 +81,10 @@ class _Pressing:
         try:
             rows = self._bench.advance(self._block)
         except InvalidParameterError as error:
-            first = {"material": self._setup.material, "motion": self._setup.motion}
-            self._say(f"{error}; palpate returned to the first material", **first)
+            self._say(f"{error}; palpate returned to the first material", **self._first)
             return
-        dues = rows[:, 0] + self._began
-        now = time.monotonic()
-        for row, due in zip(rows.tolist(), dues.tolist(), strict=True):
-            self._writer.write(*row, max(due, now))
+        due = np.maximum(rows[:, 0] + self._began, time.monotonic())
+        self._connection.send(np.column_stack([rows, due]).tolist())
 
     def _obey(self) -> None:
         name, value = self._connection.recv()
@@ -114,14 +101,13 @@ class _Pressing:
 
 _STARTING = 60.0  # s: importing MuJoCo takes one or two, more on a busy machine
 _SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
-_LOOK_AGAIN = 2e-4  # s, if the laboratory is late
 
 
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
     """Return the laboratory of ``lab:MATERIAL`` or ``lab:MATERIAL,MOTION``."""
     material, _, motion = address.partition(",")
-    chosen, step = (material or "ball", motion or "three-sines"), options.sample_time or 1e-3
-    return Laboratory(*chosen, sample_time=step, seed=options.seed)
+    chosen = material or "ball", motion or "three-sines"
+    return Laboratory(*chosen, sample_time=options.sample_time or 1e-3)
 
 
 class Laboratory:
@@ -136,8 +122,6 @@ class Laboratory:
         "ball" and "three-sines".
     sample_time : float
         Time between samples, s, in [1e-4, 1e-2]. Default: 1e-3.
-    seed : int
-        Seed of noise, bias and encoder phases. Default: 0.
     probe : str
         ``"twin-pantograph"`` or ``"ideal"``, which also replaces the former if MuJoCo is not
         installed. Default: ``"twin-pantograph"``.
@@ -149,21 +133,21 @@ class Laboratory:
         motion: str = "three-sines",
         *,
         sample_time: float = 1e-3,
-        seed: int = 0,
         probe: str = "twin-pantograph",
     ) -> None:
-        given = {"material": material, "motion": motion}
-        self._chosen = {kind: _check_name(kind, name) for kind, name in given.items()}
+        check_choice("material", material, MATERIALS)
+        check_choice("motion", motion, TRAJECTORIES)
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
                 f"the laboratory's --rate must be in [{1.0 / _LONGEST:g}, {1.0 / _SHORTEST:g}] Hz, "
                 f"not {1.0 / sample_time:g}"
             )
-        self._setup = Setup(material, motion, sample_time, seed, probe)
+        self._chosen = {"material": material, "motion": motion}
         self.sample_time, self.counts = sample_time, Counts()
         materials = list(MATERIALS)
         #: Options and their choices. "material" lifts the probe first, "change" does not.
         self.offers = {"material": materials, "motion": list(TRAJECTORIES), "change": materials}
+        # Time, position, force, and the due time on the monotonic clock.
         self._rows: deque[list[float]] = deque()
         self._open = False
         self._said: list[str] = []
@@ -187,9 +171,7 @@ class Laboratory:
 
     def open(self) -> None:
         """Start the process and wait until the rig is ready."""
-        self._ring = Writer(CAPACITY, WIDTH)
-        self._reader = Reader(self._ring.address)
-        given = self._setup, self._ring.address
+        given = self._chosen, self._probe, self.sample_time
         self._process, self._connection = start("laboratory", press, *given)
         self._open = True
         if not self._connection.poll(_STARTING):
@@ -201,15 +183,10 @@ class Laboratory:
         """Wait until the next sample is due, and return it."""
         until = time.monotonic() + timeout
         while not self._rows:
-            taken = self._reader.take()
-            self.counts.lost += taken.dropped
-            self._rows.extend(taken.rows.tolist())
-            if not self._rows:
-                if not self._process.is_alive():
-                    raise EndOfSourceError("the laboratory's process has ended unexpectedly")
-                if time.monotonic() >= until:
-                    return None
-                time.sleep(_LOOK_AGAIN)
+            if not self._connection.poll(max(until - time.monotonic(), 0.0)):
+                return None
+            if not self._listen():
+                raise EndOfSourceError("the laboratory's process has ended unexpectedly")
         row = self._rows[0]
         due, now = row[3], time.monotonic()
         if due > now:
@@ -229,16 +206,16 @@ class Laboratory:
 
     def _send_request(self, name: str, value: Any) -> str:
         kind = "motion" if name == "motion" else "material"
-        chosen = _check_name(kind, value)
+        check_choice(kind, value, self.offers[name])
         if not self._open:
             raise InvalidParameterError("the laboratory is not open")
         with suppress(OSError):  # it has crashed; ``take`` reports that
-            self._connection.send((name, chosen))
-        self._chosen[kind] = chosen
+            self._connection.send((name, value))
+        self._chosen[kind] = value
         if name == "motion":
-            return f"motion: {chosen}"
+            return f"motion: {value}"
         now = "from now on" if name == "change" else "as soon as the probe is out of contact"
-        return f"material: {MATERIALS[chosen].name}, {now}"
+        return f"material: {MATERIALS[value].name}, {now}"
 
     def news(self) -> list[str]:
         """Return the laboratory's messages since the last call."""
@@ -248,27 +225,23 @@ class Laboratory:
         return said
 
     def _listen(self) -> bool:
-        """Read the pending messages; return whether the process still runs."""
+        """Read the pending samples and messages; return whether the process still runs."""
         with suppress(EOFError, OSError):
             while self._connection.poll():
-                sentence, self._probe, chosen = self._connection.recv()
+                message = self._connection.recv()
+                if isinstance(message, list):
+                    self._rows.extend(message)
+                    continue
+                sentence, self._probe, chosen = message
                 self._said += [sentence] if sentence else []
                 self._chosen |= chosen
             return True
         return False
 
     def close(self) -> None:
-        """End the process and free the memory."""
+        """End the process."""
         if not self._open:
             return
         self._open = False
         self._connection.close()  # which tells the process to end
         end([self._process], 2.0)
-        self._reader.close()
-        self._ring.close()
-
-
-def _check_name(kind: str, name: Any) -> str:
-    names = MATERIALS if kind == "material" else TRAJECTORIES
-    check_choice(kind, name, names)
-    return str(name)

@@ -399,7 +399,9 @@ class Loop:
         counts.taken += 1
         fault = self.watchdog.check(arrival)
         if self.compensation is not None:
-            preparing = self._compensate(arrival)
+            wrench: Any = arrival.force  # a vector, with an orientation: _check
+            pose: Any = arrival.position, arrival.orientation
+            preparing = self.compensation.update(pose[0], pose[1], wrench, arrival.time)
             if preparing is not Status.UPDATED:
                 if preparing in _REFUSED and fault is None:
                     fault = _fault_of_pose(arrival)
@@ -440,14 +442,6 @@ class Loop:
         if sample is not None and not self.held:
             self.cycle.add(took)
         self.lateness.add(late)
-
-    def _compensate(self, arrival: Arrival) -> Status:
-        compensation: Any = (
-            self.compensation
-        )  # the caller and _check know that it and vectors exist
-        pose = arrival.position, arrival.orientation
-        status: Status = compensation.update(*pose, arrival.force, arrival.time)
-        return status
 
     def _estimate(self) -> float:
         """Store the present estimate; return how long it took to compute, s."""
@@ -611,19 +605,13 @@ class Loop:
         elif command.name == "depth":
             self.depth = options["value"]
         elif command.name == "record":
-            path = options.get("path")
-            on = bool(options.get("on", path is not None))
-            wish, since = self.record["wish"] + 1, self.samples.count
+            on = bool(options["on"])
             # Stays on: the recorder ends a little after the command to end.
             self.every_sample = self.every_sample or on
-            self.record = {"wish": wish, "on": on, "path": path, "since": since}
+            wish, since = self.record["wish"] + 1, self.samples.count
+            self.record = {"wish": wish, "on": on, "since": since}
 
     def _begin(self, estimator: ContactEstimator) -> None:
-        if len(estimator.law_type.symbols) > MOST_PARAMETERS:
-            raise InvalidParameterError(
-                f"{estimator.method} has a law of {len(estimator.law_type.symbols)} parameters, "
-                f"and the loop takes at most {MOST_PARAMETERS}"
-            )
         self.estimator, self.laws = estimator, LawsInForce.of(estimator)
 
     def _exchange(self, estimator: ContactEstimator, text: str) -> None:

@@ -4,9 +4,7 @@ import ctypes
 import gc
 import multiprocessing
 import os
-import platform
 import signal
-import struct
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -59,12 +57,6 @@ def end(processes: Sequence[BaseProcess], patience: float) -> None:
 _PRIORITY = 50  # of 1 to 99: above ordinary processes, below the kernel's own threads
 _ALL_MEMORY = 1 | 2  # MCL_CURRENT | MCL_FUTURE, of sys/mman.h
 _SET_NAME, _SET_TIMER_SLACK = 15, 29  # PR_SET_NAME, PR_SET_TIMERSLACK, of linux/prctl.h
-# System call number of sched_setattr, which glibc wraps only since 2.41.
-_SET_ATTRIBUTES = {"x86_64": 314, "aarch64": 274, "riscv64": 274}
-# struct sched_attr of linux/sched/types.h: size, policy, flags, nice, priority, runtime, deadline,
-# period, and the two bounds of utilisation.
-_ATTRIBUTES = struct.Struct("=IIQiIQQQII")
-_SHORTEST_SLICE, _LONGEST_SLICE = 100_000, 100_000_000  # ns, the limits of Linux
 _GENTLY = 5  # niceness: a third of the loop's share of the processor
 
 
@@ -73,8 +65,7 @@ def pause_collection() -> Iterator[None]:
     """Disable garbage collection and make sleeps precise inside a ``with`` block.
 
     The loop makes no reference cycles, so it frees all its memory without the collector. Linux ends
-    a sleep up to 50 µs late by default; since 6.12 it also prefers processes that request short
-    time slices.
+    a sleep up to 50 µs late by default.
     """
     collects = gc.isenabled()
     gc.collect()
@@ -83,7 +74,6 @@ def pause_collection() -> Iterator[None]:
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, 1, 0, 0, 0)  # ns
-            _ask_for_slices(_SHORTEST_SLICE)
     try:
         yield
     finally:
@@ -106,7 +96,6 @@ def give_way(*, gently: bool = True) -> None:
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         if gently:
             os.nice(_GENTLY)
-            _ask_for_slices(_LONGEST_SLICE)
         cores = os.sched_getaffinity(0)
         # The kernel handles interrupts on the first cores, so the loop gets the last.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)
@@ -116,16 +105,6 @@ def lower_priority() -> None:
     """Let this process run only when the processor is idle; call after :func:`give_way`."""
     with suppress(OSError, AttributeError):
         os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
-
-
-def _ask_for_slices(length: int) -> None:
-    """Request time slices of a length, ns. Needs no privilege; no effect before Linux 6.12."""
-    number, policy = _SET_ATTRIBUTES.get(platform.machine()), os.sched_getscheduler(0)
-    if number is None or policy not in (os.SCHED_OTHER, os.SCHED_BATCH):
-        return
-    nice, size = os.getpriority(os.PRIO_PROCESS, 0), _ATTRIBUTES.size
-    packed = _ATTRIBUTES.pack(size, policy, 0, nice, 0, length, 0, 0, 0, 0)
-    ctypes.CDLL(None).syscall(number, 0, packed, 0)
 
 
 def show_name(name: str) -> None:

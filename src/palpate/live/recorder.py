@@ -5,7 +5,6 @@ import os
 import struct
 import sys
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from datetime import datetime
 from multiprocessing.connection import Connection
@@ -13,10 +12,10 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import import_extra
-from palpate.live.ordering import NANO
 from palpate.live.ring import MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching
+from palpate.live.sinks import PLACE, Watching
 from palpate.live.view import verdict_on
+from palpate.live.wires import NANO
 from palpate.writing import create_new_file
 
 if TYPE_CHECKING:
@@ -68,7 +67,7 @@ def describe_run(status: dict[str, Any]) -> dict[str, str]:
     tare, preparation = status.get("tare"), str(status.get("preparation", ""))
     tared = "being measured" if tare is None else f"{tare:.6g} N was subtracted online"
     verdict = verdict_on(status)
-    told = {"law": str(verdict["law"])} if verdict and verdict["known"] else {}
+    told = {"law": str(verdict.law.candidate)} if verdict and verdict.law.known else {}
     diagnosis = status.get("diagnosis", {})
     told |= {name: str(diagnosis[name]) for name in ("verdict", "reason") if name in diagnosis}
     return {
@@ -118,9 +117,8 @@ class Recorder:
         self._path, self.every_sample = path, path is not None
         self._folder = Path() if folder is None else folder
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Record until the loop stops; exit with status 1 if a recording failed."""
-        watching = Watching(session)
         recording, wish, said, failed = None, 0, "", False
         if self._path is not None:
             recording, said = _begun(self._path)
@@ -131,7 +129,7 @@ class Recorder:
             status = watching.status()
             status["diagnosis"] = watching.diagnosis(status)
             asked = status.get("record", {})
-            rows = watching.take().rows.tolist()
+            rows = watching.take().tolist()
             if recording is not None:
                 said = recording.write(rows, status, watching.dropped) or said
             if asked.get("wish", 0) != wish:
@@ -140,12 +138,11 @@ class Recorder:
                 watching.reader.samples.go_back(asked["since"])  # to the time of the command
             if recording is not None and recording.failed:
                 recording, failed = None, True
-            watching.tell({"on": recording is not None, "said": said, **_page(recording)})
+            watching.tell(_describe(recording, said))
         if recording is not None:
             said = recording.finish()
             failed = failed or recording.failed
-        watching.tell({"on": False, "said": said, **_page(recording)})
-        watching.close()
+        watching.tell({**_describe(recording, said), "on": False})
         if failed:
             sys.exit(1)  # tells the loop's process
 
@@ -153,16 +150,14 @@ class Recorder:
         said = "no recording is running" if recording is None else recording.finish()
         if not asked["on"]:
             return None, said
-        path = asked.get("path")
-        named = datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap")
-        return _begun(Path(path) if path else self._folder / named)
+        return _begun(self._folder / datetime.now().strftime("palpate-%Y-%m-%d-%H%M%S.mcap"))
 
 
-def _page(recording: "RunFile | None") -> dict[str, Any]:
+def _describe(recording: "RunFile | None", said: str) -> dict[str, Any]:
+    page = {"on": recording is not None, "said": said}
     if recording is None:
-        return {}
-    counted = {name: getattr(recording, name) for name in ("rows", "bytes")}
-    return {"path": str(recording.path), **counted}
+        return page
+    return {**page, "path": str(recording.path), "rows": recording.rows, "bytes": recording.bytes}
 
 
 def _begun(path: Path) -> "_Begun":
@@ -190,9 +185,6 @@ class RunFile:
         self.rows = self.bytes = 0
         self.failed = False
         self._writer: Writer | None = None
-        # Syncing may take seconds; meanwhile only a power failure can lose written data.
-        self._disk = ThreadPoolExecutor(1)
-        self._synced: Future[None] | None = None
         self._shift = self._last = 0
         self._dropped = -1
         self._described = dict[str, str]()
@@ -206,11 +198,7 @@ class RunFile:
                     self._add(row)
             self._note_dropped(dropped)
             self._note_changed(status)
-            self._file.flush()
-            self.bytes = self._file.tell()
-            if self._synced is None or self._synced.done():
-                self._raise_failed()
-                self._synced = self._disk.submit(os.fsync, self._file.fileno())
+            self._sync()
         except OSError as error:
             return self._given_up(error)
         return ""
@@ -218,15 +206,16 @@ class RunFile:
     def _given_up(self, error: OSError) -> str:
         """Close the file after an error, such as a full disk; return a description."""
         self.failed = True
-        self._disk.shutdown()
         with suppress(OSError):  # the buffer cannot be written either
             self._file.close()
         words = f"{self.path}: {error.strerror or error}: the recording ends after {self.rows} rows"
         return f"{words}, of which the last {FLUSHED_EVERY:g} s may be missing"
 
-    def _raise_failed(self) -> None:
-        if self._synced is not None and (error := self._synced.exception()) is not None:
-            raise error
+    def _sync(self) -> None:
+        # It may take seconds on a slow disk; meanwhile the ring keeps 16 s of rows at 1 kHz.
+        self._file.flush()
+        os.fsync(self._file.fileno())
+        self.bytes = self._file.tell()
 
     def _begin(self, rows: list[Row], status: dict[str, Any]) -> None:
         if self._writer is not None:
@@ -311,11 +300,7 @@ class RunFile:
         try:
             if self._writer is not None:
                 self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.flush()
-            self._disk.shutdown()
-            self._raise_failed()
-            os.fsync(self._file.fileno())
-            self.bytes = self._file.tell()
+            self._sync()
             self._file.close()
         except OSError as error:
             return self._given_up(error)

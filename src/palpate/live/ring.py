@@ -5,18 +5,19 @@ them. One ring holds every sample. Another holds the estimates, which are larger
 compute: the loop computes them 50 times a second, or at every sample if a sink needs that.
 """
 
+import ctypes
 import json
-import os
 import struct
-import sys
-from multiprocessing import resource_tracker, shared_memory
-from typing import Any, NamedTuple
+from multiprocessing.sharedctypes import RawArray
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.validation import Floats
 
+#: Memory that processes share.
+Memory: TypeAlias = ctypes.Array[ctypes.c_byte]
 #: Most parameters of a force law in the loop.
 MOST_PARAMETERS = 8
 
@@ -48,82 +49,19 @@ _HEADER = 64  # bytes: one cache line
 CAPACITY = 1 << 14
 
 
-class Taken(NamedTuple):
-    """Rows that a reader has read.
-
-    Attributes
-    ----------
-    rows : numpy.ndarray, shape (k, columns)
-        Rows in the order in which they were written.
-    dropped : int
-        Rows before these that were overwritten unread.
-    """
-
-    rows: Floats
-    dropped: int
-
-
 class _Shared:
-    """Shared memory that one process creates and frees, and others open by its name.
+    """Memory that processes share: a process receives it at its start.
 
+    It has no name, and is freed when the last process with it has ended, also if that is killed.
     Its header consists of 64-bit integers that are written atomically: ``struct.pack_into`` clears
     the bytes before it writes them, so another process could read zeros.
     """
 
-    def __init__(self, size: int, name: str | None = None) -> None:
-        self._own = name is None
-        if self._own:
-            _start_tracker()
-        self._memory = (
-            shared_memory.SharedMemory(create=True, size=size)
-            if name is None
-            else _attach_memory(name)
-        )
-        assert self._memory.buf is not None  # it is open
-        self._buffer: memoryview = self._memory.buf
+    def __init__(self, memory: Memory) -> None:
+        #: What another process receives.
+        self.memory = memory
+        self._buffer = np.frombuffer(memoryview(memory), np.uint8).data
         self._header = self._buffer[:16].cast("q")
-        #: Name by which another process opens it.
-        self.name = self._memory.name
-
-    def close(self) -> None:
-        """Close the memory; its creator also frees it, even if readers are left."""
-        self._header.release()
-        self._buffer.release()
-        self._memory.close()
-        if self._own:
-            # The tracker may have ended, and a new one prints a traceback for an unknown name.
-            resource_tracker.register(
-                f"/{self.name}" if os.name == "posix" else self.name, "shared_memory"
-            )
-            self._memory.unlink()
-
-
-def _start_tracker() -> None:
-    """Start the process that frees shared memory if this one is killed, without its warning."""
-    before = list(sys.warnoptions)
-    sys.warnoptions.append("ignore:resource_tracker:UserWarning")  # it inherits them
-    try:
-        resource_tracker.ensure_running()
-    finally:
-        sys.warnoptions[:] = before
-
-
-def _attach_memory(name: str) -> shared_memory.SharedMemory:
-    # Python before 3.13 frees registered memory as soon as the first reader ends.
-    register = resource_tracker.register
-    resource_tracker.register = lambda *_: None
-    try:
-        return shared_memory.SharedMemory(name=name)
-    finally:
-        resource_tracker.register = register
-
-
-class Address(NamedTuple):
-    """Name of a ring, its capacity in rows, and the numbers in each row."""
-
-    name: str
-    capacity: int
-    width: int
 
 
 class Writer(_Shared):
@@ -133,16 +71,16 @@ class Writer(_Shared):
     ----------
     capacity, width : int
         Rows in the ring, and numbers in each row.
-    made : Address, optional
-        A ring that another process has created and will free. Default: create one.
+    memory : ctypes array, optional
+        Memory of a ring that another process reads. Default: new memory.
     """
 
     def __init__(
-        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, made: Address | None = None
+        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, memory: Memory | None = None
     ) -> None:
-        super().__init__(_HEADER + 8 * capacity * width, None if made is None else made.name)
-        self.address = made or Address(self.name, capacity, width)
-        self._row, self._capacity = struct.Struct(f"@{self.address.width}d"), self.address.capacity
+        super().__init__(memory or RawArray("b", _HEADER + 8 * capacity * width))
+        self._row = struct.Struct(f"@{width}d")
+        self._capacity = (len(self._buffer) - _HEADER) // self._row.size
         #: Rows written so far.
         self.count = 0
 
@@ -158,12 +96,11 @@ class Writer(_Shared):
 class Reader(_Shared):
     """Reads rows, from the first one on, and counts the overwritten ones."""
 
-    def __init__(self, address: Address) -> None:
-        super().__init__(0, address.name)
-        self._capacity, self._next = address.capacity, 0
-        self._rows: NDArray[np.float64] = np.ndarray(
-            (address.capacity, address.width), dtype="=f8", buffer=self._buffer, offset=_HEADER
-        )
+    def __init__(self, memory: Memory, width: int = len(SAMPLE)) -> None:
+        super().__init__(memory)
+        rows = np.frombuffer(memoryview(memory), np.float64, offset=_HEADER)
+        self._rows: Floats = rows.reshape(-1, width)
+        self._capacity, self._next = len(self._rows), 0
 
     @property
     def count(self) -> int:
@@ -174,11 +111,11 @@ class Reader(_Shared):
         """Return to an earlier row, as far back as the ring safely holds."""
         self._next = max(min(to, self._next), self.count - self._capacity // 2, 0)
 
-    def take(self) -> Taken:
-        """Return the rows written since the last call."""
+    def take(self) -> tuple[Floats, int]:
+        """Return the rows written since the last call, and how many of those were overwritten."""
         begin, self._next = self._next, self.count
         rows = self.at(np.arange(max(begin, self._next - self._capacity), self._next))
-        return Taken(rows, self._next - begin - len(rows))
+        return rows, self._next - begin - len(rows)
 
     def at(self, numbers: NDArray[np.int64]) -> Floats:
         """Return the rows of ascending numbers, except those that are already overwritten."""
@@ -186,38 +123,28 @@ class Reader(_Shared):
         # Rows that were overwritten during the copy are invalid.
         return rows[numbers > self.count - self._capacity]
 
-    def close(self) -> None:
-        """Close the memory."""
-        del self._rows
-        super().close()
-
 
 class RowReader:
     """Reads samples, each with the newest estimate after it: :data:`COLUMNS`."""
 
-    def __init__(self, samples: Address, estimates: Address) -> None:
-        self.samples, self._estimates = Reader(samples), Reader(estimates)
+    def __init__(self, samples: Memory, estimates: Memory) -> None:
+        self.samples, self._estimates = Reader(samples), Reader(estimates, len(ESTIMATE))
         self._last: Floats = np.empty((0, len(SAMPLE)))
 
-    def take(self) -> Taken:
-        """Return the samples written since the last call."""
+    def take(self) -> tuple[Floats, int]:
+        """Return the samples written since the last call, and how many of those are lost."""
         samples, dropped = self.samples.take()
         estimates = self._estimates.at(samples[:, _NUMBER].astype(np.int64))
         spoilt = len(samples) - len(estimates)
         rows = np.hstack([samples[spoilt:], estimates])
         if len(rows):
             self._last = samples[-1:].copy()
-        return Taken(rows, dropped + spoilt)
+        return rows, dropped + spoilt
 
     def now(self) -> Floats:
         """Return the last sample read, with the newest estimate; shape (0 or 1, columns)."""
         newest = np.full(len(self._last), self._estimates.count - 1)
         return np.hstack([self._last, self._estimates.at(newest)])
-
-    def close(self) -> None:
-        """Close the memory."""
-        self.samples.close()
-        self._estimates.close()
 
 
 # A status in shared memory: one process writes it now and then, any number read it.
@@ -231,12 +158,12 @@ class SharedJson(_Shared):
 
     Parameters
     ----------
-    name : str, optional
-        Name of a memory that another process has created. Default: create one.
+    memory : ctypes array, optional
+        Memory that another process writes or reads. Default: new memory.
     """
 
-    def __init__(self, name: str | None = None) -> None:
-        super().__init__(SIZE, name)
+    def __init__(self, memory: Memory | None = None) -> None:
+        super().__init__(memory or RawArray("b", SIZE))
         self._seen, self._last = -1, dict[str, Any]()
 
     @property

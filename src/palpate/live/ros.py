@@ -1,4 +1,4 @@
-"""Reads the positions and forces in live ROS messages.
+"""ROS 2's messages, which DDS and Zenoh share: positions and forces in, estimates out.
 
 The first message is decoded with its definition, as in a recording
 (:mod:`palpate.recordings.messages`). Later messages whose length fields have the same bytes have
@@ -9,24 +9,27 @@ import re
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.ordering import (
+from palpate.live.sources import SourceOptions, Value
+from palpate.live.wires import (
     NANO,
+    TOPICS,
     Followed,
     Order,
     Pairing,
     Receipt,
     Stamped,
     Succession,
+    Wire,
     WireAddress,
     WireSource,
     topic_names,
 )
-from palpate.live.sources import SourceOptions, Value
 from palpate.recordings.messages.layout import (
     Layout,
     MessageNumber,
@@ -185,14 +188,13 @@ class MessageReader:
         return places.read(message)
 
     def _orientation_leaves(self, leaves: dict[str, MessageNumber]) -> list[MessageNumber]:
-        parent, dot, name = self._paths[0].rpartition(".")
-        path = f"{parent}{dot}{ORIENTATIONS.get(name, 'orientation')}"
-        below = [f"{path}.{axis}" for axis in "xyzw"]
-        if not all(each in leaves for each in below):
+        parent, _, name = self._paths[0].rpartition(".")
+        path = _below(parent, ORIENTATIONS.get(name, "orientation"))
+        if not (components := _components(leaves, path, "xyzw")):
             raise InvalidParameterError(
                 "no orientation, which --payload needs: publish a PoseStamped or TransformStamped"
             )
-        return [leaves[each] for each in below]
+        return components
 
     def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
         if path in leaves:
@@ -201,23 +203,27 @@ class MessageReader:
                     f"{path} is a number, but --direction needs a vector: name a vector field"
                 )
             return [leaves[path]]
-        below = [f"{path}.{axis}" if path else axis for axis in "xyz"]
-        if not all(each in leaves for each in below):
+        if not (components := _components(leaves, path, "xyz")):
             known = ", ".join(each for each in leaves if each != _STAMP)
             raise InvalidParameterError(
                 f"no field {path}; the message has {known[:200] or 'no numbers'}"
             )
         if not self._vectors:
-            raise InvalidParameterError(_describe_vector(path))
-        return [leaves[each] for each in below]
+            raise InvalidParameterError(
+                f"{path or 'the message'} is a vector: pass --direction, such as 0,0,-1, or name "
+                f"one component, such as {_below(path, 'z')}"
+            )
+        return components
 
 
-def _describe_vector(path: str) -> str:
-    one = f"{path}.z".removeprefix(".")
-    return (
-        f"{path or 'the message'} is a vector: pass --direction, such as 0,0,-1, or name one "
-        f"component, such as {one}"
-    )
+def _below(path: str, axis: str) -> str:
+    return f"{path}.{axis}".removeprefix(".")
+
+
+def _components(leaves: dict[str, MessageNumber], path: str, axes: str) -> list[MessageNumber]:
+    """Return the numbers of a vector; empty if the message has none at this path."""
+    names = [_below(path, axis) for axis in axes]
+    return [leaves[name] for name in names] if leaves.keys() >= set(names) else []
 
 
 # ROS topics, common to all wires: from messages to positions with forces.
@@ -374,3 +380,74 @@ def dds_type(ros2_name: str) -> str:
     """Convert ``std_msgs/msg/Header`` to ``std_msgs::msg::dds_::Header_``."""
     package, kind, name = ros2_name.split("/")
     return f"{package}::{kind}::dds_::{name}_"
+
+
+# Estimates as ROS messages.
+
+#: Types of the messages of an estimate and a status.
+ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
+# DiagnosticStatus: OK, WARN, ERROR, STALE.
+_LEVELS = {"invalid": 1, "held": 1, "lost": 3}
+
+
+@cache
+def typestore() -> Any:
+    """Return the types of ROS 2, to make and encode messages."""
+    from rosbags.typesys import Stores, get_typestore
+
+    return get_typestore(Stores.LATEST)
+
+
+class RosWire(Wire):
+    """Base of the ROS wires: encodes ROS 2 messages in CDR.
+
+    ``…/estimate`` is a ``std_msgs/Float64MultiArray``. Its layout has one dimension, whose label
+    lists the names of the numbers, separated by commas. ``…/status`` is a
+    ``diagnostic_msgs/DiagnosticArray``: the state, and each quantity by name. Both are standard
+    types, which every ROS tool can echo and plot.
+
+    Parameters
+    ----------
+    address : WireAddress
+        Its target is the beginning of the topics' names.
+    """
+
+    def __init__(self, address: WireAddress) -> None:
+        (prefix,) = topic_names(address, 1)
+        self.name = f"{address.scheme}:{prefix}"
+        #: Names and types of the topics.
+        self.topics = [
+            (f"{prefix}/{end}", kind) for end, kind in zip(TOPICS, (ESTIMATE, STATUS), strict=True)
+        ]
+        self._names, self._head = tuple[str, ...](), b""
+
+    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+        """Return the message of one sample; everything but its numbers is cached."""
+        if names != self._names:
+            types, size = typestore().types, len(names)
+            dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
+            layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+            message = types[ESTIMATE](layout, np.zeros(size))
+            # The message ends with the numbers.
+            self._head, self._names = _encode(message, ESTIMATE)[: -8 * size], names
+        return self._head + np.array(values, dtype="<f8").tobytes()
+
+    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
+        """Return the message with the state; numbers have 15 digits."""
+        types = typestore().types
+        time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
+        header = types["std_msgs/msg/Header"](time, "")
+        pairs = [
+            types["diagnostic_msgs/msg/KeyValue"](
+                name, value if isinstance(value, str) else f"{value:.15g}"
+            )
+            for name, value in values.items()
+        ]
+        one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
+            _LEVELS.get(state, 0), "palpate", state, source, pairs
+        )
+        return _encode(types[STATUS](header, [one]), STATUS)
+
+
+def _encode(message: object, type_name: str) -> bytes:
+    return bytes(typestore().serialize_cdr(message, type_name, little_endian=True))

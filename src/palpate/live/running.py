@@ -3,9 +3,8 @@
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, closing, contextmanager, suppress
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager, suppress
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any
@@ -24,7 +23,7 @@ from palpate.live.realtime import (
     start,
 )
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
-from palpate.live.sinks import Session, Sink
+from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.sources import Source
 from palpate.preparation import OnlinePreparation, Payload, PayloadCompensation
 from palpate.settings import ChangeDetector, OutlierRejection
@@ -106,46 +105,40 @@ def run(
         raise InvalidParameterError(f"sinks must have different names, not {names}")
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
+    samples, estimates, shared_json = Writer(), Writer(width=len(ESTIMATE)), SharedJson()
+    shared_by_sink = {sink.name: SharedJson() for sink in sinks}
+    memories = {name: each.memory for name, each in shared_by_sink.items()}
+    session = Session(samples.memory, estimates.memory, shared_json.memory, memories)
+    chosen, step = estimator or default_estimator(), source.sample_time
+    if chosen.settings.get("sample_time", step) is None:
+        chosen = chosen.replace(sample_time=step)
+    compensation = None
+    if payload is not None:
+        compensation = PayloadCompensation(payload=payload, sample_time=step)
+    loop = Loop(source, preparation, chosen, samples, estimates, compensation=compensation)
+    loop.every_sample = any(getattr(sink, "every_sample", False) for sink in sinks)
+    if payload is not None and payload.mark != "trust":
+        reason = f": {payload.findings[0]}" if payload.findings else ""
+        loop.say(f"payload {spoken(payload.mark)}{reason}")
+    # What a sink reads until the source is open.
+    shared_json.write({**loop.status(), "state": "none"})
+    failed: dict[str, int] = {}
     # From here on Ctrl-C only sets a flag, so that everything started is ended in order.
-    with _interruptible() as stops, ExitStack() as kept:
-        samples = kept.enter_context(closing(Writer()))
-        estimates = kept.enter_context(closing(Writer(width=len(ESTIMATE))))
-        shared_json = kept.enter_context(closing(SharedJson()))
-        shared_by_sink = {sink.name: kept.enter_context(closing(SharedJson())) for sink in sinks}
-        addresses = {name: each.name for name, each in shared_by_sink.items()}
-        session = Session(samples.address, estimates.address, shared_json.name, addresses, "")
-        kept.callback(source.close)
-        chosen = estimator or default_estimator()
-        if chosen.settings.get("sample_time", source.sample_time) is None:
-            chosen = chosen.replace(sample_time=source.sample_time)
-        compensation = None
-        if payload is not None:
-            compensation = PayloadCompensation(payload=payload, sample_time=source.sample_time)
-        every = any(getattr(sink, "every_sample", False) for sink in sinks)
-        loop = Loop(
-            source,
-            preparation,
-            chosen,
-            samples,
-            estimates,
-            every_sample=every,
-            compensation=compensation,
-        )
-        stops(loop)
-        if payload is not None and payload.mark != "trust":
-            reason = f": {payload.findings[0]}" if payload.findings else ""
-            loop.say(f"payload {spoken(payload.mark)}{reason}")
-        failed: dict[str, int] = {}
-        with _start_sinks(sinks, session, loop, shared_json, failed) as started, pause_collection():
-            # The sinks are ready before the source opens, so that no sample waits for them.
-            for sentence in ask_for_realtime() if realtime else ():
-                loop.say(sentence)
-            if not loop.stopped:
-                source.open()
-                loop.say("started")
-            loop.commands = _Asked(started, loop, shared_json, shared_by_sink, seconds)
-            loop.run()
-        return {**loop.status(), "failed": failed}
+    with (
+        _interruptible(loop),
+        closing(source),
+        _start_sinks(sinks, session, loop, shared_json, failed) as started,
+        pause_collection(),
+    ):
+        # The sinks are ready before the source opens, so that no sample waits for them.
+        for sentence in ask_for_realtime() if realtime else ():
+            loop.say(sentence)
+        if not loop.stopped:
+            source.open()
+            loop.say("started")
+        loop.commands = _Asked(started, loop, shared_json, shared_by_sink, seconds)
+        loop.run()
+    return {**loop.status(), "failed": failed}
 
 
 class _Asked:
@@ -204,8 +197,7 @@ def _start_sinks(
         for sink in sinks:
             if loop.stopped:
                 break
-            own = replace(session, own=session.shared_by_sink[sink.name])
-            process, connections[sink.name] = start(sink.name, _serve, sink, own)
+            process, connections[sink.name] = start(sink.name, _serve, sink, session)
             processes.append(process)
             # Anything that the sink opened here, such as a port, now belongs to its process.
             getattr(sink, "handed_over", lambda: None)()
@@ -229,32 +221,23 @@ def _start_sinks(
 def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     show_name(sink.name)
     give_way(gently=getattr(sink, "gently", True))
+    watching = Watching(session, sink.name)
     with suppress(BrokenPipeError):
         commands.send(_THERE)
-        sink.run(session, commands)
+        sink.run(watching, commands)
 
 
 @contextmanager
-def _interruptible() -> Iterator[Callable[[Loop], None]]:
-    """Let the first Ctrl-C or SIGTERM stop the loop in order; a second one acts as usual.
-
-    The yielded function registers the loop to stop; an earlier signal stops it immediately.
-    """
-    loops, before, came = list[Loop](), dict[signal.Signals, Any](), False
-
-    def stops(loop: Loop) -> None:
-        loops.append(loop)
-        loop.stopped = came
+def _interruptible(loop: Loop) -> Iterator[None]:
+    """Let the first Ctrl-C or SIGTERM stop the loop in order; a second one acts as usual."""
+    before = dict[signal.Signals, Any]()
 
     def restore() -> None:
         for number, handler in before.items():
             signal.signal(number, handler)
 
     def stop(*_: Any) -> None:
-        nonlocal came
-        came = True
-        for loop in loops:
-            loop.stopped = True
+        loop.stopped = True
         restore()
 
     try:
@@ -262,6 +245,6 @@ def _interruptible() -> Iterator[Callable[[Loop], None]]:
             for number in (signal.SIGINT, signal.SIGTERM):
                 before[number] = signal.getsignal(number) or signal.SIG_DFL
                 signal.signal(number, stop)
-        yield stops
+        yield
     finally:
         restore()

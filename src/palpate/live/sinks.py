@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Address, RowReader, SharedJson, Taken
+from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Memory, RowReader, SharedJson
 from palpate.validation import Floats, or_nan
 from palpate.writing import abandon_output
 
@@ -37,25 +37,22 @@ def print_line(words: str, end: str = "\n") -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Session:
-    """Names of the shared memory through which the loop and its sinks exchange data.
+    """The shared memory through which the loop and its sinks exchange data.
 
     Attributes
     ----------
-    samples, estimates : Address
+    samples, estimates : ctypes array
         Every sample, and the estimates: :class:`palpate.live.ring.RowReader`.
-    shared_json : str
+    shared_json : ctypes array
         The loop's status, a :class:`palpate.live.ring.SharedJson`; ``"stopped": true`` at the end.
     shared_by_sink : dict
         Name of each sink, such as the diagnosis or the recorder, to its status.
-    own : str
-        The status that this sink writes.
     """
 
-    samples: Address
-    estimates: Address
-    shared_json: str
-    shared_by_sink: dict[str, str]
-    own: str
+    samples: Memory
+    estimates: Memory
+    shared_json: Memory
+    shared_by_sink: dict[str, Memory]
 
 
 class Sink(Protocol):
@@ -70,8 +67,8 @@ class Sink(Protocol):
     def name(self) -> str:
         """Unique name of the sink."""
 
-    def run(self, session: Session, commands: Connection) -> None:
-        """Run, in a separate process, until the loop's status has ``"stopped": true``.
+    def run(self, watching: "Watching", commands: Connection) -> None:
+        """Run, in a separate process, until the loop has stopped: ``watching.wait(seconds)``.
 
         ``commands.send(LiveCommand(…))`` sends the loop a command.
         """
@@ -93,6 +90,7 @@ def unpack_parameters(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]
     return rows[:, _FIRST : _FIRST + count], errors, square
 
 
+_NUMBERS = ("stiffness", "damping")
 #: Published in place of a verdict until there is a current one.
 NOT_DIAGNOSED = "not diagnosed yet"
 UNDIAGNOSED = "this run has no diagnosis: start it without --no-diagnosis"
@@ -128,15 +126,12 @@ def why_undiagnosed(page: Mapping[str, Any] | None, status: Mapping[str, Any]) -
 
 def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
     """Return the published fields of a diagnosis; without numbers if it is outdated or None."""
-    marks = dict.fromkeys(("overall", "stiffness", "damping"), NOT_DIAGNOSED)
-    reason, time, answer, numbers = why_undiagnosed(page, status), math.nan, "", dict[str, Any]()
-    if page is not None and not reason:
-        reason, marks = page["reason"], page["verdict"] or marks
-        time = 1e-9 * status.get("origin", 0) + page["window"][1]
-        if depths := page.get("working_depths"):
-            answer, numbers = page["answer"], {**depths[0], "frequency": page["frequency"]}
-    fields: dict[str, str | float] = {"answer": answer}
-    for name in ("stiffness", "damping"):
+    reason = why_undiagnosed(page, status)
+    known: dict[str, Any] = {} if page is None or reason else page
+    marks = known.get("verdict") or dict.fromkeys(("overall", *_NUMBERS), NOT_DIAGNOSED)
+    numbers: dict[str, Any] = next(iter(known.get("working_depths", ())), {})
+    fields: dict[str, str | float] = {"answer": known.get("answer", "")}
+    for name in _NUMBERS:
         there = numbers.get(name, {})
         errors = (or_nan(there.get(part)) for part in ("standard_error", "systematic"))
         fields |= {
@@ -144,34 +139,32 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
             f"dynamic_{name}": or_nan(there.get("value")),
             f"dynamic_{name}_standard_error": math.hypot(*errors),
         }
+    time = 1e-9 * status.get("origin", 0) + known["window"][1] if known else math.nan
     return fields | {
         "working_depth": or_nan(numbers.get("depth")),
-        "frequency": or_nan(numbers.get("frequency")),
-        "reason": reason,
+        "frequency": or_nan(known.get("frequency")),
+        "reason": reason or known["reason"],
         "diagnosis_time": time,
         "verdict": marks["overall"],
     }
 
 
 class Watching:
-    """Reads the rows and statuses of a session, from the loop's first row on."""
+    """Reads the rows and statuses of a session, from the loop's first row on, for one sink."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, sink: str) -> None:
         self.reader = RowReader(session.samples, session.estimates)
         self.shared_json = SharedJson(session.shared_json)
-        self._own = SharedJson(session.own)
-        self._others = {
-            name: SharedJson(each)
-            for name, each in session.shared_by_sink.items()
-            if each != session.own
-        }
+        self.shared_json.read()  # a later read, while the loop writes, has this one at least
+        self._others = {name: SharedJson(each) for name, each in session.shared_by_sink.items()}
+        self._own = self._others.pop(sink)
         self.dropped = 0
 
-    def take(self) -> Taken:
+    def take(self) -> Floats:
         """Return the rows since the last call, and count those that the ring lost."""
-        taken = self.reader.take()
-        self.dropped += taken.dropped
-        return taken
+        rows, dropped = self.reader.take()
+        self.dropped += dropped
+        return rows
 
     def status(self) -> dict[str, Any]:
         """Return the loop's last status."""
@@ -200,9 +193,3 @@ class Watching:
         """Wait, and return whether the loop still runs."""
         time.sleep(seconds)
         return not self.over
-
-    def close(self) -> None:
-        """Close the shared memory."""
-        self.reader.close()
-        for each in (self.shared_json, self._own, *self._others.values()):
-            each.close()

@@ -202,7 +202,7 @@ class Kind(NamedTuple):
     module, opener : str
         Module, and the callable in it that makes a source from an address and options.
     wire : str
-        Callable that makes a :class:`~palpate.live.publishing.Wire` from an address; empty if
+        Callable that makes a :class:`~palpate.live.wires.Wire` from an address; empty if
         estimates cannot be published this way.
     form : str
         Example of an address.
@@ -233,8 +233,6 @@ class SourceOptions:
         Speed of a replay relative to the recording. Default: 1.
     reading : mapping, optional
         Arguments ``columns`` and ``units`` of :func:`palpate.prepare`, for a recording.
-    seed : int
-        Seed of the laboratory's noise. Default: 0.
     """
 
     sample_time: float | None = None
@@ -242,7 +240,6 @@ class SourceOptions:
     orientation: bool = False
     speed: float = 1.0
     reading: Mapping[str, Any] | None = None
-    seed: int = 0
 
 
 #: Kinds of sources by their scheme; an address without one is the path of a recording.

@@ -7,12 +7,13 @@ loop cannot spare. Each key of the page's text is the id of an element in its do
 import math
 from base64 import b64decode
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from palpate._core import Status
-from palpate.digits import format_quantity, rounded, with_error
+from palpate.digits import format_quantity, parameter, rounded, with_error
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import (
     STRONG,
@@ -25,44 +26,162 @@ from palpate.estimators.viscoelastic import RelaxingEstimate, build_law
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import why_undiagnosed
-from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import describe_relaxation
-from palpate.results.view import NumberLine
-from palpate.validation import or_nan
+from palpate.results.view import NumberLine, describe_place
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
 _FEW = 1.0 / 15.0
 _DAMPING = GeneralisedHuntCrossley.names().index("damping")
+#: Unit and name of each number of the preferred law.
+NUMBERS: Mapping[str, tuple[str, str]] = {
+    "stiffness": ("N/m", "Dynamic stiffness K′"),
+    "damping": ("N·s/m", "Dynamic damping B′"),
+    "loss_tangent": ("", "Loss tangent tan δ"),
+    "instantaneous_stiffness": ("N/m", "Instantaneous stiffness"),
+    "relaxed_stiffness": ("N/m", "Relaxed stiffness"),
+    "relaxation_time": ("s", "Relaxation time"),
+}
+_RESPONSE = tuple(NUMBERS)[:5]
+#: Numbers by name, each with its standard error.
+Numbers = dict[str, tuple[float, float]]
+_UNKNOWN = math.nan, math.nan
 
 
-def verdict_on(status: Mapping[str, Any]) -> dict[str, Any] | None:
+@dataclass(frozen=True, slots=True)
+class LiveVerdict:
+    """Verdict on the force law, from the loop's status.
+
+    Attributes
+    ----------
+    law : LawVerdict
+        The preferred law and the evidence for it; its depth and frequency are those of the motion.
+    estimate : Estimate
+        The present estimate; a law of zero force before the first sample.
+    learned : bool
+        Whether a sample was used, so that the estimate is a result.
+    flags : list of str
+        Warnings about the estimate and the verdict.
+    changes : int
+        Changes of the preferred law since the evidence was last discarded.
+    turns : list of (float, str or None)
+        Time, s, of each change, and the law preferred from then on; None: none.
+    """
+
+    law: LawVerdict
+    estimate: Estimate
+    learned: bool
+    flags: list[str]
+    changes: int
+    turns: list[tuple[float, str | None]]
+
+    @property
+    def certainty(self) -> str:
+        """How strong the evidence is: none, before (outdated), alone, open, weak or strong."""
+        if not self.law.known:
+            return "before" if self.learned else "none"
+        if math.isnan(lead := self.lead):
+            return "alone"
+        return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
+
+    @property
+    def lead(self) -> float:
+        """ΔBIC of the preferred law over the best other law without memory, NaN without one."""
+        return math.nan if self.law.rival is None else self.law.rival.score
+
+    @property
+    def standing(self) -> str:
+        """How the preferred law compares with the best other law without memory."""
+        if self.law.known:
+            return self.law.comparison
+        outdated = "outdated: no verdict yet on the new samples"
+        return outdated if self.learned else "no verdict yet"
+
+    @property
+    def since(self) -> float:
+        """Time of the last change, s; NaN without one."""
+        return self.turns[-1][0] if self.turns else math.nan
+
+    def __str__(self) -> str:
+        return f"{self.law.candidate} ({self.standing})" if self.learned else "no law yet"
+
+    def lines(self) -> Iterator[str]:
+        """Yield the lines that describe the verdict at the end of a run."""
+        turned = f", changed {self.changes} times" if self.changes and self.law.known else ""
+        yield f"law: {self}{turned}"
+        yield from self.flags
+
+    def at(self, depth: float, frequency: float) -> "LiveVerdict":
+        """Return the same verdict for the numbers at a depth [m] and a frequency [rad/s]."""
+        return replace(self, law=replace(self.law, depth=depth, frequency=frequency))
+
+    def numbers(self) -> Numbers:
+        """Return the :data:`NUMBERS` of the preferred law at its depth and frequency.
+
+        Empty until the first verdict, and again after a change of material.
+        """
+        depth, omega = self.law.depth, self.law.frequency
+        # Depth and frequency are of the samples since a change; an outdated law has no band there.
+        if not (self.law.known and self.learned and depth > 0.0 and omega > 0.0):
+            return {}
+
+        def law_response(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
+            whole = law.dynamic_stiffness(depth, omega)
+            return (
+                whole.real,
+                whole.imag / omega,
+                whole.imag / whole.real if whole.real else math.nan,
+                law.instantaneous().stiffness_at(depth),
+                law.relaxed().stiffness_at(depth),
+            )
+
+        values, errors = self.estimate.with_errors(law_response)
+        pairs = zip(values.tolist(), errors.tolist(), strict=True)
+        found: Numbers = dict(zip(_RESPONSE, pairs, strict=True))
+        law: GeneralisedHuntCrossley = self.estimate.law
+        if not law.remembers:  # its stiffness does not depend on time
+            del found["instantaneous_stiffness"], found["relaxed_stiffness"]
+        elif law.relaxation is not None and (time := law.relaxation_time) is not None:
+            found["relaxation_time"] = time, time * law.relaxation.resolution
+        return found
+
+    def fields(self, origin: float = 0.0) -> dict[str, float | str]:
+        """Return the fields of a message: text, and plain numbers in SI units.
+
+        ``origin`` is the zero of the loop's times, s.
+        """
+        law, numbers = self.law, self.numbers()
+        fields: dict[str, float | str] = {
+            "law": str(law.candidate) if self.learned else "",
+            "standing": self.standing,
+            "lead": self.lead,
+            "samples": law.samples,
+            "independent_samples": law.effective_samples,
+            "since": origin + self.since,
+            "changes": float(self.changes),
+            # A probe that has not moved has neither.
+            "depth": law.depth or math.nan,
+            "frequency": law.frequency or math.nan,
+        }
+        for name in NUMBERS:
+            value, error = numbers.get(name, _UNKNOWN)
+            fields |= {name: value, f"{name}_standard_error": error}
+        return fields | {"flags": "; ".join(self.flags)}
+
+
+def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
     """Return the verdict on the force law in a status; None if the estimator compares no laws."""
     page = status.get("verdict")
     if page is None:
         return None
-    evidence = Evidence(*page["evidence"])
-    estimate = status_estimate(page)
-    verdict = judge_evidence(evidence, estimate)
-    return {
-        **verdict.as_dict(),
-        "known": verdict.known,
-        "own": list(verdict.candidate.own),
-        "fixed": list(page["fixed"]),
-        "parameters": page["parameters"],
-        "spectrum": page["spectrum"],
-        "covariance": page["covariance"],
-        "flags": [
-            *page["flags"],
-            *(verdict.flags if page["parameters"] else ()),
-            *(map(str, _open(page, verdict, estimate)) if verdict.known else ()),
-        ],
-        "since": page["turns"][-1][0] if page["turns"] else math.nan,
-        "changes": page["changes"],
-        "turns": [[time, law] for time, law, _ in page["turns"]],
-    }
+    estimate, learned = _estimate_in(page), page["parameters"] is not None
+    verdict = judge_evidence(Evidence(*page["evidence"]), estimate)
+    flags = [*page["flags"], *(verdict.flags if learned else ())]
+    flags += map(str, _open(page, verdict, estimate) if verdict.known else ())
+    turns = [(time, law) for time, law, _ in page["turns"]]
+    return LiveVerdict(verdict, estimate, learned, flags, page["changes"], turns)
 
 
-def status_estimate(page: Mapping[str, Any]) -> Estimate:
+def _estimate_in(page: Mapping[str, Any]) -> Estimate:
     """Return the estimate in the loop's status; a law of zero force before the first sample."""
     if page["parameters"] is None:
         law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 1.0)
@@ -72,7 +191,8 @@ def status_estimate(page: Mapping[str, Any]) -> Estimate:
     covariance, times, numbers, joint = (np.frombuffer(b64decode(each)) for each in packed)
     law = build_law(times, numbers)
     value = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
-    return RelaxingEstimate(value, (), (times, numbers, joint.reshape(len(numbers) + 1, -1), []))
+    joint = joint.reshape(len(numbers) + 1, -1)
+    return RelaxingEstimate(value, tuple(page["fixed"]), (times, numbers, joint, []))
 
 
 def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
@@ -92,121 +212,6 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
         yield Check.NO_DAMPER.finding(
             "B is 0: laws that differ only in their damper are equivalent"
         )
-
-
-#: Unit and name of each number.
-NUMBERS: Mapping[str, tuple[str, str]] = {
-    "stiffness": ("N/m", "Dynamic stiffness K′"),
-    "damping": ("N·s/m", "Dynamic damping B′"),
-    "loss_tangent": ("", "Loss tangent tan δ"),
-    "instantaneous_stiffness": ("N/m", "Instantaneous stiffness"),
-    "relaxed_stiffness": ("N/m", "Relaxed stiffness"),
-    "relaxation_time": ("s", "Relaxation time"),
-}
-_FELT = tuple(NUMBERS)[:5]
-
-Numbers = dict[str, tuple[float, float]]
-
-
-def law_numbers(verdict: Mapping[str, Any]) -> Numbers:
-    """Return the :data:`NUMBERS` of the preferred law, each with its standard error.
-
-    They hold at the depth and frequency of the motion. Empty until the first verdict of
-    :func:`verdict_on`, and again after a change of material.
-    """
-    parameters, depth, omega = verdict["parameters"], verdict["depth"], verdict["frequency"]
-    # Depth and frequency are of the samples since a change; an outdated law has no band there.
-    if not (verdict["known"] and parameters and depth and omega and min(depth, omega) > 0.0):
-        return {}
-    estimate = status_estimate(verdict)
-
-    def law_response(law: GeneralisedHuntCrossley) -> tuple[float, ...]:
-        whole = law.dynamic_stiffness(depth, omega)
-        return (
-            whole.real,
-            whole.imag / omega,
-            whole.imag / whole.real if whole.real else math.nan,
-            law.instantaneous().stiffness_at(depth),
-            law.relaxed().stiffness_at(depth),
-        )
-
-    values, errors = estimate.with_errors(law_response)
-    found = dict(zip(_FELT, zip(values.tolist(), errors.tolist(), strict=True), strict=True))
-    law: GeneralisedHuntCrossley = estimate.law
-    if not law.remembers:  # its stiffness does not depend on time
-        del found["instantaneous_stiffness"], found["relaxed_stiffness"]
-    elif law.relaxation is not None and (time := law.relaxation_time) is not None:
-        found["relaxation_time"] = time, time * law.relaxation.resolution
-    return found
-
-
-def certainty(verdict: Mapping[str, Any]) -> str:
-    """Return how strong the evidence is: none, before (outdated), alone, open, weak or strong."""
-    if not verdict["known"]:
-        return "none" if verdict["parameters"] is None else "before"
-    if math.isnan(lead := bic_lead(verdict)):
-        return "alone"
-    return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
-
-
-def standing(verdict: Mapping[str, Any]) -> str:
-    """Describe how the preferred law compares with the best other law without memory."""
-    if not verdict["known"]:
-        return {
-            "none": "no verdict yet",
-            "before": "outdated: no verdict yet on the new samples",
-        }[certainty(verdict)]
-    return LawVerdict.from_dict(verdict).comparison
-
-
-def bic_lead(verdict: Mapping[str, Any]) -> float:
-    """Return the preferred law's ΔBIC over the best other law without memory, NaN without one."""
-    rival = LawVerdict.from_dict(verdict).rival
-    return math.nan if rival is None else rival.score
-
-
-def describe_verdict(verdict: Mapping[str, Any]) -> str:
-    """Describe the verdict in one line."""
-    known = verdict["parameters"] is not None
-    return f"{verdict['law']} ({standing(verdict)})" if known else "no law yet"
-
-
-def law_lines(verdict: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the lines that describe the verdict at the end of a run."""
-    changes = int(verdict["changes"])
-    turned = f", changed {changes} times" if changes and verdict["known"] else ""
-    yield f"law: {describe_verdict(verdict)}{turned}"
-    yield from verdict["flags"]
-
-
-def format_law_number(numbers: Numbers, name: str) -> str:
-    """Format one of the numbers with its standard error and unit."""
-    return with_error(*numbers[name], unit=NUMBERS[name][0])
-
-
-def verdict_fields(verdict: Mapping[str, Any], origin: float = 0.0) -> dict[str, float | str]:
-    """Return the verdict as fields of a message: text, and plain numbers in SI units.
-
-    ``origin`` is the zero of the loop's times, s.
-    """
-    fields: dict[str, float | str] = {
-        "law": str(verdict["law"]) if verdict["parameters"] is not None else "",
-        "standing": standing(verdict),
-        "lead": bic_lead(verdict),
-        "samples": or_nan(verdict["samples"]),
-        "independent_samples": or_nan(verdict["effective_samples"]),
-        "since": origin + float(verdict["since"]),
-        "changes": float(verdict["changes"]),
-        # A probe that has not moved has neither.
-        "depth": or_nan(verdict["depth"] or None),
-        "frequency": or_nan(verdict["frequency"] or None),
-    }
-    numbers = law_numbers(verdict)
-    for name in NUMBERS:
-        value, error = numbers.get(name, (math.nan, math.nan))
-        fields |= {name: value, f"{name}_standard_error": error}
-    fields["flags"] = "; ".join(verdict["flags"])
-    return fields
 
 
 # The answer: stiffness and damping at the working depth and the motion's frequency.
@@ -235,28 +240,14 @@ def headline(
     return [NumberLine(name, _present(now, name), at, None, reason) for name in _UNITS]
 
 
-def _present(now: Numbers, name: str) -> str:
-    """Format the present estimate of a number."""
-    value, error = now.get(name, (math.nan, math.nan))
-    return with_error(value, error, unit=_UNITS[name]) if math.isfinite(value) else "unknown"
-
-
-def where(depth: float, frequency: float | None) -> str:
-    """Format a working depth and, if known, a frequency: ``at 8.8 mm, 1.8 Hz``."""
-    often = f", {format_hertz(frequency)}" if frequency else ""
-    return f"at {format_quantity(depth, 'm')}{often}"
-
-
 def answer(lines: Iterable[NumberLine], *, reasons: bool = True) -> str:
     """Return the numbers in one line, each with its mark and what sets that."""
-    texts = []
-    for each in lines:
-        text = " ".join(filter(None, (each.name, each.value, each.at)))
-        if each.mark is not None:
-            why = "; ".join(filter(None, (each.reason, each.skew))) if reasons else ""
-            text += f" ({': '.join(filter(None, (spoken(each.mark), why)))})"
-        texts.append(text)
-    return "; ".join(texts)
+    return "; ".join(each.text(reasons=reasons) for each in lines)
+
+
+def _present(now: Numbers, name: str) -> str:
+    """Format the present estimate of a number."""
+    return with_error(*now.get(name, _UNKNOWN), unit=_UNITS[name])
 
 
 # Times and counts of a run.
@@ -281,7 +272,7 @@ def seconds(value: float | None) -> str:
     return "–" if value is None or not math.isfinite(value) else format_quantity(value, "s")
 
 
-def percent(fraction: float | None) -> str:
+def share(fraction: float | None) -> str:
     """Format a fraction with as many digits as its distance from 1 needs: 99.993 %."""
     if fraction is None or not math.isfinite(fraction):
         return "–"
@@ -298,7 +289,7 @@ def duration_rows(status: Mapping[str, Any]) -> Iterator[list[str]]:
         figures = status.get(name) or {}
         known = figures if figures.get("count") else {}
         columns = [seconds(known.get(key)) for key in ("p50", "p99", "p99.9", "max")]
-        limit = f"{percent(known.get('within'))} within {seconds(figures.get('limit'))}"
+        limit = f"{share(known.get('within'))} within {seconds(figures.get('limit'))}"
         yield [words, *columns, limit]
 
 
@@ -327,52 +318,45 @@ _TURNS = 4
 Words = dict[str, Any]
 
 
-def view_texts(page: Mapping[str, Any], verdict: Mapping[str, Any] | None, now: float) -> Words:
+def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float) -> Words:
     """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
-    loop, depth, found = page["loop"], page["depth"], page["now"]
-    law, tiles = loop.get("law") or {}, []
+    law, at = page["loop"]["law"], _describe_depth(page["depth"])
+    tiles = []
     panels = [
-        [f"{name.capitalize()} {_describe_depth(depth)}", unit, name, f"{name}_error"]
-        for name, unit in _UNITS.items()
+        [f"{name.capitalize()} {at}", unit, name, f"{name}_error"] for name, unit in _UNITS.items()
     ]
     for k in law.get("shown", ()):
         symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
-        words = _parameter(found, name, k, verdict)
         title = f"{name.replace('_', ' ').capitalize()} {symbol}"
+        words = _parameter(page["now"], name, k, verdict)
         tiles.append([f"{title} [{unit}]" if unit else title, words])
         panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
     changes = [
         [
             f"{rounded(max(now - each['time'], 0.0), 3)} s ago",
-            _terms(each["law"], each.get("before", {})),
-            _terms(each["law"], each.get("after", {})),
+            *(_terms(each["law"], each.get(when, {})) for when in ("before", "after")),
         ]
         for each in reversed(page["changes"])
     ]
-    view: Words = {"numbers": tiles, "curves": panels}
-    view["changes"] = changes or [["none"]]
+    view: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
     return view | (law_card_texts(verdict, now) if verdict else {})
 
 
 def _describe_depth(depth: Mapping[str, Any]) -> str:
     """Format the working depth of the page, and the motion's frequency."""
-    known = math.isfinite(depth["value"])
-    return where(depth["value"], depth["frequency"]) if known else "at working depth"
+    if math.isnan(depth["value"]):
+        return "at working depth"
+    return describe_place(depth["value"], depth["frequency"] or math.nan)
 
 
-def _parameter(
-    found: Mapping[str, Any], name: str, k: int, verdict: Mapping[str, Any] | None
-) -> str:
+def _parameter(found: Mapping[str, Any], name: str, k: int, verdict: LiveVerdict | None) -> str:
     """Format a parameter of the preferred law: identified, fixed, or not in this law."""
-    if verdict and verdict["parameters"] is None:
-        return "unknown"
-    if verdict and name not in verdict["own"]:
+    if verdict and verdict.learned and name not in verdict.law.candidate.own:
         return "not in this law"
-    if verdict and name in verdict["fixed"]:
-        return f"{rounded(verdict['parameters'][k], 6)} (fixed)"
     if "parameters" not in found:
         return "unknown"
-    return with_error(found["parameters"][k], found["errors"][k])
+    fixed = verdict is not None and name in verdict.estimate.fixed
+    return parameter(found["parameters"][k], found["errors"][k], fixed=fixed)
 
 
 def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
@@ -391,35 +375,32 @@ def describe_change(change: Mapping[str, Any]) -> str:
     return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
 
 
-def law_card_texts(verdict: Mapping[str, Any], now: float) -> Words:
+def law_card_texts(verdict: LiveVerdict, now: float) -> Words:
     """Return the texts of the page's card of force laws at time ``now``, s."""
-    sure, turns = certainty(verdict), verdict["turns"][: -_TURNS - 1 : -1]
-    since, (badge, kind) = "", _BADGES[sure]
-    if sure not in ("none", "before") and math.isfinite(verdict["since"]):
-        turned = f"; changed {count} times" if (count := verdict["changes"]) else ""
-        since = f"Preferred for {_ago(now, verdict['since'])}{turned}."
-    numbers, often = law_numbers(verdict), verdict["frequency"]
+    certainty, turns, since = verdict.certainty, verdict.turns[: -_TURNS - 1 : -1], ""
+    if verdict.law.known and math.isfinite(verdict.since):
+        turned = f"; changed {verdict.changes} times" if verdict.changes else ""
+        since = f"Preferred for {_ago(now, verdict.since)}{turned}."
+    badge, kind = _BADGES[certainty]
+    numbers, at = verdict.numbers(), ""
+    if numbers:
+        at = f"small oscillation {describe_place(verdict.law.depth, verdict.law.frequency)}"
     return {
-        "law-name": "Not known yet" if sure == "none" else verdict["law"],
+        "law-name": str(verdict.law.candidate) if verdict.learned else "Not known yet",
         "law-badge": badge,
         "law-kind": kind,
-        "law-lead": standing(verdict),
+        "law-lead": verdict.standing,
         "law-since": since,
         "law-turns": [
             *(f"{_ago(now, time)} ago: {law or 'restarted'}" for time, law in turns),
             *[""] * (_TURNS - len(turns)),
         ],
-        "law-at": f"small oscillation {where(verdict['depth'], often)}" if numbers else "",
+        "law-at": at,
         "law-numbers": [
-            [
-                long,
-                format_law_number(numbers, name)
-                if name in numbers
-                else _absent(verdict, numbers, name),
-            ]
-            for name, (_, long) in NUMBERS.items()
+            [title, _law_number(verdict.estimate.law, numbers, name)]
+            for name, (_, title) in NUMBERS.items()
         ],
-        "law-flags": verdict["flags"] or ["no warnings"],
+        "law-flags": verdict.flags or ["no warnings"],
     }
 
 
@@ -427,14 +408,15 @@ def _ago(now: float, then: float) -> str:
     return f"{max(now - then, 0.0):.1f} s"
 
 
-def _absent(verdict: Mapping[str, Any], numbers: Numbers, name: str) -> str:
-    """Describe why a law has no such number."""
+def _law_number(law: GeneralisedHuntCrossley, numbers: Numbers, name: str) -> str:
+    """Format one of the numbers, or describe why the law has none."""
+    if name in numbers:
+        return with_error(*numbers[name], unit=NUMBERS[name][0])
     if not numbers:
         return "–"
-    if name != "relaxation_time":
-        return "equals K′: no memory"
-    law = status_estimate(verdict).law
-    return describe_relaxation(law) if law.remembers else "no memory"
+    if law.remembers:
+        return describe_relaxation(law)
+    return "no memory" if name == "relaxation_time" else "equals K′: no memory"
 
 
 def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None = None) -> Words:
@@ -443,7 +425,7 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
     ``contact_force`` is the present force, N, if the probe is in contact.
     """
     loop, others = page["loop"], page["others"]
-    lamp, title, words = _STATES.get(state, _STATES["none"])
+    lamp, title, words = _STATES[state]
     fault = loop.get("fault") or loop.get("tare_refused")
     recorder, truth = others.get("recorder", {}), loop.get("chosen", {}).get("truth")
     recorded = recorder.get("said") or ""
@@ -468,8 +450,8 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
         contact = f"The probe is in contact with {rounded(contact_force, 3)} N."
         facts["tare-warning"] = f"{contact} palpate refuses a tare while the probe presses."
     facts["working"] = list(_tiles(page, found := others.get("diagnosis")))
-    if found and found.get("at"):
-        facts["diagnosis"] = list(_diagnosis(found))
+    if found and found.get("lines"):
+        facts["diagnosis"] = found["lines"]
     return facts
 
 
@@ -480,11 +462,8 @@ def _counts(
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
     rows += [[words, counts.get(key, 0), "bad"] for key, words in COUNTED.items()]
     rows += [
-        ["page: dropped", own.get("dropped", 0), "bad"],
-        ["page: skipped", own.get("skipped", 0), "bad"],
-        ["page: bad requests", own.get("malformed", 0) + own.get("refused", 0), "bad"],
-        ["page: stalled", own.get("stalled", 0) + own.get("turned_away", 0), "bad"],
-        ["page: browsers", own.get("clients", 0), ""],
+        [f"page: {name.replace('_', ' ')}", count, "bad" * (name != "browsers")]
+        for name, count in own.items()
     ]
     rows += [[f"{name}: dropped", each.get("dropped", 0), "bad"] for name, each in others.items()]
     return [[name, str(count), kind if count else ""] for name, count, kind in rows]
@@ -498,17 +477,7 @@ def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator
     now, depth = page["now"], page["depth"]
     for line in headline(found, page["loop"], now, _describe_depth(depth)):
         title = f"{line.name.capitalize()} {line.at}{' (chosen)' * depth['chosen']}"
-        why, mark, last = "; ".join(filter(None, (line.reason, line.skew))), "no verdict", ""
+        mark, last = "no verdict", ""
         if line.mark is not None:
             mark, last = spoken(line.mark), f"now {_present(now, line.name)}"
-        yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, why, last]
-
-
-def _diagnosis(found: Mapping[str, Any]) -> Iterator[list[str]]:
-    """Yield the remedy, if any, and the law, method and samples of the diagnosis: text, class."""
-    if found.get("remedy"):
-        yield [found["remedy"], ""]
-    last = rounded(found["window"][1] - found["window"][0], 2)
-    how = ", by ".join(filter(None, (found.get("law"), found["method"])))
-    words = f"{how}, the last {last} s at {found['at']}, {found['samples']} samples; "
-    yield [f"{words}± includes the systematic uncertainty", "soft"]
+        yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, line.why, last]

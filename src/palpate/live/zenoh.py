@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, import_extra
 from palpate.live import ros
-from palpate.live.ordering import WireAddress, parse_address, topic_names
-from palpate.live.publishing import RosWire
-from palpate.live.ros import LONGEST, RosTopics, dds_type
+from palpate.live.ros import LONGEST, RosTopics, RosWire, dds_type, typestore
 from palpate.live.sources import SourceOptions
+from palpate.live.wires import WireAddress, parse_address
 from palpate.validation import shown
 
 if TYPE_CHECKING:
@@ -27,9 +26,6 @@ ROUTER = "tcp/127.0.0.1:7447"
 _LONGEST = 1 << 20
 # Sample number and time of sending, each int64, then the length of the publisher's id, and the id.
 _ATTACHED = struct.Struct("<qqB16s")
-# The format of rmw_zenoh 0.2.0 to 0.2.3, with a name before each value.
-_NAMED = struct.Struct("<16sq17sq11sB16s")
-_NAMES = (b"\x0fsequence_number", b"\x10source_timestamp", b"\x0asource_gid")
 
 
 def attachment(number: int, written: int, sender: bytes) -> bytes:
@@ -39,14 +35,10 @@ def attachment(number: int, written: int, sender: bytes) -> bytes:
 
 def parse_attachment(data: bytes) -> tuple[int, int, bytes] | None:
     """Return number, time (ns since 1970) and sender; None if it is not an rmw_zenoh attachment."""
-    if len(data) == _ATTACHED.size and data[16] == 16:
-        number, written, _, sender = _ATTACHED.unpack(data)
-        return number, written, sender
-    if len(data) == _NAMED.size:
-        first, number, second, written, third, size, sender = _NAMED.unpack(data)
-        if (first, second, third) == _NAMES and size == 16:
-            return number, written, sender
-    return None
+    if len(data) != _ATTACHED.size or data[16] != 16:
+        return None
+    number, written, _, sender = _ATTACHED.unpack(data)
+    return number, written, sender
 
 
 def topic_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
@@ -86,12 +78,10 @@ def open_session(address: WireAddress) -> "zenoh.Session":
     try:
         return zenoh.open(config)  # type: ignore[no-any-return]
     except zenoh.ZError as error:
-        if "Address already in use" in str(error):
-            raise PalpateError(f"zenoh: {', '.join(listen)}: address already in use") from None
-        if listen and "listener" in str(error):
-            raise PalpateError(
-                f"zenoh: cannot listen on {', '.join(listen)}: {_first_line(error)}"
-            ) from None
+        taken = "Address already in use" in str(error)
+        if taken or (listen and "listener" in str(error)):
+            reason = "address already in use" if taken else _first_line(error)
+            raise PalpateError(f"zenoh: {', '.join(listen)}: {reason}") from None
         raise PalpateError(
             f"zenoh: no answer from {', '.join(connect)}: start the router with `ros2 run "
             "rmw_zenoh_cpp rmw_zenohd`, or pass its address as connect=tcp/ADDRESS:7447"
@@ -220,7 +210,7 @@ class ZenohWire(RosWire):
 
     def __init__(self, address: str) -> None:
         self._address = parse_address("zenoh", address, OPTIONS)
-        super().__init__("zenoh", topic_names(self._address, 1)[0])
+        super().__init__(self._address)
         self._domain = self._address.whole("domain", 0, 0, 1_000_000)
         self._session: zenoh.Session | None = None
         self._publishers: list[zenoh.Publisher] = []
@@ -230,7 +220,6 @@ class ZenohWire(RosWire):
 
     def open(self) -> None:
         """Open the session, and announce a node and topics to ``ros2 topic list``."""
-        super().open()
         self._session = open_session(self._address)
         import zenoh
 
@@ -238,7 +227,7 @@ class ZenohWire(RosWire):
         declare = self._session.liveliness().declare_token
         self._tokens = [declare(f"{node}/0/NN/%/%/palpate")]
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), self.store.hash_rihs01(type_name)
+            kind, checksum = dds_type(type_name), typestore().hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     topic_key(self._domain, name, type_name, checksum),
@@ -265,7 +254,6 @@ class ZenohWire(RosWire):
 
     def close(self) -> None:
         """Close the session."""
-        super().close()
         self._publishers.clear()
         self._tokens.clear()
         if self._session is not None:

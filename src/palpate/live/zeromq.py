@@ -10,22 +10,31 @@ import json
 import math
 import struct
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, import_extra
-from palpate.live.ordering import Receipt, Succession, WireAddress, WireSource, parse_address
-from palpate.live.publishing import AFTER, BEFORE, TOPICS, Wire
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sources import Orientation, SourceOptions, Value
+from palpate.live.wires import (
+    AFTER,
+    BEFORE,
+    TOPICS,
+    Receipt,
+    Succession,
+    Wire,
+    WireAddress,
+    WireSource,
+    parse_address,
+)
 from palpate.validation import plain, shown
 
 if TYPE_CHECKING:
     import zmq
 
 
-NUMBERS = struct.Struct("<Qddd")
-VECTORS = struct.Struct("<Qd3d3d")
-POSES = struct.Struct("<Qd3d3d4d")
+#: Lengths of a binary packet, bytes: with numbers, with vectors, and with an orientation too.
+LENGTHS = 32, 64, 96
 # bytes; JSON of ten numbers with all digits has about 400.
 LONGEST = 4096
 # s: the limit of 2⁶³ ns; a later time is invalid.
@@ -54,11 +63,9 @@ def packed(
     orientation: Orientation | None = None,
 ) -> bytes:
     """Return the packet of a sample: number, time [s], position [m], force [N], orientation."""
-    if orientation and isinstance(position, tuple) and isinstance(force, tuple):
-        return POSES.pack(number, time, *position, *force, *orientation)
-    if isinstance(position, tuple) and isinstance(force, tuple):
-        return VECTORS.pack(number, time, *position, *force)
-    return NUMBERS.pack(number, time, position, force)
+    parts = (each if isinstance(each, tuple) else (each,) for each in (time, position, force))
+    values = [*chain.from_iterable(parts), *(orientation or ())]
+    return struct.pack(f"<Q{len(values)}d", number, *values)
 
 
 def unpacked(data: bytes, *, vectors: bool, orientation: bool = False) -> Packet:
@@ -71,21 +78,17 @@ def unpacked(data: bytes, *, vectors: bool, orientation: bool = False) -> Packet
     """
     size = len(data)
     # A binary force whose last byte is a brace would be about 10²⁹⁴ N.
-    binary = NUMBERS.size, VECTORS.size, POSES.size
-    if size in binary and not (data[:1] == b"{" and data[-1:] == b"}"):
-        if (size != NUMBERS.size) is not vectors:
+    if size in LENGTHS and not (data[:1] == b"{" and data[-1:] == b"}"):
+        number, time, *values = struct.unpack(f"<Q{size // 8 - 1}d", data)
+        if (size > LENGTHS[0]) is not vectors:
             raise _other_kind(vectors)
-        if size == POSES.size:
-            number, time, x, y, z, a, b, c, *q = POSES.unpack(data)
-            pose = (q[0], q[1], q[2], q[3]) if orientation else None
-            return Packet(number, _stamp(time), (x, y, z), (a, b, c), pose)
-        if orientation:
+        if orientation and size < LENGTHS[2]:
             raise PacketError(_NO_ORIENTATION)
-        if vectors:
-            number, time, x, y, z, *force = VECTORS.unpack(data)
-            return Packet(number, _stamp(time), (x, y, z), (force[0], force[1], force[2]))
-        number, time, position, push = NUMBERS.unpack(data)
-        return Packet(number, _stamp(time), position, push)
+        if not vectors:
+            return Packet(number, _stamp(time), *values)
+        parts: list[Any] = [tuple(values[:3]), tuple(values[3:6]), tuple(values[6:])]
+        position, force, pose = parts
+        return Packet(number, _stamp(time), position, force, pose if orientation else None)
     if size > LONGEST:
         raise PacketError(f"a packet of {size} bytes, the limit is {LONGEST}")
     return _parse_json(data, vectors, orientation)
@@ -99,8 +102,7 @@ def _parse_json(data: bytes, vectors: bool, orientation: bool) -> Packet:
         given = json.loads(data)
     except (ValueError, RecursionError):
         raise PacketError(
-            f"a packet of {len(data)} bytes, neither {NUMBERS.size}, {VECTORS.size}, "
-            f"{POSES.size} nor JSON"
+            f"a packet of {len(data)} bytes, neither {', '.join(map(str, LENGTHS))} nor JSON"
         ) from None
     if not isinstance(given, dict):
         raise PacketError("JSON that is not an object")
@@ -313,7 +315,7 @@ class ZeroMQWire(Endpoint, Wire):
 
         assert self._socket is not None  # it is open
         try:
-            self._socket.send_multipart([TOPICS[topic][0].encode(), data], zmq.NOBLOCK)
+            self._socket.send_multipart([TOPICS[topic].encode(), data], zmq.NOBLOCK)
         except zmq.Again:
             return False
         return True

@@ -65,11 +65,9 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
         given = {**given, "time": np.arange(np.size(given.get("force", ()))) / settings.rate}
     missing = [name for name in ("time", "penetration", "force") if name not in given]
     if missing:
-        raise InvalidParameterError(
-            f"{missing[0]} is missing: pass it as an array"
-            f"{', or the sample rate as rate' if missing[0] == 'time' else ''}, or pass a "
-            "recording instead of arrays"
-        )
+        rate = ", or the sample rate as rate" if missing[0] == "time" else ""
+        words = f"{missing[0]} is missing: pass it as an array{rate}"
+        raise InvalidParameterError(f"{words}, or pass a recording instead of arrays")
     made, values = dict[str, str](), dict(given)
     for channel, unit in settings.units.items():
         if channel in values and unit != next(iter(UNITS[channel])):
@@ -140,9 +138,8 @@ def _prepare_channels(
     if "velocity" not in values:
         runs, window = list(contact.segments()), settings.velocity_window
         with stage(_LOGGER, "velocity by the filter"):
-            velocity, used, lost = estimate_velocities(
-                contact.time, contact.penetration, runs, window
-            )
+            motion = contact.time, contact.penetration
+            velocity, used, lost = estimate_velocities(*motion, runs, window)
         words = {**contact.provenance, "velocity": describe_filter(used, lost)}
         contact = replace(contact, velocity=velocity, velocity_filter=used, provenance=words)
     if held is not None:

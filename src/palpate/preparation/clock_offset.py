@@ -236,10 +236,8 @@ class _AnyLaw:
         bend = low + high - 2.0 * cost
         if not bend > 0.0:
             return 0.0
-        drift, error = (
-            0.5 * step * (low - high) / bend,
-            step * math.sqrt(2.0 * cost / bend / samples),
-        )
+        drift = 0.5 * step * (low - high) / bend
+        error = step * math.sqrt(2.0 * cost / bend / samples)
         return drift if abs(drift) > max(SIGNIFICANT * error, LEAST_DRIFT) else 0.0
 
     def fit(

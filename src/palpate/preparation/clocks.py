@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from palpate.contact import SHORTEST_STEP, number_runs, run_slices
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, Severity
 from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, lie_between_samples
+from palpate.recordings.poses import align_signs, interpolate_columns, lie_between_samples
 from palpate.recordings.recording import (
     GRAVITY,
     TORQUE_UNITS,
@@ -185,29 +185,25 @@ def settle_stamps(
     if arrivals is not None:
         times, tick = _spread(arrivals)
         many = time.size / np.unique(arrivals).size
-        words = (
-            f"samples arrive in packets of about {many:.0f}, every "
-            f"{tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread them evenly"
-        )
+        period = f"{tick * unit_size('time', unit) * 1e3:.3g} ms"
+        words = f"samples arrive in packets of about {many:.0f}, every {period}"
+        words += ": palpate spread them evenly"
         return times, keep, [Check.CLOCK.finding(words, "stamp each sample when it is taken")]
     again[1:] = time[1:] == time[:-1]
     if not again.any():
         return time, keep, []
     copies = again.copy()
     for column in columns:
-        same = (column[1:] == column[:-1]) | (
-            (column[1:] != column[1:]) & (column[:-1] != column[:-1])
-        )
+        unknown = column != column
+        same = (column[1:] == column[:-1]) | (unknown[1:] & unknown[:-1])
         copies[1:] &= same.reshape(len(same), -1).all(axis=1)
     others = int(np.count_nonzero(again & ~copies))
     # At rest, samples with one time of a slow clock are equal too: equal rows are copies only if
     # they outnumber the rows that repeat a time with other values.
     if others > COARSE * time.size and others >= np.count_nonzero(copies):
         times, tick = _spread(time)
-        words = (
-            f"the clock ticks every {tick * unit_size('time', unit) * 1e3:.3g} ms: palpate spread "
-        )
-        words += f"{np.count_nonzero(again)} samples evenly within its ticks"
+        words = f"the clock ticks every {tick * unit_size('time', unit) * 1e3:.3g} ms: palpate "
+        words += f"spread {np.count_nonzero(again)} samples evenly within its ticks"
         return times, keep, [Check.CLOCK.finding(words, "stamp the samples by a finer clock")]
     count = int(np.count_nonzero(copies))
     words = f"palpate dropped {count} row{'s' * (count > 1)} that {'were' if count > 1 else 'was'} "
@@ -491,18 +487,12 @@ class _Taking:
                     remedy = "pass --unit force=N if the values are forces in N"
                     self.findings.append(Check.UNITS.finding(f"{words} m/s²", remedy))
             elif role == "torque":
-                sizes = [
-                    TORQUE_UNITS.get(self.recording.unit_of(name) or "", 1.0) for name in names
-                ]
+                stated = [self.recording.unit_of(name) or "" for name in names]
+                sizes = [TORQUE_UNITS.get(unit, 1.0) for unit in stated]
                 columns = [c * size for c, size in zip(columns, sizes, strict=True)]
             lengths = {name: column.size for name, column in zip(names, columns, strict=True)}
-            if len({*lengths.values()}) > 1:
-                listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
-                raise RecordingError.of(
-                    self.recording.source,
-                    f"the channels of one vector must have the same length: {listed}; choose one "
-                    f"with --{'position' if role == 'depth' else role}",
-                )
+            option = f"--{'position' if role == 'depth' else role}"
+            self._check_lengths("the channels of one vector", lengths, f"choose one with {option}")
             values[role] = columns[0] if len(columns) == 1 else np.column_stack(columns)
             known = np.isfinite(np.column_stack(columns)).all(axis=1)
             if role == "orientation":  # interpolation needs it
@@ -523,26 +513,21 @@ class _Taking:
         column = measurable(before)
         if self.strict and column is not before:
             sample = int(np.nanargmax(np.abs(before)))
-            raise RecordingError(
-                f"{recording.place(name, sample)}: {before[sample]:g} is beyond {LARGEST:g}; drop "
-                "--strict to exclude such values"
-            )
+            what = f"{recording.place(name, sample)}: {before[sample]:g} is beyond {LARGEST:g}"
+            raise RecordingError(f"{what}; drop --strict to exclude such values")
         if count := int(np.count_nonzero(~np.isfinite(column))):
             first = str(recording.channels[name][int(np.argmin(np.isfinite(column)))])
             text = recording.faults[name].text if name in recording.faults else first
             samples = "1 sample" if count == 1 else f"{count} samples"
             words = f"palpate excluded {samples} of {name!r} without a usable number"
-            self._say_rows(
-                f"{words}: {text.strip()[:40]!r}",
-                "check the recorder, or pass --strict to fail instead",
-                many=count > MOST_SKIPPED * column.size,
-            )
+            words += f": {text.strip()[:40]!r}"
+            self._report_excluded(words, "the recorder", count, column.size)
         return column
 
-    def _say_rows(self, words: str, remedy: str, *, many: bool) -> None:
-        self.findings.append(
-            Check.ROWS.finding(words, remedy, severity="with-care" if many else "note")
-        )
+    def _report_excluded(self, words: str, cause: str, count: int, samples: int) -> None:
+        severity: Severity = "with-care" if count > MOST_SKIPPED * samples else "note"
+        remedy = f"check {cause}, or pass --strict to fail instead"
+        self.findings.append(Check.ROWS.finding(words, remedy, severity=severity))
 
     def _choose_unit(self, name: str, kind: str, usual: str | None = None) -> str:
         """The unit from the recording or the channel's name; else the usual one, else SI."""
@@ -583,13 +568,8 @@ class _Taking:
                     "samples are evenly spaced and you know the rate; --no-time gives the "
                     "stiffness alone",
                 )
-            if len({*lengths.values()}) > 1:
-                listed = " and ".join(f"{role} has {length}" for role, length in lengths.items())
-                raise RecordingError.of(
-                    recording.source,
-                    f"channels at one rate must have the same length: {listed} samples; choose "
-                    "others with --position and --force, or name their clocks with --time",
-                )
+            remedy = "choose others with --position and --force, or name their clocks with --time"
+            self._check_lengths("channels at one rate", lengths, remedy)
             return Stream(None, np.arange(next(iter(lengths.values()))) / rate, "s", values)
         time = recording.channel(clock)
         dated = time.dtype.kind in "mM"  # for example from pandas: nanoseconds since 1970
@@ -599,18 +579,20 @@ class _Taking:
             time = whole if known.all() else np.where(known, whole.astype(np.float64), np.nan)
         elif time.dtype.kind not in "iu":
             time = recording.numbers(clock, strict=False)
-        if any(length != len(time) for length in lengths.values()):
-            listed = ", ".join(f"{role} has {length}" for role, length in lengths.items())
-            raise RecordingError.of(
-                recording.source,
-                f"channels on one clock must have the same length: {clock!r} has {len(time)}, "
-                f"{listed}; name the right clock with --time",
-            )
+        remedy = "name the right clock with --time"
+        self._check_lengths("channels on one clock", {clock: len(time), **lengths}, remedy)
         given = "ns" if dated else self.units.get("time")
         unit = given or self._choose_unit(clock, "time")
         if given or unit != next(iter(UNITS["time"])):
             self.stated.add("time")
         return Stream(clock, time, unit, values)
+
+    def _check_lengths(self, what: str, lengths: Mapping[str, int], remedy: str) -> None:
+        """Refuse channels of different lengths."""
+        if len({*lengths.values()}) > 1:
+            listed = ", ".join(f"{name!r} has {size}" for name, size in lengths.items())
+            words = f"{what} must have the same length: {listed}; {remedy}"
+            raise RecordingError.of(self.recording.source, words)
 
     def _running(self, stream: Stream, what: str) -> tuple[Times, Channels, NDArray[np.int64]]:
         """The samples of a stream whose time increases, and their part numbers."""
@@ -622,9 +604,8 @@ class _Taking:
             stream = replace(stream, time=time[keep], values=taken)
         label = stream.values.get("segment")
         numbers = None if label is None else number_runs(label, label.size)
-        rows = select_increasing_rows(
-            stream.time, numbers, largest=LATEST / unit_size("time", stream.unit)
-        )
+        largest = LATEST / unit_size("time", stream.unit)
+        rows = select_increasing_rows(stream.time, numbers, largest=largest)
         if not rows.keep.any():
             there = len(stream.time)
             reason = "no sample has a valid time" if there else "the recording has no samples"
@@ -635,17 +616,11 @@ class _Taking:
             place = recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
             raise RecordingError(f"{place}: the time runs backward; sort the samples by time")
         if rows.skipped:
-            reasons = {
-                "without a time": rows.untimed,
-                "with the previous time": rows.repeated,
-                "with an earlier time": rows.late,
-            }
-            listed = ", ".join(f"{count} {words}" for words, count in reasons.items() if count)
-            self._say_rows(
-                f"palpate skipped {rows.skipped} of {rows.keep.size} {what}: {listed}",
-                "check the recorder's clock, or pass --strict to fail instead",
-                many=rows.skipped > MOST_SKIPPED * rows.keep.size,
-            )
+            reasons = "without a time", "with the previous time", "with an earlier time"
+            counts = zip((rows.untimed, rows.repeated, rows.late), reasons, strict=True)
+            listed = ", ".join(f"{count} {reason}" for count, reason in counts if count)
+            words = f"palpate skipped {rows.skipped} of {rows.keep.size} {what}: {listed}"
+            self._report_excluded(words, "the recorder's clock", rows.skipped, rows.keep.size)
         if rows.restarts:
             times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
             words = f"the recorder restarted {times}: contacts are separated there"
@@ -667,10 +642,9 @@ class _Taking:
             what = "is not a valid time"
         elif time[sample] < before:
             what = f"runs back from {before:g} {stream.unit}"
-        raise RecordingError(
-            f"{self.recording.place(clock, sample)}: {time[sample]:g} {stream.unit} {what}, but "
-            "time must increase within a segment; drop --strict to skip such samples"
-        )
+        words = f"{time[sample]:g} {stream.unit} {what}, but time must increase within a segment"
+        place = self.recording.place(clock, sample)
+        raise RecordingError(f"{place}: {words}; drop --strict to skip such samples")
 
     def _make_signals(
         self,
@@ -689,13 +663,11 @@ class _Taking:
         known: dict[str, Any] = {"part": part + np.cumsum(breaks), "made": self.made, **values}
         known.pop("torque", None)
         if "orientation" in values:
-            roles = "depth", "orientation", "force", "torque"
-            known["clocks"] = {
-                role: (own, np.asarray(channels[role], dtype=np.float64))
-                for own, channels in streams
-                for role in roles
-                if role in channels
-            }
+            known["clocks"] = {}
+            for own, channels in streams:
+                for role in ("depth", "orientation", "force", "torque"):
+                    if role in channels:
+                        known["clocks"][role] = own, np.asarray(channels[role], float)
         stated = frozenset(self.stated)
         return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
 
@@ -704,18 +676,16 @@ class _Taking:
         source, units = self.recording.source, {stream.unit for stream in streams}
         if len(units) > 1:
             listed = ", ".join(sorted(units))
-            raise RecordingError(
-                f"{source}: the clocks are in {listed}; pass one unit, such as --unit time=s"
-            )
+            words = f"the clocks are in {listed}; pass one unit, such as --unit time=s"
+            raise RecordingError(f"{source}: {words}")
         origin = origin_of(*streams)
         on_time = []
         for stream in streams:
             time, values, part = self._running(stream, f"samples of {stream.clock}")
             if part.size and part.max() > 0:
-                raise RecordingError(
-                    f"{self.recording.place(stream.clock or 'time')}: the recorder restarted, so "
-                    "palpate cannot match the clocks; record again, or cut the file there"
-                )
+                what = "the recorder restarted, so palpate cannot match the clocks"
+                place = self.recording.place(stream.clock or "time")
+                raise RecordingError(f"{place}: {what}; record again, or cut the file there")
             on_time.append((stream.seconds(time, origin), values, stream.clock))
         recorded = [each[:2] for each in on_time]
         on_time.sort(key=lambda each: _step(each[0]), reverse=True)
@@ -731,19 +701,15 @@ class _Taking:
                 if kind in self.made:
                     self.made[kind] += f", interpolated from {name!r} at the times of {clock!r}"
         if not keep.any():
-            raise RecordingError(
-                f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap; list "
-                f"them with palpate info {source or 'FILE'}"
-            )
+            what = f"{source}: the clocks {clock!r} and {on_time[0][2]!r} do not overlap"
+            raise RecordingError(f"{what}; list them with palpate info {source or 'FILE'}")
         if not keep.all():
             words = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"
-            self.findings.append(
-                Check.CLOCK.finding(f"{words}: the other clock has no sample near them")
-            )
+            words += ": the other clock has no sample near them"
+            self.findings.append(Check.CLOCK.finding(words))
         taken = {role: channel[keep] for role, channel in values.items()}
-        return self._make_signals(
-            at[keep], taken, np.zeros(int(keep.sum()), dtype=np.int64), recorded
-        )
+        part = np.zeros(np.count_nonzero(keep), dtype=np.int64)
+        return self._make_signals(at[keep], taken, part, recorded)
 
 
 def origin_of(*streams: Stream) -> int | float:
@@ -765,6 +731,7 @@ def _step(time: Floats) -> float:
 def _interpolate(wanted: Floats, time: Floats, values: NDArray[np.generic]) -> NDArray[np.generic]:
     if values.dtype.kind not in "fiu":
         raise InvalidParameterError("segment must be on the clock of the position or the force")
-    if values.ndim == 1:
-        return np.interp(wanted, time, values.astype(np.float64))
-    return np.column_stack([_interpolate(wanted, time, column) for column in values.T])
+    numbers = values.astype(np.float64)
+    if numbers.ndim == 1:
+        return np.interp(wanted, time, numbers)
+    return interpolate_columns(wanted, time, numbers)

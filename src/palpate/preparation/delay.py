@@ -95,9 +95,8 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     width = max(int(period / WINDOWS_A_PERIOD / step), 1)
     every = -(-len(contact) // MOST_SCANNED)
     scan = np.unique(np.linspace(-reach, reach, SCANNED).round().astype(int)).tolist()
-    depths, rates = np.stack([_shift_motion(contact, shift) for shift in scan], axis=1)[
-        :, :, ::every
-    ]
+    motions = [_shift_motion(contact, shift) for shift in scan]
+    depths, rates = np.stack(motions, axis=1)[:, :, ::every]
     forces = np.tile(contact.force[::every], (len(scan), 1))
     noise = fit_curves(depths, rates, forces).noise
     if not np.isfinite(noise).any():
@@ -134,10 +133,8 @@ def _shift_motion(contact: Contact, shift: int) -> tuple[Floats, Floats]:
     place = np.arange(len(contact)) - shift
     there = np.clip(place, 0, len(contact) - 1)
     known = (place == there) & (contact.segment[there] == contact.segment)
-    x, v = (
-        np.where(known, each[there], np.nan) for each in (contact.penetration, contact.velocity)
-    )
-    return x, v
+    x, v = contact.penetration[there], contact.velocity[there]
+    return np.where(known, x, np.nan), np.where(known, v, np.nan)
 
 
 def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:

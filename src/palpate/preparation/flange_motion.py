@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.preparation.payload import GRAVITY
-from palpate.recordings.poses import align_signs, multiply, rotate
+from palpate.recordings.poses import align_signs, interpolate_columns, multiply, rotate
+from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of
@@ -86,10 +86,10 @@ def motion_of(
         middles = 0.5 * (columns[1:] + columns[:-1]) * np.diff(time)[:, None]
         sums = np.vstack([np.zeros(columns.shape[1]), np.cumsum(middles, axis=0)])
         ends = [np.clip(even + side * step, time[0], time[-1]) for side in (-0.5, 0.5)]
-        first, last = (_interpolate(each, time, sums) for each in ends)
+        first, last = (interpolate_columns(each, time, sums) for each in ends)
         columns = (last - first) / (ends[1] - ends[0])[:, None]
     else:
-        columns = _interpolate(even, time, columns)
+        columns = interpolate_columns(even, time, columns)
     half = max(round(0.5 * window / step), 3)
     smooth, first, second = (_slopes(columns, half, order, step) for order in range(3))
     length = np.linalg.norm(smooth[:, 3:], axis=1, keepdims=True)
@@ -104,10 +104,6 @@ def motion_of(
     integral = np.zeros_like(values)
     np.cumsum(0.5 * (values[1:] + values[:-1]), axis=0, out=integral[1:])
     return FlangeMotion(float(even[0]), step, values, integral)
-
-
-def _interpolate(wanted: Floats, time: Floats, columns: Floats) -> Floats:
-    return np.column_stack([np.interp(wanted, time, column) for column in columns.T])
 
 
 def _slopes(columns: Floats, half: int, order: int, step: float) -> Floats:

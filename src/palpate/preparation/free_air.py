@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from palpate.contact import run_slices
 from palpate.preparation.flange_motion import FlangeMotion
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
+from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
 Mask = NDArray[np.bool_]

@@ -97,11 +97,9 @@ def report_held_channel(name: str, beat: float, late: float | None = None) -> Fi
     words = f"the {name} changes only every {beat:.0f} samples (sample and hold): "
     if late is None:
         return Check.HELD_CHANNEL.finding(f"{words}palpate uses the samples at which it changes")
-    return Check.HELD_CHANNEL.finding(
-        f"{words}it is {rounded(1e3 * late, 2)} ms late on average",
-        "record at the rate of the slowest channel",
-        mark="with-care",
-    )
+    words += f"it is {rounded(1e3 * late, 2)} ms late on average"
+    remedy = "record at the rate of the slowest channel"
+    return Check.HELD_CHANNEL.finding(words, remedy, mark="with-care")
 
 
 def _changes(values: Floats) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.contact import Contact, run_slices
+from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.settings import ContactGate
 from palpate.validation import Floats
@@ -35,9 +36,8 @@ def exclude_load_transfer(contact: Contact) -> Contact:
     """
     if any(finding.check == Check.LOAD_TRANSFER for finding in contact.findings):
         return contact
-    found = find_load_transfer(
-        contact.penetration, contact.velocity, contact.force, contact.segment
-    )
+    channels = contact.penetration, contact.velocity, contact.force, contact.segment
+    found = find_load_transfer(*channels)
     if found is None:
         return contact
     out, finding = found
@@ -83,10 +83,7 @@ def find_load_transfer(
     of = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
     if parts < max(FEWEST, 0.5 * of) or not LEAST_PART < share < MOST_PART:
         return None
-    finding = Check.LOAD_TRANSFER.finding(
-        f"in {parts} touches the force rises while the probe withdraws, so that another place "
-        f"carries the load: the rest of them, {share:.0%} of the contact, is left out",
-        "if it is the material's own force, run again with --no-reject-outliers",
-        severity="with-care",
-    )
-    return out, finding
+    words = f"in {parts} touches the force rises while the probe withdraws, so that another place "
+    words += f"carries the load: the rest of them, {percent(share)} of the contact, is left out"
+    remedy = "if it is the material's own force, run again with --no-reject-outliers"
+    return out, Check.LOAD_TRANSFER.finding(words, remedy, severity="with-care")

@@ -12,11 +12,12 @@ import numpy as np
 
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, worst
+from palpate.recordings.poses import interpolate_columns
 from palpate.validation import Floats
 from palpate.writing import as_toml, write_text
 
-GRAVITY = 9.80665  # m/s², along −z of the frame of the pose
 VERSION = 1  # of the fields
+TENSOR = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])  # of xx, yy, zz, xy, xz, yz
 LARGEST = 1_000_000  # bytes; a payload has 2 kB, and 150 bytes for each knot of its drift
 #: Shapes of the arrays; −1 is the number of knots of the drift.
 _SHAPES = {
@@ -134,29 +135,23 @@ class Payload:
         numpy.ndarray, shape (k, 6)
             N and N·m.
         """
-        g, w, a = (
-            np.asarray(each) @ self.mount
-            for each in (specific_force, angular_velocity, angular_acceleration)
-        )
-        h = self.mass * self.centre
-        arm = h + self.mass * self.lever
-        force = self.mass * g - np.cross(a, arm) - np.cross(w, np.cross(w, arm))
-        torque = np.cross(h, g)
-        if self.inertia is not None:
-            xx, yy, zz, xy, xz, yz = self.inertia
-            tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-            torque = torque - a @ tensor - np.cross(w, w @ tensor)
-        return np.hstack([force, torque])
+        motion = specific_force, angular_velocity, angular_acceleration
+        g, w, a = (np.asarray(each) @ self.mount for each in motion)
+        return load_of(self.parameters, g, w, a, w[:, :, None] * w[:, None])
+
+    @property
+    def parameters(self) -> Floats:
+        """Mass, m c, inertia and m d, in which the wrench is linear, shape (13,)."""
+        inertia = np.zeros(6) if self.inertia is None else self.inertia
+        arms = self.mass * self.centre, self.mass * self.lever
+        return np.concatenate([[self.mass], arms[0], inertia, arms[1]])
 
     def bias_at(self, time: Floats) -> Floats:
         """Return the bias at some times of the log that it was found from, shape (k, 6)."""
         bias: Floats = np.tile(self.bias, (len(time), 1))
-        if not len(self.bias_times):
-            return bias
-        changes: list[Floats] = [
-            np.interp(time, self.bias_times, column) for column in self.bias_changes.T
-        ]
-        return bias + np.column_stack(changes)
+        if len(self.bias_times):
+            bias += interpolate_columns(time, self.bias_times, self.bias_changes)
+        return bias
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as numbers, lists and dictionaries."""
@@ -203,17 +198,33 @@ class Payload:
                 content = file.read(LARGEST + 1)
             if len(content) > LARGEST:
                 raise ValueError(f"it has more than {LARGEST} bytes")
-            given = tomllib.loads(content.decode())
+            return _payload_of(tomllib.loads(content.decode()))
         except OSError as error:
             raise RecordingError(f"{path}: {error.strerror or 'cannot be read'}") from None
         except (ValueError, RecursionError) as error:
-            raise RecordingError(f"{path}: not a payload in TOML: {error}") from None
-        try:
-            return _payload_of(given)
-        except ValueError as error:
-            raise RecordingError(
-                f"{path}: not a payload: {error}; palpate payload LOG --save-config FILE writes one"
-            ) from None
+            remedy = "palpate payload LOG --save-config FILE writes one"
+            raise RecordingError(f"{path}: not a payload in TOML: {error}; {remedy}") from None
+
+
+def load_of(parameters: Floats, g: Floats, w: Floats, a: Floats, products: Floats) -> Floats:
+    """Return the wrench of weight and inertia, shape (k, 6), in the axes of the sensor.
+
+    Parameters
+    ----------
+    parameters : numpy.ndarray, shape (13,)
+        Mass, m c, inertia and m d.
+    g, w, a : numpy.ndarray, shape (k, 3)
+        Specific force, angular velocity and angular acceleration in these axes.
+    products : numpy.ndarray, shape (k, 3, 3)
+        ωωᵀ in these axes.
+    """
+    mass, moment, inertia, lever = np.split(parameters, (1, 4, 10))
+    arm, tensor = moment + lever, inertia[TENSOR]
+    # ω×ω× = ωωᵀ − |ω|² 1
+    square = np.trace(products, axis1=1, axis2=2)[:, None]
+    force = mass * g - np.cross(a, arm) - products @ arm + square * arm
+    torque = np.cross(moment, g) - a @ tensor - np.cross(w, w @ tensor)
+    return np.hstack([force, torque])
 
 
 def _payload_of(given: Mapping[str, Any]) -> Payload:

@@ -2,11 +2,9 @@
 
 from typing import Any, Literal
 
-import numpy as np
-
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.preparation.payload import Payload
+from palpate.preparation.payload import TENSOR, Payload
 from palpate.settings import Configured
 from palpate.validation import arguments, check_choice, instance, number_in
 
@@ -58,7 +56,6 @@ class PayloadCompensation(Configured, _core.PayloadCompensation):
         length = number_in("motion_window", motion_window, 0.0, 1e6)
         check_choice("frame", frame, ("base", "sensor"))
         samples = min(max(round(length / step), FEWEST_SAMPLES), MOST_SAMPLES) | 1
-        inertia = np.zeros(6) if payload.inertia is None else payload.inertia
         try:
             super().__init__(
                 step,
@@ -69,7 +66,7 @@ class PayloadCompensation(Configured, _core.PayloadCompensation):
                 payload.mass,
                 payload.centre.tolist(),
                 payload.lever.tolist(),
-                inertia[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]].tolist(),
+                payload.parameters[4:10][TENSOR].tolist(),
                 payload.mount.tolist(),
                 payload.bias.tolist(),
             )

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from palpate.contact import run_slices
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import TENSOR, Payload, load_of
+from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
 SHIFT = 5e-3  # s, of the difference for the clock
@@ -27,15 +28,8 @@ LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axi
 FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
-MASS, ARM, TENSOR, LEVER, MOUNT, CLOCK = (
-    0,
-    slice(1, 4),
-    slice(4, 10),
-    slice(10, 13),
-    slice(13, 16),
-    16,
-)
-SIZE = 17
+MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
+MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
 OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 
@@ -54,27 +48,11 @@ def rotation(vector: Floats) -> Floats:
     return turned
 
 
-def regressors(seen: Floats, mount: Floats) -> tuple[Floats, Floats]:
-    """Return force and torque by mass, m c, inertia and m d, shapes (k, 3, 13), sensor's axes."""
+def regressors(seen: Floats, mount: Floats) -> Floats:
+    """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (seen[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
-    xx, yy, zz, xy, xz, yz = seen[:, 9:15].T
-    products = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]).transpose(2, 0, 1)
-    products = mount.T @ products @ mount
-    # ω×ω× = ωωᵀ − |ω|² 1
-    turning = skew(a) + products - np.trace(products, axis1=1, axis2=2)[:, None, None] * np.eye(3)
-    none = np.zeros((len(g), 3, 6))
-    force = np.concatenate([g[:, :, None], -turning, none, -turning], axis=2)
-
-    def of_inertia(u: Floats) -> Floats:
-        """I u by xx, yy, zz, xy, xz, yz."""
-        x, y, z = u.T
-        o = np.zeros_like(x)
-        rows = (x, o, o, y, z, o), (o, y, o, x, o, z), (o, o, z, o, x, y)
-        return np.stack([np.stack(row, -1) for row in rows], axis=1)
-
-    inertia = of_inertia(a) + skew(w) @ of_inertia(w)
-    torque = np.concatenate([none[:, :, :1], -skew(g), -inertia, none[:, :, :3]], axis=2)
-    return force, torque
+    products = mount.T @ seen[:, 9 + TENSOR] @ mount
+    return np.stack([load_of(each, g, w, a, products) for each in np.eye(13)], axis=2)
 
 
 def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
@@ -163,9 +141,8 @@ class _Free:
             weight = self.weight[used, k, None]
             scores = weight * (self.jacobian[used, k] - self.columns[used] @ coupling[k]) @ inverse
             if weight.any():
-                covariance += long_run_covariance(
-                    scores, self.rest[used, k], (), self.columns.shape[1]
-                )
+                knots = self.columns.shape[1]
+                covariance += long_run_covariance(scores, self.rest[used, k], (), knots)
         # Few turns do not show all of the wander, which the prior of the bias allows for.
         error = np.sqrt(np.diag(covariance) + 1e-300)
         inflation = np.maximum(1.0, np.sqrt(np.diag(inverse)) / error)
@@ -261,9 +238,7 @@ def _prior(
     sizes = 10.0, 1.0, 0.02 * heavy, 0.1 * heavy, math.pi, LONGEST_DELAY
     spread = np.repeat(sizes, (1, 3, 6, 3, 3, 1))
     if known is not None:
-        tensor = np.zeros(6) if known.inertia is None else known.inertia
-        arms = known.mass * known.centre, tensor, known.mass * known.lever
-        expected[: MOUNT.start] = np.concatenate([[known.mass], *arms])
+        expected[: MOUNT.start] = known.parameters
         spread[list(fixed)] = FIXED
         expected[spread != FIXED] = 0.0
     if delay is not None:
@@ -282,15 +257,13 @@ def _linearized(
     seen = blocks.seen(theta[CLOCK])
     ahead, behind = (blocks.seen(theta[CLOCK] - t, 3) for t in (SHIFT, -SHIFT))
     rate = (ahead - behind) / (2.0 * SHIFT) @ mount
-    by_force, by_torque = regressors(seen, mount)
-    model = np.hstack([by_force @ theta[:13], by_torque @ theta[:13]])
+    by_load = regressors(seen, mount)
     # A mount turned further by φ changes g to g + g × φ.
-    by_mount = skew(seen[:, :3] @ mount)
-    force = [by_force, theta[MASS] * by_mount, -theta[MASS] * rate[:, :, None]]
-    cross = -np.cross(theta[ARM], rate)[:, :, None]
-    torque = [by_torque, skew(theta[ARM]) @ by_mount, cross]
-    jacobian = np.concatenate([np.concatenate(each, axis=2) for each in (force, torque)], axis=1)
-    rest = blocks.wrench - model - columns @ drift
+    turned = skew(seen[:, :3] @ mount)
+    by_mount = np.hstack([theta[MASS] * turned, skew(theta[ARM]) @ turned])
+    by_clock = np.hstack([-theta[MASS] * rate, -np.cross(theta[ARM], rate)])[:, :, None]
+    rest = blocks.wrench - by_load @ theta[:13] - columns @ drift
+    jacobian = np.concatenate([by_load, by_mount, by_clock], axis=2)
     return _Free(rest, jacobian, columns, np.zeros_like(rest))
 
 
@@ -319,7 +292,7 @@ def _payload_of(
         theta[ARM] / heavy,
         mount,
         bias,
-        inertia=theta[TENSOR],
+        inertia=theta[INERTIA],
         lever=theta[LEVER] / heavy,
         delay=float(theta[CLOCK]),
         bias_times=knots,
@@ -328,7 +301,7 @@ def _payload_of(
         centre_error=arms[0],
         mount_error=error[MOUNT],
         lever_error=arms[1],
-        inertia_error=error[TENSOR],
+        inertia_error=error[INERTIA],
         delay_error=float(error[CLOCK]),
         turn=around,
         axes=axes,

@@ -12,7 +12,7 @@ from palpate.errors import RecordingError
 from palpate.findings import MARKS, Check, Finding, Mark
 from palpate.preparation.flange_motion import FlangeMotion
 from palpate.preparation.free_air import BLOCK, Blocks, Mask, Zeroing, blocks_of, remove_zeroings
-from palpate.preparation.payload import GRAVITY, Payload
+from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import (
     EVERYTHING,
     FEWEST_FREE,
@@ -21,6 +21,7 @@ from palpate.preparation.payload_fit import (
     fit_payload,
     turns_of,
 )
+from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
 # s of the filter of the motion in free air, against noise of α, which would bias lever and mass. A

@@ -1,10 +1,9 @@
 """Making a contact from a recording, a data frame or arrays."""
 
-import dataclasses
 import logging
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from operator import attrgetter
 from typing import Any, Literal, Protocol, TypeAlias
 
@@ -27,8 +26,12 @@ from palpate.recordings import Recording, open_recording
 from palpate.recordings.opening import within
 from palpate.recordings.times import iso_nanoseconds, past_midnight
 from palpate.stages import stage
+from palpate.validation import arguments
 
 _LOGGER = logging.getLogger(__name__)
+
+
+_ARRAYS = ("time", "penetration", "force", "velocity", "segment", "position")
 
 
 class Frame(Protocol):
@@ -171,27 +174,10 @@ def prepare(
         Arrays are missing or differ in type or length, their time does not increase within a
         segment, or a setting is outside its range.
     """
-    settings = Preparation(
-        columns=columns or Columns(),
-        velocity_window=velocity_window,
-        units=units or {},
-        flip=flip,
-        tare=tare,
-        delay=delay,
-        surface=surface,
-        normal=normal,
-        force_frame=force_frame,
-        tool_weight=tool_weight,
-        payload=payload,
-        rate=rate,
-        no_time=no_time,
-        spot=spot,
-        window=window,
-        strict=strict,
-    )
-    arrays = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
-    arrays |= {"segment": segment, "position": position}
-    given = {name: values for name, values in arrays.items() if values is not None}
+    options = {name: value for name, value in arguments(locals()).items() if value is not None}
+    own = {each.name for each in fields(Preparation)}
+    settings = Preparation(**{name: value for name, value in options.items() if name in own})
+    given = {name: options[name] for name in _ARRAYS if name in options}
     if recording is None and position is not None:
         settings = replace(settings, columns=Columns(force="force", position="position"))
         contact = prepare_contact(_recording_of_arrays(given, settings), settings)
@@ -211,7 +197,7 @@ def prepare(
         contact = prepare_contact(whole, settings)
     if source is None and provenance is None:
         return contact
-    return dataclasses.replace(
+    return replace(
         contact,
         source=contact.source if source is None else source,
         provenance={**(provenance or {}), **contact.provenance},
@@ -278,10 +264,10 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     if used is None and roles.velocity == Columns().velocity:  # palpate may have written it
         used = VelocityFilter.from_notes(recording.notes)
     notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
-    return dataclasses.replace(
+    return replace(
         contact,
         source=recording.source,
-        prepared=dataclasses.replace(contact.prepared, recording=recorded, way=prepare_contact),
+        prepared=replace(contact.prepared, recording=recorded, way=prepare_contact),
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,
@@ -311,15 +297,14 @@ def _contacts_of_groups(
         clocks = {clock for name in names if (clock := recording.clocks.get(name)) is not None}
         source = f"{recording.source}:{group}" if recording.source else group
         channels = {name: recording.channels[name] for name in {*names, *clocks}}
-        part = dataclasses.replace(recording, channels=channels, source=source, findings=())
+        part = replace(recording, channels=channels, source=source, findings=())
         contacts.append(prepare_contact(part, settings))
-    words = (
-        f"palpate takes {len(groups)} groups for contacts with one object: {', '.join(groups[:6])}"
-    )
+    listed = ", ".join(groups[:6])
+    words = f"palpate takes {len(groups)} groups for contacts with one object: {listed}"
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
     contact = join_contacts(contacts)
     findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
-    return dataclasses.replace(contact, source=recording.source, findings=findings)
+    return replace(contact, source=recording.source, findings=findings)
 
 
 def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contact:
@@ -339,7 +324,7 @@ def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contac
     remedy = "if they are several objects, choose one with --episode, or use palpate fleet"
     contact = join_contacts(contacts)
     findings = (Check.CHANNELS.finding(words, remedy), *contact.findings)
-    return dataclasses.replace(contact, source=recording.source, findings=findings)
+    return replace(contact, source=recording.source, findings=findings)
 
 
 def _log_roles(roles: Roles) -> None:
@@ -401,10 +386,9 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
     try:
         channels = {str(name): _array(recorded[name]) for name in list(recorded.columns)}
     except (AttributeError, TypeError, KeyError, ValueError):
-        raise InvalidParameterError(
-            "recording must be a Recording, a path, or a pandas or polars DataFrame, not "
-            f"{type(recorded).__name__}; {BY_NAME}"
-        ) from None
+        allowed = "a Recording, a path, or a pandas or polars DataFrame"
+        words = f"recording must be {allowed}, not {type(recorded).__name__}; {BY_NAME}"
+        raise InvalidParameterError(words) from None
     return Recording(channels)
 
 

@@ -290,6 +290,7 @@ class _Choosing:
         if not time and not self.recording.clocks:
             time = self._time(depth)
         orientation, frame = self._orientation(depth, force)
+        findings = *self._assumptions(depth, force), *self._chain_findings(depth, frame)
         return Roles(
             depth,
             is_penetration,
@@ -301,11 +302,7 @@ class _Choosing:
             frame,
             self._torque(force) if orientation and len(depth) == len(force) == 3 else (),
             self.reasons,
-            (
-                *self._assumptions(depth, force),
-                *self._chain_findings(depth, frame),
-                *self._inconvertible(),
-            ),
+            (*findings, *self._inconvertible()),
             recording=self.recording,
         )
 
@@ -326,10 +323,8 @@ class _Choosing:
                 clocks = {self.recording.clocks.get(name, roles.time) for name in names}
                 reason = self.reasons.get("time", "clock of these channels")
                 uses |= {clock: ("time", reason) for clock in clocks if clock}
-        return {
-            name: uses.get(name) or ("", self._reason_against(name))
-            for name in self.recording.channels
-        }, refusal
+        every = self.recording.channels
+        return {n: uses.get(n) or ("", self._reason_against(n)) for n in every}, refusal
 
     def _reason_against(self, name: str) -> str:
         """Why a channel has no role."""
@@ -483,21 +478,15 @@ class _Choosing:
         size = 4 if role == "orientation" else 3
         kind = "position" if role == "penetration" else role
         vectors = [*self.vectors, *(each for each in self.arrays if each not in self.vectors)]
-        below = [
-            vector
-            for vector in vectors
-            if within(vector.stem, name) and len(vector) == size and self._is(vector, kind)
-        ] or [
-            v for v in vectors if v.stem == name and len(v) == size and (size == 4 or not v.second)
-        ]
-        if len(below) == 1:
-            self.reasons[role] = f"the {role} of {name}"
-            return below[0].components
+        sized = [each for each in vectors if len(each) == size]
+        below = [each for each in sized if within(each.stem, name) and self._is(each, kind)]
+        below = below or [v for v in sized if v.stem == name and (size == 4 or not v.second)]
         single = [each for each in channels if within(each, name) and self._kind(each) == kind]
-        if len(single) == 1:
-            self.reasons[role] = f"the {role} of {name}"
-            return (single[0],)
-        raise self._missing(name)
+        for fitting in ([each.components for each in below], [(each,) for each in single]):
+            if len(fitting) == 1:
+                self.reasons[role] = f"the {role} of {name}"
+                return fitting[0]
+        raise MissingChannelError(name, list(channels), self.recording.source)
 
     def _channel(self, name: str) -> str | None:
         """The channel of this name, or the only channel that has this name before a unit."""
@@ -505,9 +494,6 @@ class _Choosing:
             return name
         found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
         return found[0] if len(found) == 1 else None
-
-    def _missing(self, name: str) -> MissingChannelError:
-        return MissingChannelError(name, list(self.recording.channels), self.recording.source)
 
     def _missing_roles(self, has_depth: bool, has_force: bool) -> MissingChannelError:
         """The error that says which quantities are recorded, and which are missing."""
@@ -521,16 +507,10 @@ class _Choosing:
         there = " and ".join(words for kind, words in _SPOKEN.items() if kind in kinds)
         lacking = " and ".join(f"no {role}" for role in absent)
         words = f"there is {there}, and {lacking}" if there else f"there is {lacking}"
-        unknown = [
-            f"{unit} of {name!r}"
-            for name in names
-            if self._kind(name) is None and (unit := find_unit(name)) and unit not in _OF_UNIT
-        ]
-        texts = [
-            n
-            for n in names
-            if self._kind(n) in absent and self.recording.channels[n].dtype.kind in "OUS"
-        ]
+        units = {name: find_unit(name) for name in names if self._kind(name) is None}
+        unknown = [f"{u} of {name!r}" for name, u in units.items() if u and u not in _OF_UNIT]
+        channels = self.recording.channels
+        texts = [n for n in names if self._kind(n) in absent and channels[n].dtype.kind in "OUS"]
         if texts:
             words += f"; {texts[0]!r} holds text, not numbers"
         if unknown:
@@ -613,9 +593,8 @@ class _Choosing:
         measured = [names for names in found if not is_wanted(names[0])]
         measured = [names for names in measured if names[0] in recording.plots] or measured
         if kind in UNITS or kind == "position":  # prefer millimetres to volts
-            measured = [
-                names for names in measured if self._convertible(names[0], kind)
-            ] or measured
+            fitting = [names for names in measured if self._convertible(names[0], kind)]
+            measured = fitting or measured
         if kind in ("position", "force"):  # a constant is a fixed frame, or not measured
             measured = [names for names in measured if self._moves(names)] or measured
         if kind == "position":  # the tip is the body that touches the material
@@ -650,11 +629,8 @@ class _Choosing:
         arrays = [each for each in self.arrays if not is_wanted(each.components[0])] or self.arrays
         taken = [v for kind in ("position", "force") for v in arrays if self._is(v, kind)]
         own = {name for each in arrays for name in each.components}
-        others = {
-            self._kind(name)
-            for name in self.recording.channels
-            if name not in own and not is_wanted(name)
-        }
+        rest = [n for n in self.recording.channels if n not in own and not is_wanted(n)]
+        others = {self._kind(name) for name in rest}
         if [self._vector_kind(each) for each in taken] != ["position", "force"]:
             return []
         stems = [each.stem for each in taken]

@@ -17,7 +17,7 @@ from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE, UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
-from palpate.validation import Floats, instance, number_in, pair_in, shown
+from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
@@ -53,6 +53,12 @@ class Preparation:
     window: tuple[float | None, float | None] | None = None
     strict: bool = False
 
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The ends of the window, s; infinite without one."""
+        low, high = self.window or (None, None)
+        return -math.inf if low is None else low, math.inf if high is None else high
+
     def __post_init__(self) -> None:
         instance("columns", self.columns, Columns)
         units = {"penetration" if k == "position" else k: unit for k, unit in self.units.items()}
@@ -67,10 +73,8 @@ class Preparation:
         if not (self.tare is None or isinstance(self.tare, str)):
             pair_in("tare", self.tare, -1e12, 1e12)
         if isinstance(self.delay, str) and self.delay != "find":
-            raise InvalidParameterError(
-                "delay must be 'find', a time in s, or a time and its standard error, not "
-                f"{shown(self.delay)}"
-            )
+            allowed = "'find', a time in s, or a time and its standard error"
+            raise InvalidParameterError(f"delay must be {allowed}, not {shown(self.delay)}")
         if not isinstance(self.delay, str):
             late, *error = self.delay if isinstance(self.delay, tuple) else (self.delay,)
             number_in("delay", late, -LONGEST_DELAY, LONGEST_DELAY)
@@ -79,16 +83,12 @@ class Preparation:
         if not (self.surface is None or isinstance(self.surface, str)):
             number_in("surface", self.surface, -1e6, 1e6)
         elif self.surface not in (None, *get_args(SurfaceRule)):
-            raise InvalidParameterError(
-                "surface must be a number in m, threshold, baseline, fit or estimate, not "
-                f"{shown(self.surface)}"
-            )
+            allowed = "a number in m, threshold, baseline, fit or estimate"
+            raise InvalidParameterError(f"surface must be {allowed}, not {shown(self.surface)}")
         if self.normal is not None:
             normal_given(self.normal)
-        if self.force_frame not in (None, *get_args(ForceFrame)):
-            raise InvalidParameterError(
-                f"force_frame must be tool or base, not {shown(self.force_frame)}"
-            )
+        if self.force_frame is not None:
+            check_choice("force_frame", self.force_frame, get_args(ForceFrame))
         if self.tool_weight is not None:
             number_in("tool_weight", self.tool_weight, 0.0, 1e6)
         if self.payload is not None:
@@ -118,10 +118,8 @@ def _check_unit(channel: str, unit: Any) -> None:
         raise InvalidParameterError(f"units must name {', '.join(UNITS)}, not {shown(channel)}")
     if not isinstance(unit, str) or not unit_size(channel, unit):
         known = list(UNITS[channel])
-        raise InvalidParameterError(
-            f"unit of the {channel} must be one of {', '.join(known)} or a multiple such as "
-            f"0.0098{known[0]}, not {shown(unit)}"
-        )
+        allowed = f"one of {', '.join(known)} or a multiple such as 0.0098{known[0]}"
+        raise InvalidParameterError(f"unit of the {channel} must be {allowed}, not {shown(unit)}")
 
 
 def check_flip(flip: Sequence[str]) -> set[str]:
@@ -129,9 +127,8 @@ def check_flip(flip: Sequence[str]) -> set[str]:
     names = {flip} if isinstance(flip, str) else set(flip)
     for channel in names:
         if channel not in FLIPPED:
-            raise InvalidParameterError(
-                f"flip must name {' or '.join(FLIPPED)}, not {shown(channel)}"
-            )
+            allowed = " or ".join(FLIPPED)
+            raise InvalidParameterError(f"flip must name {allowed}, not {shown(channel)}")
     return names
 
 
@@ -171,11 +168,9 @@ def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
     length = np.linalg.norm(orientation, axis=1)
     wrong = np.abs(length - 1.0) > UNIT_LENGTH
     if wrong.mean() > 0.1:
-        raise RecordingError.of(
-            source,
-            "the orientation is not a quaternion x, y, z, w: its norm is "
-            f"{float(np.nanmedian(length)):.3g}, not 1; choose its channels with --orientation",
-        )
+        words = f"its norm is {float(np.nanmedian(length)):.3g}, not 1"
+        words = f"the orientation is not a quaternion x, y, z, w: {words}"
+        raise RecordingError.of(source, f"{words}; choose its channels with --orientation")
     with np.errstate(invalid="ignore", divide="ignore"):
         unit: Floats = orientation / length[:, None]
     return unit
@@ -232,14 +227,12 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
     angle = largest_turn(orientation)
     if weight is not None or angle <= LARGEST_TURN:
         return []
-    return [
-        Check.ORIENTATION.finding(
-            f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's "
-            "weight along each axis of the sensor, and --tool-weight is missing",
-            "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation",
-            mark="with-care",
-        )
-    ]
+    words = (
+        f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
+        "along each axis of the sensor, and --tool-weight is missing"
+    )
+    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
+    return [Check.ORIENTATION.finding(words, remedy, mark="with-care")]
 
 
 # The contact normal: given as an axis or a vector, or found from the forces.
@@ -291,18 +284,13 @@ def normal_given(given: str | Sequence[float]) -> Normal:
     try:
         parts = given.split(",") if isinstance(given, str) else given
         vector = np.array([float(part) for part in parts])
-        if not vector.size or not np.isfinite(vector).all() or not vector.any():
-            raise ValueError
-        vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
-        length = float(np.linalg.norm(vector))
-        if vector.shape != (3,) or not math.isfinite(length) or length == 0.0:
+        if vector.shape != (3,) or not np.isfinite(vector).all() or not vector.any():
             raise ValueError
     except (TypeError, ValueError):
-        raise InvalidParameterError(
-            "normal must be x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54, not "
-            f"{shown(given)}"
-        ) from None
-    return Normal(vector / length)
+        allowed = "x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54"
+        raise InvalidParameterError(f"normal must be {allowed}, not {shown(given)}") from None
+    vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
+    return Normal(vector / np.linalg.norm(vector))
 
 
 def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
@@ -337,10 +325,8 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
     if not firm.any():
         if depends_on_position(f, p):
             raise no_normal(source, f"no force is {NOISES:g} times its noise")
-        words = (
-            "no contact found: no force exceeds the noise; if the probe touches, pass the normal"
-        )
-        raise NoContactError.of(source, f"{words}, such as --normal z")
+        remedy = "if the probe touches, pass the normal, such as --normal z"
+        raise NoContactError.of(source, f"no contact found: no force exceeds the noise; {remedy}")
     total = (f[firm] * size[firm, None]).sum(axis=0)
     length = float(np.linalg.norm(total))
     if not 0.0 < length < math.inf:
@@ -390,9 +376,8 @@ def never_touches(force: Floats, position: Floats) -> bool:
         return False
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in known.T))
     changes = np.linalg.norm(known - np.median(known, axis=0), axis=1)
-    return not (changes > NOISES_OF_TOUCH * noise).any() and not depends_on_position(
-        force, position
-    )
+    constant = not (changes > NOISES_OF_TOUCH * noise).any()
+    return constant and not depends_on_position(force, position)
 
 
 def grows(position: Floats, force: Floats) -> bool:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact, Delay, VelocityFilter, between, run_slices
-from palpate.digits import rounded, with_error
+from palpate.digits import percent, rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
@@ -61,6 +61,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
+from palpate.recordings.poses import interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
@@ -104,13 +105,11 @@ def along_normal(
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
         signals = replace(signals, depth=-signals.depth)
-    low, high = settings.window or (None, None)
-    ends = -math.inf if low is None else low, math.inf if high is None else high
-    signals = signals.taken(between(signals.time, *ends, recording.source))
+    signals = signals.taken(between(signals.time, *settings.ends, recording.source))
     recorded, late = signals.force, settings.delay
     signals = _check_orientation(recording, roles, signals, settings, findings)
     with stage(_LOGGER, "payload"):
-        compensated = compensate(signals, settings, ends, recording.source)
+        compensated = compensate(signals, settings, recording.source)
     if compensated is not None:
         signals, recorded = compensated.signals, recorded[compensated.kept]
         zero: Baseline | None = compensated.baseline
@@ -134,11 +133,9 @@ def along_normal(
     with stage(_LOGGER, "contact normal"):
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
-    held = (
-        None
-        if settings.no_time
-        else find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
-    )
+    held = None
+    if not settings.no_time:
+        held = find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
     if held is not None:
         force = held.taken(signals.force)
         signals = replace(signals.taken(held.before), force=force, fresh=held.after)
@@ -176,12 +173,10 @@ def compensate_log(recording: Recording, settings: Preparation) -> "Compensated"
     """
     roles = choose_roles(recording, settings.columns)
     signals = build_signals(roles.recording, roles, settings.units, strict=settings.strict)
-    low, high = settings.window or (None, None)
-    ends = -math.inf if low is None else low, math.inf if high is None else high
     if not {"orientation", "force", "depth"} <= signals.clocks.keys() or signals.force.ndim == 1:
         words = "a payload needs a force in space and a pose; name the channels with --force, "
         raise RecordingError.of(recording.source, f"{words}--position and --orientation")
-    found = compensate(signals, settings, ends, recording.source)
+    found = compensate(signals, settings, recording.source)
     if found is None:
         raise never_free(recording.source)
     return found
@@ -240,9 +235,7 @@ UNLIKELY = 1e3  # times the 99th percentile of a channel: a bit error
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
 
 
-def compensate(
-    signals: Signals, settings: Preparation, ends: tuple[float, float], source: str
-) -> Compensated | None:
+def compensate(signals: Signals, settings: Preparation, source: str) -> Compensated | None:
     """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
 
     None without such a wrench, with a given interval of free air, or where the log has none: then
@@ -255,20 +248,19 @@ def compensate(
         values = unit_quaternions(values, source) if role == "orientation" else values
         known = np.abs(values[np.isfinite(values)])
         likely = np.abs(values) <= (UNLIKELY * np.percentile(known, 99.0) if known.size else 0.0)
-        if (inside := between(time, *ends, source) & likely.all(axis=1)).any():
+        if (inside := between(time, *settings.ends, source) & likely.all(axis=1)).any():
             streams[role] = time[inside], values[inside]
-    if not {"depth", "orientation", "force"} <= streams.keys():
+    needed = "depth", "orientation", "force"
+    if not streams.keys() >= {*needed}:
         return None
-    (stamps, position), (turns, orientation), (time, force) = (
-        streams[role] for role in ("depth", "orientation", "force")
-    )
+    (stamps, position), (turns, orientation), (time, force) = (streams[role] for role in needed)
     torque = np.zeros_like(force)
     if "torque" in streams:
-        torque = _at(time, *streams["torque"])
+        torque = interpolate_columns(time, *streams["torque"])
     clocks = stamps, turns, time
     if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
         return None
-    pose = stamps, position, _at(stamps, turns, orientation)
+    pose = stamps, position, interpolate_columns(stamps, turns, orientation)
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
     late = settings.delay
     delay = None
@@ -276,15 +268,8 @@ def compensate(
         delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
     quick, slow = motion_of(*pose), motion_of(*pose, SLOW)
     motion = slow if does_turn(slow) else quick
-    fit = find_payload(
-        motion,
-        time,
-        wrench,
-        delay=delay,
-        known=settings.payload,
-        weight=settings.tool_weight,
-        source=source,
-    )
+    tool, weight = settings.payload, settings.tool_weight
+    fit = find_payload(motion, time, wrench, delay=delay, known=tool, weight=weight, source=source)
     if fit is None and settings.payload is not None:
         words = "--payload needs a second of free air, to find the bias of the sensor"
         raise RecordingError.of(source, f"{words}; record the approach too")
@@ -301,11 +286,10 @@ def compensate(
     steps = [float(np.median(np.diff(each))) for each in (signals.time, time)]
     half = round(0.5 * min(steps[0], LONGEST_MEAN) / steps[1])
     mean = np.full(2 * half + 1, payload.sign / (2 * half + 1))
-    padded = np.pad(
-        without_zeroings(time, wrench[:, :3], fit.zeroed), ((half, half), (0, 0)), "edge"
-    )
+    steady = without_zeroings(time, wrench[:, :3], fit.zeroed)
+    padded = np.pad(steady, ((half, half), (0, 0)), "edge")
     smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
-    force = external_force(fit, quick, at, _at(at, time, smooth)) @ payload.mount.T
+    force = external_force(fit, quick, at, interpolate_columns(at, time, smooth)) @ payload.mount.T
     force = rotate_to_base(force, signals.orientation, source)
     kept = np.isfinite(force).all(axis=1) & (at >= time[0]) & (at <= time[-1])
     blocks = fit.blocks
@@ -321,11 +305,6 @@ def compensate(
         motion,
         applied,
     )
-
-
-def _at(wanted: Floats, time: Floats, values: Floats) -> Floats:
-    """Interpolate columns linearly."""
-    return np.column_stack([np.interp(wanted, time, column) for column in values.T])
 
 
 @log_stage("frame of the force")
@@ -346,10 +325,8 @@ def _check_orientation(
     if orientation is not None and frame == "base":
         findings += turn_findings(orientation, settings.tool_weight)
     if frame == "tool" and orientation is None:
-        raise RecordingError(
-            f"{recording.source}: --force-frame tool needs an orientation; name its channels with "
-            "--orientation x,y,z,w"
-        )
+        what = f"{recording.source}: --force-frame tool needs an orientation"
+        raise RecordingError(f"{what}; name its channels with --orientation x,y,z,w")
     return signals if frame == "tool" else replace(signals, orientation=None)
 
 
@@ -391,20 +368,15 @@ def _project_place(own: Signals, whole: AlongNormal, settings: Preparation) -> A
 
 def _report_travel(pieces: list[Piece], signals: Signals) -> list[Finding]:
     left = 1.0 - sum(len(piece[0].time) for piece in pieces) / len(signals.time)
-    words, elsewhere, end = (
-        f"the probe travels over the material: {len(pieces)} places, each prepared separately",
-        "between them, or less than a second at one",
-        "; one law for all of them is an average",
-    )
+    words = f"the probe travels over the material: {len(pieces)} places, each prepared separately"
+    elsewhere = "between them, or less than a second at one"
+    end = "; one law for all of them is an average"
     if len(pieces) == 1:
         words = "the probe travels over the material and stays for a second at one place only"
         elsewhere, end = "elsewhere, and are excluded", ""
-    words += f"; {left:.0%} of the samples were {elsewhere}{end}" if left > 0.0 else end
-    return [
-        Check.EPISODES.finding(
-            words, "pass --spot inf if it is all one material", severity="with-care"
-        )
-    ]
+    words += f"; {percent(left)} of the samples were {elsewhere}{end}" if left > 0.0 else end
+    remedy = "pass --spot inf if it is all one material"
+    return [Check.EPISODES.finding(words, remedy, severity="with-care")]
 
 
 @log_stage("surface and velocity of each place")
@@ -413,14 +385,12 @@ def _join_pieces(
 ) -> tuple[Contact, list[Place]]:
     """Join the pieces, each with its own surface."""
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
-    clocks, depths, velocities, forces, labels, places = [], [], [], [], [], []
-    filters, lost = list[VelocityFilter](), 0
+    channels, places, filters, lost = [], list[Place](), list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
         runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
-        velocity, used, count = estimate_velocities(
-            signals.time, own.depth, runs, settings.velocity_window
-        )
+        window = settings.velocity_window
+        velocity, used, count = estimate_velocities(signals.time, own.depth, runs, window)
         if (fresh := signals.fresh) is not None:
             signals, velocity = signals.taken(fresh), velocity[fresh]
             own = replace(own, depth=own.depth[fresh], force=own.force[fresh])
@@ -428,11 +398,9 @@ def _join_pieces(
             surface = Surface(float(settings.surface), 0.0, "as given")
         else:
             surface = find_surface(own.depth, velocity, own.force, rule)
-        clocks.append(signals.time)
-        forces.append(own.force)
-        depths.append(own.depth - surface.position)
-        velocities.append(velocity)
-        labels.append(signals.part if episode is None else np.full(len(signals.time), number))
+        label = signals.part if episode is None else np.full(len(signals.time), number)
+        depth = own.depth - surface.position
+        channels.append((signals.time, depth, velocity, own.force, label))
         position = np.atleast_1d(np.nanmedian(signals.depth, axis=0))
         position = position if episode is None else episode.place
         times = float(signals.time[0]), float(signals.time[-1])
@@ -449,12 +417,13 @@ def _join_pieces(
     # An estimator takes one number for the uncertainty of all surfaces.
     known = [place.surface.deviation for place in places if place.surface.deviation]
     one = rule != "estimate" and len(known) == len(places)
+    time, depth, velocity, force, segment = map(np.concatenate, zip(*channels, strict=True))
     contact = Contact(
-        np.concatenate(clocks),
-        penetration=np.concatenate(depths),
-        velocity=np.concatenate(velocities),
-        force=np.concatenate(forces),
-        segment=np.concatenate(labels),
+        time,
+        penetration=depth,
+        velocity=velocity,
+        force=force,
+        segment=segment,
         provenance=made,
         surface_deviation=float(np.median(known)) if one else None,
         findings=findings,
@@ -511,9 +480,8 @@ def project_on_normal(signals: Signals, settings: Preparation, source: str) -> A
     result = _along_axis(depth, force, normal, settings, turn_depth=False)
     if given is None:
         words = "palpate found the contact normal from the motion in which the force grows"
-        result.findings.append(
-            Check.DIRECTION.finding(words, "pass it if known, such as --normal z")
-        )
+        remedy = "pass it if known, such as --normal z"
+        result.findings.append(Check.DIRECTION.finding(words, remedy))
     return result
 
 
@@ -702,14 +670,13 @@ def check_force_direction(
             return []
     if angle <= LARGE_ANGLE + ERRORS_OF_DIRECTION * error:
         return []
-    return [
-        Check.DIRECTION.finding(
-            f"{of} {math.degrees(angle):.0f}° away from the {other}: a wrong frame, a reversed or "
-            "swapped axis, a force offset, friction, or a probe that slides down a slope",
-            "compare the axes of force and position, then pass --force-frame tool or --normal z",
-            mark="do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care",
-        )
-    ]
+    words = (
+        f"{of} {math.degrees(angle):.0f}° away from the {other}: a wrong frame, a reversed or "
+        "swapped axis, a force offset, friction, or a probe that slides down a slope"
+    )
+    remedy = "compare the axes of force and position, then pass --force-frame tool or --normal z"
+    mark: Mark = "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care"
+    return [Check.DIRECTION.finding(words, remedy, mark=mark)]
 
 
 def _direction(position: Floats, along: Floats) -> tuple[Floats | None, float]:
@@ -769,8 +736,8 @@ def check_saturation(force: Floats) -> list[Finding]:
             )
             part = count / len(column)
             if part > SOME:
-                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {part:.1%} of the "
-                words += "recording while the others change: it is probably saturated"
+                words = f"the force along {'xyz'[k]} stays at {edge:.3g} N for {percent(part)} of "
+                words += "the recording while the others change: it is probably saturated"
                 remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if part > MANY else "with-care"
                 found.append(Check.SATURATED_AXIS.finding(words, remedy, mark=mark))

@@ -98,11 +98,8 @@ def baseline_between(
 
 def never_free(source: str) -> RecordingError:
     """Return the error for a recording without free air."""
-    return RecordingError.of(
-        source,
-        "palpate found no free air to tare the force; pass an interval without contact, such as "
-        "--tare 0:2",
-    )
+    words = "palpate found no free air to tare the force; pass an interval without contact"
+    return RecordingError.of(source, f"{words}, such as --tare 0:2")
 
 
 def free_samples(time: Floats, height: Floats, force: Floats) -> NDArray[np.bool_] | None:
@@ -306,12 +303,9 @@ def report_assumed_surface(
     remedy: str = "record from before the touch, or pass the surface, such as --surface 0.7mm",
 ) -> Finding:
     """Report that the surface is assumed where the shallowest sample is."""
-    return Check.SURFACE.finding(
-        f"{reason}, so the surface position is assumed (the shallowest sample): K, B and n depend "
-        "on it, stiffness and damping at working depth do not",
-        remedy,
-        severity="with-care",
-    )
+    words = f"{reason}, so the surface position is assumed (the shallowest sample)"
+    words += ": K, B and n depend on it, stiffness and damping at working depth do not"
+    return Check.SURFACE.finding(words, remedy, severity="with-care")
 
 
 def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRule) -> Surface:
@@ -385,9 +379,8 @@ def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | Non
         return None
     # The standard deviation of a uniform distribution between the two others.
     model = abs(others[0] - others[1]) / math.sqrt(12.0)
-    return Surface(
-        position, math.hypot(error, model), "where the force departs from that in free air"
-    )
+    words = "where the force departs from that in free air"
+    return Surface(position, math.hypot(error, model), words)
 
 
 def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
@@ -532,10 +525,8 @@ class _Path:
 
     def long_enough(self, start: int, stop: int) -> bool:
         """Whether an interval is long enough for an episode."""
-        return (
-            stop - start >= FEWEST_OF_AN_EPISODE
-            and float(self.time[stop - 1] - self.time[start]) >= SHORTEST
-        )
+        duration = float(self.time[stop - 1] - self.time[start])
+        return stop - start >= FEWEST_OF_AN_EPISODE and duration >= SHORTEST
 
     def extent(self, start: int, stop: int) -> tuple[Floats, float]:
         """The median position of an interval, and the largest distance from it across n."""

@@ -65,14 +65,9 @@ class FilePair:
 
     def signals(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """Times since the clock's origin [s] and values, of position and of force."""
-        first, second = (
-            (
-                each.seconds(each.time, origin_of(each)),
-                np.column_stack([*each.values.values()]).astype(float),
-            )
-            for each in self.streams
-        )
-        return first, second
+        times = [each.seconds(each.time, origin_of(each)) for each in self.streams]
+        values = [np.column_stack([*each.values.values()]).astype(float) for each in self.streams]
+        return (times[0], values[0]), (times[1], values[1])
 
     def moved(self, lag: float) -> Recording:
         """Return the recording with the force's clock moved back by a lag after the origins, s."""
@@ -230,8 +225,6 @@ def _describe(name: str, offset: Delay, drift: float) -> Finding:
     sentence = f"{name}'s clock is {words} {way}; it was moved"
     if not drift:
         return Check.CLOCK_OFFSET.finding(sentence)
-    return Check.CLOCK_OFFSET.finding(
-        f"{sentence}; it drifts by {rounded(1e3 * abs(drift), 2)} ms over the recording",
-        "identify shorter parts, --start and --stop: palpate finds the offset of each",
-        damping="with-care",
-    )
+    sentence += f"; it drifts by {rounded(1e3 * abs(drift), 2)} ms over the recording"
+    remedy = "identify shorter parts, --start and --stop: palpate finds the offset of each"
+    return Check.CLOCK_OFFSET.finding(sentence, remedy, damping="with-care")

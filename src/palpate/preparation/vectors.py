@@ -16,11 +16,8 @@ _ARRAYS = {"012": (3, 3), **_PAIRED}
 # A column such as ``position_0``, from an array written as columns.
 _FLATTENED = re.compile(r"(.*[^\d\s_.])[_.]?(\d)")
 # Numbers in a name with one of these words count objects or repetitions, not axes of a vector.
-COUNTED = frozenset(
-    plural
-    for word in ("run", "trial", "test", "cell", "sensor", "marker", "finger", "repeat")
-    for plural in (word, f"{word}s")
-)
+_COUNTED = ("run", "trial", "test", "cell", "sensor", "marker", "finger", "repeat")
+COUNTED = frozenset((*_COUNTED, *(f"{word}s" for word in _COUNTED)))
 # ``ft_sensor[0]`` and ``load_cell[0]`` are the axes of one sensor, ``load_cells[0]`` is a sensor.
 ONE_OF_MANY = COUNTED - {"cell", "sensor", "marker", "finger"}
 

@@ -56,9 +56,8 @@ def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
     turn = np.maximum(turn, 1e-6)
     if used.penalty is None:
         k = np.arange(-(used.samples // 2), used.samples // 2 + 1.0)
-        gain: Floats = np.sin(np.multiply.outer(turn, k)) @ _slope_weights(
-            used.samples, used.degree
-        )
+        weights = _slope_weights(used.samples, used.degree)
+        gain: Floats = np.sin(np.multiply.outer(turn, k)) @ weights
         return gain / turn
     c = 2.0 + np.cos(turn)
     bend = (2.0 - 2.0 * np.cos(turn)) ** 2
@@ -184,17 +183,15 @@ def velocities_of_rows(
         with np.errstate(over="ignore", invalid="ignore"):
             whole[whole] = ~spikes_of_rows(penetration[whole], threads=threads).any(axis=1)
         whole &= np.isfinite(velocity).all(axis=1)
-    filters = [
-        _spline_filter(penalty) if good else None
-        for penalty, good in zip(penalties.tolist(), whole.tolist(), strict=True)
-    ]
-    made: list[VelocityFilter] = []
-    for row, known in enumerate(filters):
-        if known is None:
+    filters: list[VelocityFilter] = []
+    for row in range(count):
+        if whole[row]:
+            used = _spline_filter(float(penalties[row]))
+        else:
             clock = time if time.ndim == 1 else time[row]
-            velocity[row], known, _ = estimate_velocities(clock, penetration[row], [slice(None)])
-        made.append(known)
-    return velocity, made
+            velocity[row], used, _ = estimate_velocities(clock, penetration[row], [slice(None)])
+        filters.append(used)
+    return velocity, filters
 
 
 def _longest(width: int, samples: int) -> float:
@@ -211,10 +208,8 @@ def _slope(t: Floats, x: Floats, width: int) -> Floats:
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
         return _local_slope(t, x, width, np.arange(t.size))
-    slope, weights = np.empty(t.size), np.arange(-half, half + 1.0)
-    slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / (
-        step * (weights @ weights)
-    )
+    slope, weights = np.empty(t.size), _slope_weights(width, 2)
+    slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / step
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
     return slope

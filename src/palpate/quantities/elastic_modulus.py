@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 from palpate.diagnosis.bars import STOPPED, TRUSTED
 from palpate.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity, WorkingDepth
-from palpate.digits import format_quantity
+from palpate.digits import format_quantity, percent
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
 from palpate.validation import check_field, finite_or_none
@@ -349,7 +349,7 @@ def _shape_mismatch(exponent: Quantity, spread: float, tip: Tip) -> str | None:
         f"{tip.kind} it has the power {tip.exponent:g}"
     )
     if spread > WIDEST_SPREAD:
-        return f"{words}: moduli from light and deep touch differ by {2.0 * spread:.0%}"
+        return f"{words}: moduli from light and deep touch differ by {percent(2.0 * spread)}"
     if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * exponent.whole_error):
         return f"{words}: the tip has another shape"
     return None

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
-from palpate.digits import rounded
+from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.preparation.gates import choose_gate
 from palpate.preparation.touches import find_touches
@@ -358,7 +358,7 @@ def _remarks(measured: Quantity, predicted: Quantity) -> list[str]:
         remarks.append("the law generates energy: its damping is negative")
     elif measured.value > 0.0 and off > max(UNACCOUNTED * measured.value, 2.0 * math.hypot(*known)):
         part = predicted.value / measured.value
-        remarks.append(f"the law accounts for {part:.0%} of the dissipated energy")
+        remarks.append(f"the law accounts for {percent(part)} of the dissipated energy")
     return remarks
 
 
@@ -370,7 +370,7 @@ def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) 
     if off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
-        f"the law's loss is off by {off / size:.0%} per {kind}: the material's loss depends "
+        f"the law's loss is off by {percent(off / size)} per {kind}: the material's loss depends "
         "differently on speed or depth"
     ]
 
@@ -419,7 +419,7 @@ class Passivity(Plain):
     fastest_withdrawal: float
 
     def __repr__(self) -> str:
-        share, limit = f"{self.fraction:.2%} of the samples", f"{rounded(self.limit, 3)} m/s"
+        share, limit = f"{percent(self.fraction)} of the samples", f"{rounded(self.limit, 3)} m/s"
         return f"Passivity(negative force at {share} by the model; limit {limit})"
 
 

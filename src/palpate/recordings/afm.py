@@ -2,9 +2,9 @@
 
 import logging
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,11 @@ from afmformats.meta import META_FIELDS, MetaDataMissingError
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.opening import Draft, Request, excess, first_line, regular_size
+from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
 
 # afmformats' own errors derive from BaseException.
-_FAULTS = (
-    ArithmeticError, AttributeError, AssertionError, EOFError, LookupError, NotImplementedError,
-    OSError, RuntimeError, TypeError, ValueError, zipfile.BadZipFile, zlib.error,
-    errors.AFMFileFormatError, MetaDataMissingError,
-)  # fmt: skip
+_FAULTS = (*FAULTS, errors.AFMFileFormatError, MetaDataMissingError)
 
 # The metadata kept as notes; the other fifty or so concern the instrument only.
 _NOTES = (
@@ -60,15 +56,14 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is damaged or not calibrated, or holds several curves and none was chosen.
     """
-    source = printable(path)
     regular_size(path)
-    with _explained(source):
+    with _explained(request):
         if path.name.lower().endswith(_JPK):
-            with _opened(path, source, request) as reader:
-                return _curve(reader, source, request)
+            with _opened(path, request) as reader:
+                return _curve(reader, request)
         curves = load_data(path, callback=request.report)
-        chosen = curves[_chosen(len(curves), source, request)]
-        return _recording(chosen.columns, chosen.__getitem__, chosen.metadata, source, request)
+        chosen = curves[_chosen(len(curves), request)]
+        return _recording(chosen.columns, chosen.__getitem__, chosen.metadata, request)
 
 
 def count_curves(path: Path) -> int:
@@ -79,8 +74,8 @@ def count_curves(path: Path) -> int:
     RecordingError
         The file cannot be read.
     """
-    source = printable(path)
-    with _opened(path, source, Request()) as reader, _explained(source):
+    request = Request(printable(path))
+    with _opened(path, request) as reader, _explained(request):
         return len(reader)
 
 
@@ -108,44 +103,38 @@ def read_curves(
     RecordingError
         The file cannot be read at all.
     """
-    source = printable(path)
-    with _opened(path, source, Request(max_size=int(max_size))) as reader:
+    request = Request(printable(path), max_size=int(max_size))
+    with _opened(path, request) as reader:
         for number in numbers:
             try:
-                with _explained(source):
-                    yield _curve(reader, source, Request(curve=number, max_size=int(max_size)))
+                with _explained(request):
+                    yield _curve(reader, replace(request, curve=number))
             except RecordingError as error:
                 yield error
 
 
 @contextmanager
-def _explained(source: str) -> Iterator[None]:
+def _explained(request: Request) -> Iterator[None]:
     """Convert an error of afmformats to a RecordingError."""
-    try:
-        yield
-    except RecordingError:
-        raise
-    except errors.MissingMetaDataError as error:
-        missing = ", ".join(map(str, error.meta_keys))
-        raise RecordingError(
-            f"{source}: the file is not calibrated (it lacks: {missing}); calibrate the cantilever "
-            "and save the curve again"
-        ) from None
-    except _FAULTS as error:
-        raise RecordingError(
-            f"{source}: the force curve cannot be read ({first_line(error)}); the file is damaged "
-            "or afmformats does not support its instrument"
-        ) from None
+    remedy = "the file is damaged or afmformats does not support its instrument"
+    with request.explain_damage("the force curve cannot be read", remedy, _FAULTS):
+        try:
+            yield
+        except errors.MissingMetaDataError as error:
+            missing = ", ".join(map(str, error.meta_keys))
+            what = f"the file is not calibrated (it lacks: {missing})"
+            remedy = "calibrate the cantilever and save the curve again"
+            raise request.error(f"{what}; {remedy}") from None
 
 
 _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 
 @contextmanager
-def _opened(path: Path, source: str, request: Request) -> Iterator[JPKReader]:
+def _opened(path: Path, request: Request) -> Iterator[JPKReader]:
     """Open a JPK file."""
     regular_size(path)
-    with _explained(source):
+    with _explained(request):
         with zipfile.ZipFile(path) as archive:  # afmformats unpacks a part at a time
             for part in archive.infolist():
                 if part.file_size > request.max_size:
@@ -158,24 +147,23 @@ def _opened(path: Path, source: str, request: Request) -> Iterator[JPKReader]:
             archive.close()
 
 
-def _curve(reader: JPKReader, source: str, request: Request) -> Recording:
+def _curve(reader: JPKReader, request: Request) -> Recording:
     """Read one curve of an open file."""
-    number = _chosen(len(reader), source, request)
+    number = _chosen(len(reader), request)
     metadata = reader.get_metadata(index=number)
     columns = [name for name in known_columns if name not in ("index", "tip position")]
     column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731
-    return _recording(columns, column, metadata, source, request)
+    return _recording(columns, column, metadata, request)
 
 
-def _chosen(count: int, source: str, request: Request) -> int:
+def _chosen(count: int, request: Request) -> int:
     """The index of the requested curve."""
     if not count:
-        raise RecordingError(f"{source}: the file holds no curve; check the program that wrote it")
+        raise request.error("the file holds no curve; check the program that wrote it")
     number = request.curve or 0
     if (request.curve is None and count > 1) or not 0 <= number < count:
         why = f"it holds {count} curves" if request.curve is None else f"there is no curve {number}"
-        words = f"{why}; choose one with --curve N, from 0 to {count - 1}"
-        raise RecordingError(f"{source}: {words}")
+        raise request.error(f"{why}; choose one with --curve N, from 0 to {count - 1}")
     return number
 
 
@@ -183,11 +171,10 @@ def _recording(
     names: list[str],
     column: Callable[[str], NDArray[Any]],
     metadata: Mapping[str, Any],
-    source: str,
     request: Request,
 ) -> Recording:
     """Return the columns of a curve as a recording."""
-    draft = Draft(source, request)
+    draft = Draft(request)
     channels = draft.channels
     for name in names:
         if not request.wants(name) and name != "time":

@@ -1,9 +1,9 @@
 """Parquet, Feather and Arrow, read by pyarrow: each column of numbers or text is a channel."""
 
-import json
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +14,13 @@ import pyarrow.parquet as parquet
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.nested import MOST_COLUMNS, read_text
-from palpate.recordings.opening import Draft, Request, excess, first_line
-from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.nested import MOST_COLUMNS, UNIT_FIELDS, read_text
+from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
+from palpate.recordings.recording import Faults, Recording
+from palpate.recordings.times import EPOCHS
 
 # Exceptions that pyarrow raises on a damaged file.
-_DAMAGED = (
-    pa.ArrowException, ArithmeticError, OSError, LookupError, TypeError, ValueError, struct.error,
-)  # fmt: skip
-_NANOSECONDS = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1_000, "ns": 1}
-_UNITS = (b"unit", b"units", b"Unit", b"Units")
+_DAMAGED = (*FAULTS, pa.ArrowException)
 # Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
 _ROWS_AT_ONCE = 1024
@@ -49,11 +46,11 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file has another format, is cut off or too damaged, or has no requested column.
     """
-    source = printable(path)
     with path.open("rb") as file:
         begin = file.read(len(_BEGIN))
-    draft = Draft(source, request)
-    try:
+    draft = Draft(request)
+    remedy = "copy it again or let the recorder close its file"
+    with request.explain_damage("the file is cut off or damaged", remedy, _DAMAGED):
         if begin.startswith(b"PAR1"):
             with parquet.ParquetFile(path, page_checksum_verification=True) as table:
                 # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
@@ -63,9 +60,7 @@ def read(path: Path, request: Request) -> Recording:
                 if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
                     words = excess("its columns need", 8 * rows * wanted, request.max_size)
                     raise draft.error(words)
-                return read_columns(
-                    schema, lambda name: _parquet_column(table, name, request), draft
-                )
+                return read_columns(schema, partial(_parquet_column, table, request), draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -75,27 +70,27 @@ def read(path: Path, request: Request) -> Recording:
         _reserve(memoryview(content), request)
         batches = _batches(pa.BufferReader(content), draft.losses)
         return read_columns(batches.schema, lambda n: batches.select([n]), draft)
-    except RecordingError:
-        raise
-    except _DAMAGED as error:
-        raise draft.error(
-            f"the file is cut off or damaged ({first_line(error)}); copy it again or let the "
-            "recorder close its file"
-        ) from None
 
 
-def _parquet_column(table: parquet.ParquetFile, name: str, request: Request) -> pa.Table:
-    """Read a column; text and lists may have any length, so read them in parts while they fit."""
+def _parquet_column(table: parquet.ParquetFile, request: Request, name: str) -> pa.Table:
+    """Read a column; text and lists may have any length."""
     kind = table.schema_arrow.field(name).type
     if pa.types.is_primitive(kind) or pa.types.is_decimal(kind):
         return table.read(columns=[name])
+    return read_in_parts(table, [name], _ROWS_AT_ONCE, request)
+
+
+def read_in_parts(
+    table: parquet.ParquetFile, names: list[str], rows: int, request: Request
+) -> pa.Table:
+    """Read columns of Parquet some rows at a time; raise ValueError if they exceed the cap."""
     batches, size = [], 0
-    for batch in table.iter_batches(_ROWS_AT_ONCE, columns=[name]):
+    for batch in table.iter_batches(rows, columns=names):
         batches.append(batch)
         size += batch.nbytes
         if size > request.max_size:
             raise ValueError(excess("it needs", size, request.max_size))
-    return pa.Table.from_batches(batches) if batches else table.read(columns=[name])
+    return pa.Table.from_batches(batches) if batches else table.read(columns=names)
 
 
 def _reserve(data: memoryview, request: Request) -> None:
@@ -172,9 +167,9 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
         asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
         raise draft.error(f"no column {asked}; available: {there}")
     for k, form in enumerate(wanted):
-        unit = next(
-            (read_text(form.metadata[u]) for u in _UNITS if u in (form.metadata or {})), None
-        )
+        about = form.metadata or {}
+        stated = (about.get(name.encode()) for name in UNIT_FIELDS)
+        unit = read_text(next(filter(None, stated), None))
         try:
             table = table_of(form.name)
             table.validate(full=True)
@@ -187,8 +182,8 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
                     request.reserve(_size_of_words(values))
                 request.reserve(8 * len(values))
                 draft.channels[name], own_unit, fault = _values(name, values)
-                if stated := own_unit or unit:
-                    draft.units[name] = stated
+                if own_unit or unit:
+                    draft.units[name] = str(own_unit or unit)
                 if fault is not None:
                     draft.faults[name] = fault
         except RecordingError:
@@ -201,21 +196,22 @@ def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: 
     if not draft.channels:
         reasons = [*draft.losses, *draft.omissions, "it has no columns of numbers"]
         raise draft.error(f"no column can be read: {reasons[0]}")
-    draft.notes = _notes(schema.metadata or {})
+    for title, words in (schema.metadata or {}).items():
+        if title not in _NO_NOTES:
+            draft.note(str(read_text(title)), read_text(words))
     return draft.done()
 
 
 def _size_of_words(values: pa.ChunkedArray) -> int:
     """Size of a dictionary-encoded text column after decoding."""
-    if not (
-        pa.types.is_string(values.type.value_type)
-        or pa.types.is_large_string(values.type.value_type)
-    ):
+    if not _is_text(values.type.value_type):
         return 0
-    longest = [
-        compute.max(compute.binary_length(chunk.dictionary)).as_py() for chunk in values.chunks
-    ]
-    return max((each or 0 for each in longest), default=0) * len(values)
+    lengths = (compute.binary_length(chunk.dictionary) for chunk in values.chunks)
+    return max((compute.max(each).as_py() or 0 for each in lengths), default=0) * len(values)
+
+
+def _is_text(kind: pa.DataType) -> bool:
+    return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
 def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:
@@ -224,7 +220,7 @@ def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | Non
     if pa.types.is_dictionary(kind):
         kind = kind.value_type
         values = values.cast(kind)
-    if pa.types.is_string(kind) or pa.types.is_large_string(kind):
+    if _is_text(kind):
         return values.fill_null("").to_numpy(), None, None
     if pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
         values, unit = _nanoseconds(values)
@@ -272,7 +268,7 @@ def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
     whole = pa.int32() if values.type.bit_width == 32 else pa.int64()
     counts = values.cast(whole).cast(pa.int64())
     try:
-        return compute.multiply_checked(counts, _NANOSECONDS[unit]), "ns"
+        return compute.multiply_checked(counts, 10**9 // EPOCHS[unit]), "ns"
     except pa.ArrowInvalid:
         return counts, unit
 
@@ -280,19 +276,3 @@ def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
 def _name(column: str) -> str:
     """The name of a channel; pandas invents a name for an index without one."""
     return "index" if column.startswith("__index_level_") else column
-
-
-def _notes(metadata: Mapping[bytes, bytes]) -> dict[str, str]:
-    """The metadata of a file, without long texts."""
-    notes = {
-        str(read_text(name)): str(read_text(words))
-        for name, words in metadata.items()
-        if name not in _NO_NOTES and len(words) <= 200
-    }
-    try:  # pandas stores an index of equal steps here, not as a column
-        [index] = json.loads(metadata[b"pandas"])["index_columns"]
-        if index["kind"] == "range" and (index["name"] is not None or index["step"] != 1):
-            notes["index"] = f"from {index['start']} in steps of {index['step']}, by pandas"
-    except (KeyError, TypeError, ValueError):
-        pass
-    return notes

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
 from palpate.recordings.nested import Findings
-from palpate.recordings.opening import Draft, Request, excess, first_line
+from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
@@ -36,8 +36,6 @@ _COUNTERS = frozenset(("index", "frame_index", "episode_index", "task_index"))
 _NO_NUMBERS = frozenset(("image", "video", "string", "audio"))
 _NUMBERED = re.compile(r"(\d+)(?:-of-\d+)?\.parquet$")
 _MOST_ROWS = 8192  # read at once
-_FAULTS = (ArithmeticError, AttributeError, LookupError, OSError, RuntimeError, TypeError,
-           ValueError)  # fmt: skip
 
 
 class DataSet(Protocol):
@@ -71,7 +69,7 @@ def describe_data_set(path: Path) -> DataSet | None:
     """
     if not is_dataset(path):
         return None
-    with open_data_set(path) as data:
+    with open_data_set(path, printable(path)) as data:
         return data
 
 
@@ -81,7 +79,7 @@ def is_dataset(path: Path) -> bool:
 
 
 @contextmanager
-def open_data_set(path: Path) -> Iterator[DataSet]:
+def open_data_set(path: Path, source: str) -> Iterator[DataSet]:
     """Open a data set for reading.
 
     Raises
@@ -89,23 +87,18 @@ def open_data_set(path: Path) -> Iterator[DataSet]:
     RecordingError
         Its description is damaged, or it holds no episodes.
     """
-    source = printable(path)
+    request = Request(source)
     with ExitStack() as files:
-        try:
+        with request.explain_damage("the description of the data set is damaged", "copy it again"):
             if (root := _root_of(path)) is not None:
                 data: DataSet = _LeRobot(root, None if root == path else path)
             elif _is_replay(path):
                 data = _ReplayBuffer(path)
             else:
                 hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), source)
-        except RecordingError:
-            raise
-        except _FAULTS as error:
-            words = f"the description of the data set is damaged ({first_line(error)})"
-            raise RecordingError(f"{source}: {words}; copy it again") from None
+                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), request)
         if not data.lengths:
-            raise RecordingError(f"{source}: the data set holds no episodes; copy it again")
+            raise request.error("the data set holds no episodes; copy it again")
         yield data
 
 
@@ -124,20 +117,18 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The data set is damaged, has no episode of this number, or more than 100.
     """
-    source = printable(path)
-    with open_data_set(path) as data:
+    source = request.source
+    with open_data_set(path, source) as data:
         numbers = list(data.lengths)
         if request.episode is not None:
             if request.episode not in data.lengths:
-                words = (
-                    f"has no episode {request.episode}; it has {len(numbers)}, from {numbers[0]} on"
-                )
-                raise RecordingError(f"{source}: {words}")
+                count = f"it has {len(numbers)}, from {numbers[0]} on"
+                raise request.error(f"has no episode {request.episode}; {count}")
             numbers = [request.episode]
         elif len(numbers) > MOST_EPISODES:
             words = f"holds {len(numbers)} episodes, more than {MOST_EPISODES} of one object"
             remedy = "choose one with --episode, or identify each with palpate fleet"
-            raise RecordingError(f"{source}: {words}; {remedy}")
+            raise request.error(f"{words}; {remedy}")
         episodes = []
         for k, number in enumerate(numbers):
             whose = replace(request, source=f"{source}, episode {number}")
@@ -173,10 +164,10 @@ def read_episodes(
         The data set cannot be read at all.
     """
     source = printable(path)
-    with open_data_set(path) as data:
+    with open_data_set(path, source) as data:
         known = list(data.lengths)
         for place in numbers:
-            request = Request(max_size=int(max_size), source=source)
+            request = Request(source, max_size=int(max_size))
             try:
                 yield known[place], _episode(data, known[place], request)
             except RecordingError as error:
@@ -185,12 +176,8 @@ def read_episodes(
 
 def _episode(data: DataSet, number: int, request: Request) -> Recording:
     """Read an episode, without channels that repeat another one."""
-    try:
+    with request.explain_damage("the episode cannot be read", "copy the data set again"):
         recording = data.channels(number, request)
-    except RecordingError:
-        raise
-    except _FAULTS as error:
-        raise RecordingError(f"{request.source}: cannot be read: {first_line(error)}") from None
     channels = _without_repeats(recording.channels)
     rate = {} if data.rate is None else {"rate": data.rate}
     clocks = {name: clock for name, clock in recording.clocks.items() if name in channels}
@@ -250,18 +237,15 @@ class _LeRobot:
             raise ValueError(f"its fps is {rate}")
         self.rate: float | None = rate
         self._places: dict[int, tuple[Path, int]] = {}  # file and first row of each episode
-        self._cache: tuple[Path, int, Any] | None = None
+        self._decoded: tuple[Path, Any] | None = None  # the last file, with its rows
         if (root / "meta/episodes").is_dir():
             self.lengths = self._from_metadata(root)
         else:
             self.lengths = self._from_names(root)
         if only is not None:
             whole = only.absolute()
-            self.lengths = {
-                number: length
-                for number, length in self.lengths.items()
-                if self._places[number][0].absolute() == whole
-            }
+            inside = [n for n in self.lengths if self._places[n][0].absolute() == whole]
+            self.lengths = {number: self.lengths[number] for number in inside}
 
     def _from_names(self, root: Path) -> dict[int, int]:
         lengths: dict[int, int] = {}
@@ -302,9 +286,9 @@ class _LeRobot:
             inside = sorted(table["episode_index"].unique().to_pylist())
             if inside != [number]:
                 words = f"{file.name} does not have its rows where the description says"
-                raise RecordingError(f"{request.source}: {words}; copy the data set again")
+                raise request.error(f"{words}; copy the data set again")
             table = table.drop_columns(["episode_index"])
-        draft = Draft(request.source, request)
+        draft = Draft(request)
         of_columns: Recording = self._arrow.read_columns(
             table.schema, lambda name: table.select([name]), draft
         )
@@ -315,36 +299,22 @@ class _LeRobot:
         return replace(of_columns, **named)
 
     def _rows(self, path: Path, first: int, count: int, request: Request) -> Any:
-        """Read rows of a file; a group of rows that several episodes share is decoded once."""
-        pa = import_extra("pyarrow", "a LeRobot data set", "recordings")
-        try:
-            with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
-                names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
-                about, begin, parts = file.metadata, 0, []
-                count = about.num_rows - first if count < 0 else count
-                for k in range(about.num_row_groups):
-                    end = begin + about.row_group(k).num_rows
-                    if begin < first + count and first < end:
-                        if self._cache is None or self._cache[:2] != (path, k):
-                            batches, size = [], 0
-                            for batch in file.iter_batches(_MOST_ROWS, [k], names):
-                                batches.append(batch)
-                                size += batch.nbytes
-                                if size > request.max_size:
-                                    words = excess("its columns need", size, request.max_size)
-                                    raise RecordingError.of(request.source, words)
-                            self._cache = path, k, pa.Table.from_batches(batches)
-                        at = max(first - begin, 0)
-                        parts.append(self._cache[2].slice(at, first + count - begin - at))
-                    begin = end
-        except FileNotFoundError:
-            words = f"its file {path.name} is missing; copy the whole data set"
-            raise RecordingError.of(request.source, words) from None
-        table = pa.concat_tables(parts) if parts else None
-        if table is None or table.num_rows != count:
+        """Read rows of a file; a file with several episodes is decoded once."""
+        if self._decoded is None or self._decoded[0] != path:
+            try:
+                with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
+                    names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
+                    table = self._arrow.read_in_parts(file, names, _MOST_ROWS, request)
+            except FileNotFoundError:
+                words = f"its file {path.name} is missing; copy the whole data set"
+                raise request.error(words) from None
+            self._decoded = path, table
+        table = self._decoded[1]
+        count = table.num_rows - first if count < 0 else count
+        if table.num_rows < first + count:
             words = f"{path.name} has fewer rows than the description says; copy it again"
-            raise RecordingError.of(request.source, words)
-        return table
+            raise request.error(words)
+        return table.slice(first, count)
 
     def _is_wanted(self, name: str, request: Request) -> bool:
         if name in _COUNTERS:
@@ -384,27 +354,24 @@ def _demonstrations(group: Any) -> dict[int, str]:
 class _Demonstrations:
     """A group ``data`` with the groups ``demo_0``, ``demo_1`` …, each with a group ``obs``."""
 
-    def __init__(self, file: Any, source: str) -> None:
+    def __init__(self, file: Any, request: Request) -> None:
         self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
         self._data = file["data"]
         self._names = _demonstrations(self._data)
-        walk = self._hdf5.Walk(Findings(source, Request()))
+        walk = self._hdf5.Walk(Findings(request))
         stated = dict(walk.attributes(self._data))
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
-        rates = [
-            each.get("control_freq") for each in (arguments.get("env_kwargs"), arguments) if each
-        ]
+        places = arguments.get("env_kwargs"), arguments
+        rates = [each.get("control_freq") for each in places if each]
         self.rate = next((float(rate) for rate in rates if rate), None)
-        self.lengths = {
-            number: int(self._data[name].attrs.get("num_samples", -1))
-            for number, name in self._names.items()
-        }
+        groups = {number: self._data[name] for number, name in self._names.items()}
+        self.lengths = {k: int(each.attrs.get("num_samples", -1)) for k, each in groups.items()}
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the observations and the actions, without the observations that follow each."""
         group = self._data[self._names[number]]
-        walk = self._hdf5.Walk(Findings(request.source, request))
+        walk = self._hdf5.Walk(Findings(request))
         if "obs" in group:
             walk.group(group["obs"], ())
         for name in group:
@@ -452,13 +419,13 @@ class _ReplayBuffer:
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the samples of an episode; pictures are skipped unread."""
-        found, end = Findings(request.source, request), int(self._ends[number])
+        found, end = Findings(request), int(self._ends[number])
         rows = slice(end - self.lengths[number], end)
         for name in self._names:
             try:  # the codecs of pictures are mostly unknown
                 array = self._group[f"data/{name}"]
                 shape = (rows.stop - rows.start, *array.shape[1:])
-            except _FAULTS as error:
+            except FAULTS as error:
                 found.omit(name, f"cannot be opened: {first_line(error)}")
                 continue
             chunk = math.prod(array.chunks) * array.dtype.itemsize
@@ -467,9 +434,5 @@ class _ReplayBuffer:
             elif array.dtype.kind not in "iufb" or array.shape[0] < end:
                 found.omit(name, "holds no number for each sample")
             else:
-                found.add((), name, shape, partial(_rows_of, array, rows))
+                found.add((), name, shape, partial(array.__getitem__, rows))
         return found.recording()
-
-
-def _rows_of(array: Any, rows: slice) -> NDArray[Any]:
-    return np.asarray(array[rows])

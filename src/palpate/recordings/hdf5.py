@@ -9,7 +9,6 @@ from typing import Any
 
 import h5py
 import numpy as np
-from rich.filesize import decimal as format_bytes
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import (
@@ -21,16 +20,11 @@ from palpate.recordings.nested import (
     plain_numbers,
     read_text,
 )
-from palpate.recordings.opening import FORCE_CURVES, Request, excess, first_line
-from palpate.recordings.recording import Recording, printable
-
-# Exceptions that h5py raises on a damaged file.
-DAMAGED = (OSError, RuntimeError, KeyError, ValueError, TypeError, AttributeError, OverflowError)
+from palpate.recordings.opening import FAULTS, FORCE_CURVES, Request, excess, first_line
+from palpate.recordings.recording import Recording
 
 _LONGEST_TEXT = 4096
 
-_CUT = re.compile(r"truncated file: eof = (\d+).* stored_eof = (\d+)")
-_UNITS = ("units", "unit", "Units", "Unit")
 _FRAMES = ("frame_id", "frame")
 # NeXus: attributes of a group NXdata that name the arrays to plot, and the arrays for the axes.
 _PLOTTED = {"signal": "signal", "axes": "axis"}
@@ -52,10 +46,9 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is not HDF5, is too damaged, or holds no time series.
     """
-    source = printable(path)
-    with open_file(path, source) as file:
+    with open_file(path, request.source) as file:
         if not _is_afm(file):
-            walk = Walk(Findings(source, request))
+            walk = Walk(Findings(request))
             walk.group(file, ())
             for name, words in walk.attributes(file):
                 walk.found.note(name, words)
@@ -74,7 +67,7 @@ def open_file(path: Path, source: str) -> Iterator[h5py.File]:
     """
     try:
         file = h5py.File(path, "r", locking=False)
-    except DAMAGED as error:
+    except FAULTS as error:
         raise RecordingError(f"{source}: {_why(error)}") from None
     with file:
         yield file
@@ -82,22 +75,17 @@ def open_file(path: Path, source: str) -> Iterator[h5py.File]:
 
 def _why(error: BaseException) -> str:
     words = first_line(error)
-    if found := _CUT.search(str(error)):
-        here, whole = (format_bytes(int(digits)) for digits in found.groups())
-        return (
-            f"the file is cut off after {here} of {whole}, and HDF5 cannot read it; copy it again "
-            "or let the recorder close its file"
-        )
     if "signature not found" in words:
         return "this is not an HDF5 file; check its suffix and the program that wrote it"
-    return f"the file is damaged and cannot be read ({words}); copy it again"
+    remedy = "copy it again or let the recorder close its file"
+    return f"the file is cut off or damaged, and HDF5 cannot read it ({words}); {remedy}"
 
 
 def _is_afm(file: h5py.File) -> bool:
     """Whether the file holds force curves that afmformats exported."""
     try:
         return read_text(file.attrs.get("software")) == "afmformats" and "0" in file
-    except DAMAGED:
+    except FAULTS:
         return False
 
 
@@ -116,7 +104,7 @@ class Walk:
             for attribute, part in _PLOTTED.items():  # axes are one name or several
                 for name in np.atleast_1d(group.attrs.get(attribute, ())).tolist():
                     self.found.plots["/".join((*path, read_text(name) or ""))] = part
-        except DAMAGED as error:
+        except FAULTS as error:
             self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
             return
         for name in names:
@@ -140,7 +128,7 @@ class Walk:
             elif isinstance(item, h5py.Group):
                 self._notes(item, whole)
                 self.group(item, (*path, name))
-        except DAMAGED as error:
+        except FAULTS as error:
             self.found.lose(whole, f"cannot be read: {first_line(error)}")
 
     def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
@@ -159,7 +147,7 @@ class Walk:
             if not fields:
                 read = lambda: np.asarray(item[()])  # noqa: E731
                 stated = dict(self.attributes(item))
-                unit = next((stated[each] for each in _UNITS if stated.get(each)), None)
+                unit = next((stated[each] for each in UNIT_FIELDS if stated.get(each)), None)
                 self.found.add(path, name, item.shape, read, unit=unit)
             elif set(fields) == {"real", "imag"}:
                 self.found.omit(whole, "holds complex numbers")
@@ -213,7 +201,7 @@ class Walk:
                     words = str(value)
                 if words is not None:
                     yield read_text(name) or "", words
-        except DAMAGED:  # attributes are optional; reading the arrays reports the damage
+        except FAULTS:  # attributes are optional; reading the arrays reports the damage
             return
 
 
@@ -243,9 +231,8 @@ def read_matlab(path: Path, request: Request) -> Recording:
     RecordingError
         The file is too damaged, or holds no time series.
     """
-    source = printable(path)
-    with open_file(path, source) as file:
-        walk = _Variables(Findings(source, request))
+    with open_file(path, request.source) as file:
+        walk = _Variables(Findings(request))
         walk.group(file, ())
         return walk.found.recording()
 
@@ -299,7 +286,7 @@ class _Variables(Walk):
                     self.dataset(value, own, name)
                 else:
                     self.group(value, (*own, name))
-            except DAMAGED as error:
+            except FAULTS as error:
                 self.found.lose("/".join((*own, name)), f"cannot be read: {first_line(error)}")
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.recordings.nested import MOST_COLUMNS, UNIT_FIELDS, Findings
 from palpate.recordings.opening import Request, first_line
-from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.recording import Faults, Recording
 from palpate.recordings.times import clock_rank, iso_nanoseconds
 
 _LARGEST = 24  # bytes of Python objects per byte of text: {} takes 64
@@ -31,7 +31,7 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is not JSON, is cut off, or holds no columns of numbers.
     """
-    found = Findings(printable(path), request)
+    found = Findings(request)
     request.reserve(_LARGEST * path.stat().st_size)
     try:
         whole = _parse_json(path.read_bytes(), found)

@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import RecordingError, import_extra
+from palpate.errors import import_extra
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
 from palpate.recordings.opening import Request
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.recording import Recording
 
 Order = Literal["little", "big"]
 
@@ -42,13 +42,6 @@ _MOST_FIELDS = 10_000
 
 
 @dataclass(frozen=True, slots=True)
-class Struct:
-    """A struct or an array of structs: the fields of each."""
-
-    items: tuple[dict[str, Any], ...]
-
-
-@dataclass(frozen=True, slots=True)
 class Other:
     """A value that is not numeric: the name of its MATLAB class."""
 
@@ -57,8 +50,8 @@ class Other:
 
 #: An element: its type, and where its data begin and end.
 Element = tuple[int, int, int]
-#: The value of a variable.
-Value = NDArray[Any] | Struct | Other | str
+#: The value of a variable; of an array of structs the fields of each.
+Value = NDArray[Any] | list[dict[str, Any]] | Other | str
 
 
 class _WrongError(ValueError):
@@ -80,8 +73,6 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file has another version, is too damaged, or holds no time series.
     """
-    source = printable(path)
-    size = path.stat().st_size
     with path.open("rb") as file:
         begin = file.read(128)
     if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
@@ -90,12 +81,10 @@ def read(path: Path, request: Request) -> Recording:
         recording: Recording = hdf5.read_matlab(path, request)
         return recording
     if not begin.startswith(b"MATLAB 5.0"):
-        raise RecordingError(
-            f"{source}: this is not a MATLAB file of version 5 to 7.3; save it again with "
-            "save(name, '-v7') or '-v7.3'"
-        )
-    found = Findings(source, request)
-    for name, value in _variables(path, size, found):
+        what = "this is not a MATLAB file of version 5 to 7.3"
+        raise request.error(f"{what}; save it again with save(name, '-v7') or '-v7.3'")
+    found = Findings(request)
+    for name, value in _variables(path, found):
         if name:  # MATLAB stores the data of its objects in a variable without a name
             _take(value, (), name, found)
     return found.recording()
@@ -110,7 +99,7 @@ def _take(
         found.note(whole, value)
     elif isinstance(value, Other):
         found.omit(whole, no_class(value.kind))
-    elif isinstance(value, Struct):
+    elif isinstance(value, list):
         _take_structs(value, group, name, found)
     elif value.size == 1:
         found.note(whole, value.reshape(-1)[0])
@@ -119,20 +108,23 @@ def _take(
         found.add(group, name, numbers.shape, lambda: plain_numbers(numbers), group_unit=unit)
 
 
-def _take_structs(value: Struct, group: tuple[str, ...], name: str, found: Findings) -> None:
-    if len(value.items) > OBJECTS:
+def _take_structs(
+    structs: list[dict[str, Any]], group: tuple[str, ...], name: str, found: Findings
+) -> None:
+    if len(structs) > OBJECTS:
         whole = "/".join((*group, name))
-        found.omit(whole, f"holds {len(value.items)} structs, not a time series")
+        found.omit(whole, f"holds {len(structs)} structs, not a time series")
         return
-    for k, fields in enumerate(value.items):
-        own = (*group, name if len(value.items) == 1 else f"{name}[{k}]")
+    for k, fields in enumerate(structs):
+        own = (*group, name if len(structs) == 1 else f"{name}[{k}]")
         texts = [fields[u] for u in UNIT_FIELDS if isinstance(fields.get(u), str)]
         for field, inner in fields.items():
             _take(inner, own, field, found, texts[0].strip() if texts else None)
 
 
-def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Value]]:
+def _variables(path: Path, found: Findings) -> Iterator[tuple[str, Value]]:
     """The complete variables of a file; report the others."""
+    size = path.stat().st_size
     with path.open("rb") as file:
         order: Order = "big" if file.read(128)[126:] == b"MI" else "little"
         for number in range(1, size):
@@ -146,11 +138,8 @@ def _variables(path: Path, size: int, found: Findings) -> Iterator[tuple[str, Va
                 return
             there = size - file.tell()
             if length > there:
-                found.lose(
-                    name,
-                    f"the file is cut off here: it holds {format_bytes(there)} of "
-                    f"{format_bytes(length)}",
-                )
+                share = f"{format_bytes(there)} of {format_bytes(length)}"
+                found.lose(name, f"the file is cut off here: it holds {share}")
                 return
             try:
                 yield _Matrix(_content(file, tag, kind, length, found.request), order).variable()
@@ -266,12 +255,10 @@ class _Matrix:
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
             raise _WrongError(f"it states {count} structs in {format_bytes(end - stop)}")
         if count > OBJECTS:  # another kind of table: report only its size
-            return Struct(({},) * count)
+            return [{}] * count
         if len(fields) > _MOST_FIELDS:
             raise _WrongError(f"a struct of {len(fields)} fields is not a time series")
-        return Struct(
-            tuple(
-                {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}
-                for _ in range(count)
-            )
-        )
+        return [
+            {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}
+            for _ in range(count)
+        ]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.recordings.opening import Draft, first_line, within
+from palpate.recordings.opening import FAULTS, Draft, first_line, within
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import clock_rank, detect_epoch_unit
 
@@ -17,8 +17,6 @@ MOST_COLUMNS = 256
 
 # Names of the clock of a single array.
 _OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
-
-_MOST_NOTES = 60
 
 #: Largest number of structs in an array; more are another kind of table.
 OBJECTS = 256
@@ -49,8 +47,6 @@ _NO_SERIES = {
     "complex": "holds complex numbers",
     "sparse": "is a sparse matrix, not a time series",
 }
-# Exceptions that the libraries raise on damaged data.
-_FAULTS = (ArithmeticError, LookupError, OSError, RuntimeError, TypeError, ValueError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +88,6 @@ class Findings(Draft):
 
     leaves: dict[tuple[tuple[str, ...], str], Leaf] = field(default_factory=dict)
     group_frames: dict[str, str] = field(default_factory=dict)
-
-    def note(self, name: str, words: object) -> None:
-        """Keep a note of the file, cut after 200 characters."""
-        if len(self.notes) < _MOST_NOTES:
-            text = " ".join(str(words).split())
-            self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
 
     def add(
         self,
@@ -149,12 +139,8 @@ class Findings(Draft):
         if not self.channels:
             raise self.error(self._nothing())
         self.clocks = {name: clock for name, clock in self.clocks.items() if clock in self.channels}
-        self.frames = {
-            channel: frame
-            for channel in self.channels
-            for name, frame in self.group_frames.items()
-            if within(channel, name)
-        }
+        for name, frame in self.group_frames.items():
+            self.frames |= {each: frame for each in self.channels if within(each, name)}
         return self.done()
 
     def _find_clock(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
@@ -175,7 +161,7 @@ class Findings(Draft):
         self.request.reserve(8 * math.prod(leaf.shape))
         try:
             values = leaf.read()
-        except _FAULTS as error:
+        except FAULTS as error:
             self.lose(leaf.channel, f"cannot be read: {first_line(error)}")
             return
         unit = leaf.unit

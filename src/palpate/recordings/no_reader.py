@@ -2,9 +2,8 @@
 
 from pathlib import Path
 
-from palpate.errors import RecordingError
 from palpate.recordings.opening import Request
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.recording import Recording
 
 _REMEDIES = {
     b"TDSm": "a TDMS file of LabVIEW, which palpate does not read; save it as CSV, by python -c "
@@ -24,4 +23,4 @@ def read(path: Path, request: Request) -> Recording:
     """
     with path.open("rb") as file:
         begin = file.read(4)
-    raise RecordingError(f"{printable(path)}: this is {_REMEDIES[begin]}")
+    raise request.error(f"this is {_REMEDIES[begin]}")

@@ -1,7 +1,6 @@
 """NumPy's .npz and .npy: arrays by their names, fields of structured arrays, columns of tables."""
 
 import zipfile
-import zlib
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -10,15 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import RecordingError
 from palpate.recordings.nested import Findings
-from palpate.recordings.opening import Request, first_line
-from palpate.recordings.recording import Recording, printable
+from palpate.recordings.opening import FAULTS, Request, first_line
+from palpate.recordings.recording import Recording
 
-_DAMAGED = (
-    zipfile.BadZipFile, zlib.error, EOFError, KeyError, MemoryError, NotImplementedError, OSError,
-    RuntimeError, SyntaxError, TypeError, ValueError,
-)  # fmt: skip
 #: The name of the array in a .npy, which has none.
 COLUMN = "column"
 
@@ -40,18 +34,14 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is damaged or holds no arrays of numbers.
     """
-    found = Findings(printable(path), request)
-    try:
+    found = Findings(request)
+    what = "the file is no archive of arrays, or is cut off"
+    with request.explain_damage(what, "copy it again"):
         for name, load in _arrays(path, found):
             try:
                 _add(found, name, load())
-            except _DAMAGED as error:
+            except FAULTS as error:
                 found.lose(name, _why(error))
-    except RecordingError:  # more than the caps
-        raise
-    except _DAMAGED as error:
-        words = f"the file is no archive of arrays, or is cut off ({first_line(error)})"
-        raise found.error(f"{words}; copy it again") from None
     request.release()
     return found.recording()
 

@@ -3,11 +3,14 @@
 import logging
 import os
 import stat
+import struct
 import sys
 import time
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
-from dataclasses import dataclass, field, replace
+import zipfile
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -21,6 +24,11 @@ from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)
+#: Exceptions that libraries raise on a damaged file.
+FAULTS = (
+    ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
+    RuntimeError, SyntaxError, TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 #: Default of ``--max-size``, bytes: 500 million numbers; recordings are smaller.
 MAX_SIZE = 4 << 30
 
@@ -37,6 +45,8 @@ class Request:
 
     Attributes
     ----------
+    source : str
+        Name of the file, for the recording and for errors.
     channels : tuple of str, optional
         Names of channels, or topics or groups, such as ``"/ft"``. Default: all that hold numbers.
     strict : bool
@@ -52,22 +62,36 @@ class Request:
     max_size : int
         Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
         of it. Damaged and hostile files state or unpack to far more than they hold.
-    source : str
-        Name of the file, for errors.
     sheet : str, optional
         Name, or number from 1, of the sheet to read in a spreadsheet.
     """
 
+    source: str
     channels: tuple[str, ...] | None = None
     strict: bool = False
     curve: int | None = None
     progress: Callable[[float], None] | None = None
     max_size: int = MAX_SIZE
-    source: str = ""
     sheet: str | None = None
     header_row: int | None = None
     episode: int | None = None
     _reserved: list[int] = field(default_factory=lambda: [0], compare=False, repr=False)
+
+    def error(self, words: str) -> RecordingError:
+        """Return an error that names the file."""
+        return RecordingError(f"{self.source}: {words}")
+
+    @contextmanager
+    def explain_damage(
+        self, what: str, remedy: str, faults: tuple[type[BaseException], ...] = FAULTS
+    ) -> Iterator[None]:
+        """Convert an error of a library to one that names the file, the damage and the remedy."""
+        try:
+            yield
+        except RecordingError:
+            raise
+        except faults as error:
+            raise self.error(f"{what} ({first_line(error)}); {remedy}") from None
 
     @property
     def largest_block(self) -> int:
@@ -78,8 +102,7 @@ class Request:
         """Count the memory of an array before it is made; raise RecordingError above the cap."""
         self._reserved[0] += size
         if self._reserved[0] > self.max_size:
-            words = excess("its data need", self._reserved[0], self.max_size)
-            raise RecordingError.of(self.source, words)
+            raise self.error(excess("its data need", self._reserved[0], self.max_size))
 
     def release(self) -> None:
         """Reset the count of memory, because a reader begins again."""
@@ -92,9 +115,8 @@ class Request:
 
     def wants(self, name: str) -> bool:
         """Whether a channel, or any channel of a topic or group, is requested."""
-        return self.channels is None or any(
-            within(name, wanted) or within(wanted, name) for wanted in self.channels
-        )
+        wanted = self.channels
+        return wanted is None or any(within(name, n) or within(n, name) for n in wanted)
 
     def report(self, fraction: float) -> None:
         """Report the fraction read so far to ``progress``."""
@@ -240,7 +262,7 @@ def open_recording(
     source = "standard input" if str(file) == "-" else printable(file)
     named = None if sheet is None else str(sheet)
     most = int(max_size)
-    request = Request(wanted, strict, curve, progress, most, source, named, header_row, episode)
+    request = Request(source, wanted, strict, curve, progress, most, named, header_row, episode)
     recording = _read(file, request)
     _log(recording, time.perf_counter() - begun)
     return recording
@@ -253,18 +275,13 @@ def _read(file: Path, request: Request) -> Recording:
             regular_size(file)
         form = detect_format(file)
         if request.episode is not None and form is not DATA_SETS:
-            raise RecordingError(f"{printable(file)}: this is no data set; drop --episode")
+            raise request.error("this is no data set; drop --episode")
         return form.read(file, request)
-    source = "standard input" if standard else printable(file)
     # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
-        _copy_stream(file, source, content, request.max_size)
-        regular_size(copy, source)
-        try:
-            recording = detect_format(copy).read(copy, request)
-        except RecordingError as error:  # the user does not know the name of the copy
-            raise RecordingError(str(error).replace(printable(copy), source)) from None
-    return replace(recording, source=source)
+        _copy_stream(file, content, request)
+        regular_size(copy, request.source)
+        return detect_format(copy).read(copy, request)
 
 
 def _is(kind: Callable[[int], bool], path: Path) -> bool:
@@ -274,23 +291,22 @@ def _is(kind: Callable[[int], bool], path: Path) -> bool:
         return False
 
 
-def _copy_stream(file: Path, source: str, content: IO[bytes], most: int) -> None:
+def _copy_stream(file: Path, content: IO[bytes], request: Request) -> None:
     """Copy standard input (``-``) or a pipe up to its end."""
     standard = nullcontext(getattr(sys.stdin, "buffer", None))
     try:
         with standard if str(file) == "-" else file.open("rb") as stream:
             if stream is None or stream.isatty():  # closed, a notebook's, or a terminal
-                raise RecordingError(f"{source}: no data is piped into it; name a file instead")
+                raise request.error("no data is piped into it; name a file instead")
             while chunk := stream.read(1 << 20):
                 content.write(chunk)
-                if content.tell() > most:
-                    raise RecordingError(
-                        f"{source}: more than {format_bytes(most)} arrived; pass a larger "
-                        "--max-size, or write the data to a file and name that file"
-                    )
+                if content.tell() > request.max_size:
+                    size = format_bytes(request.max_size)
+                    remedy = "pass a larger --max-size, or write the data to a file and name that"
+                    raise request.error(f"more than {size} arrived; {remedy}")
         content.flush()
     except OSError as error:
-        raise unreadable(source, error) from None
+        raise unreadable(request.source, error) from None
 
 
 def _log(recording: Recording, seconds: float) -> None:
@@ -341,10 +357,8 @@ def regular_size(path: Path, source: str = "") -> int:
         if stat.S_ISDIR(status.st_mode):
             raise RecordingError(f"{source}: this is a folder; name a file in it instead")
         if not stat.S_ISREG(status.st_mode):
-            raise RecordingError(
-                f"{source}: palpate cannot read a recording from a device or socket; write it to "
-                "a file"
-            )
+            words = "palpate cannot read a recording from a device or socket; write it to a file"
+            raise RecordingError(f"{source}: {words}")
         with path.open("rb"):
             pass
     except (OSError, ValueError) as error:
@@ -372,6 +386,7 @@ def first_line(error: BaseException) -> str:
     return words if len(words) <= 160 else f"{words[:159]}…"
 
 
+_MOST_NOTES = 60
 _USED = "palpate uses the rest of the file; pass --strict to fail instead"
 
 
@@ -381,13 +396,10 @@ class Draft:
 
     Attributes
     ----------
-    source : str
-        The name of the file.
     request : Request
         What to read.
     """
 
-    source: str
     request: Request
     channels: dict[str, NDArray[Any]] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
@@ -402,7 +414,13 @@ class Draft:
 
     def error(self, words: str) -> RecordingError:
         """Return an error that names the file."""
-        return RecordingError(f"{self.source}: {words}")
+        return self.request.error(words)
+
+    def note(self, name: str, words: object) -> None:
+        """Keep a note of the file, cut after 200 characters."""
+        if len(self.notes) < _MOST_NOTES:
+            text = " ".join(str(words).split())
+            self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
 
     def omit(self, name: str, reason: str) -> None:
         """Report that something is skipped, and why."""
@@ -428,4 +446,5 @@ class Draft:
         own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
         lost = [Check.FILE.finding(words, _USED, severity="with-care") for words in self.losses]
         findings = (*lost, *(Check.FILE.finding(words) for words in self.omissions))
-        return Recording(self.channels, source=self.source, rows=rows, findings=findings, **own)
+        source = self.request.source
+        return Recording(self.channels, source=source, rows=rows, findings=findings, **own)

@@ -45,6 +45,11 @@ def align_signs(quaternions: Floats) -> Floats:
     return quaternions * np.cumprod(np.concatenate([[1.0], 1.0 - 2.0 * turns]))[:, None]
 
 
+def interpolate_columns(at: Floats, time: Floats, columns: Floats) -> Floats:
+    """Interpolate columns, shape (k, m), linearly."""
+    return np.column_stack([np.interp(at, time, column) for column in columns.T])
+
+
 def interpolate_rotation(at: Floats, time: Floats, quaternions: Floats) -> Floats:
     """Interpolate unit quaternions with aligned signs by slerp: sin((1−s) θ) q₀ + sin(s θ) q₁."""
     k = np.clip(np.searchsorted(time, at, "right"), 1, time.size - 1)
@@ -206,7 +211,7 @@ def _interpolate(link: _Link, wanted: NDArray[np.int64]) -> tuple[Floats, Floats
     if stamps.size == 1:
         return rows[:, :3], rows[:, 3:]
     at, time = ((each - wanted[0]).astype(np.float64) for each in (wanted, stamps))
-    place = np.column_stack([np.interp(at, time, column) for column in rows[:, :3].T])
+    place = interpolate_columns(at, time, rows[:, :3])
     return place, interpolate_rotation(at, time, rows[:, 3:])
 
 

@@ -197,18 +197,8 @@ class Recording:
             raise RecordingError(f"{self.place(name, fault.sample)}: {words}")
         if values.dtype.kind in "fiub":
             return np.ascontiguousarray(values, dtype=np.float64)
-        if values.dtype.kind in "OUS":
-            return self._numbers_of_text(name, values, strict=strict)
-        raise RecordingError(f"{self.place(name)}: must hold numbers, but holds {values.dtype}")
-
-    def place(self, name: str, sample: int | None = None) -> str:
-        """The location of a channel or one of its samples, as text: file, column and row."""
-        words = f"{self.source}: " * bool(self.source) + f"column {name!r}"
-        if sample is None:
-            return words
-        return words + (f", sample {sample}" if self.rows is None else f", row {self.rows[sample]}")
-
-    def _numbers_of_text(self, name: str, values: NDArray[Any], *, strict: bool) -> Floats:
+        if values.dtype.kind not in "OUS":
+            raise RecordingError(f"{self.place(name)}: must hold numbers, but holds {values.dtype}")
         found = [_read_number(value) for value in values]
         wrong = [sample for sample, number in enumerate(found) if number is None]
         if wrong and (strict or len(wrong) > MOST_TEXT * values.size):
@@ -216,6 +206,13 @@ class Recording:
             words = f"{_fault(values[wrong[0]])}; {remedy}"
             raise RecordingError(f"{self.place(name, wrong[0])}: {words}")
         return np.array([np.nan if number is None else number for number in found])
+
+    def place(self, name: str, sample: int | None = None) -> str:
+        """The location of a channel or one of its samples, as text: file, column and row."""
+        words = f"{self.source}: " * bool(self.source) + f"column {name!r}"
+        if sample is None:
+            return words
+        return words + (f", sample {sample}" if self.rows is None else f", row {self.rows[sample]}")
 
 
 def _read_number(value: Any) -> float | None:
@@ -249,14 +246,11 @@ def printable(path: str | Path) -> str:
 
 
 def _fault(value: Any) -> str:
-    blank = isinstance(value, str) and not value.strip()
-    return "the value is missing" if blank else f"{_shown(value)} is not a number"
-
-
-def _shown(value: Any) -> str:
-    """Any value on one line, cut after some 40 characters."""
-    text = repr(value.strip()[:40] if isinstance(value, str) else value)
-    return text if len(text) < 200 else f"{text[:40]}…"
+    if isinstance(value, str):
+        value = value.strip()
+        if not value:
+            return "the value is missing"
+    return f"{shown(value, 45)} is not a number"
 
 
 def read_truth(notes: Mapping[str, str]) -> ForceLaw | None:

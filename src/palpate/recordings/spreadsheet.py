@@ -15,12 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from openpyxl import load_workbook
 
-from palpate.errors import RecordingError, list_names
-from palpate.recordings.opening import TEXT, Draft, Request, excess, first_line
-from palpate.recordings.recording import (
-    Recording,
-    printable,
-)
+from palpate.errors import list_names
+from palpate.recordings.opening import TEXT, Draft, Request, excess
+from palpate.recordings.recording import Recording
 from palpate.recordings.times import SECONDS, clock_rank
 from palpate.writing import temporary_file
 
@@ -49,7 +46,7 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is no spreadsheet, is damaged, has no such sheet, or none of them holds a table.
     """
-    draft, tables = Draft(printable(path), request), dict[str, Recording]()
+    draft, tables = Draft(request), dict[str, Recording]()
     with path.open("rb") as file:
         with _damage_explained(draft):
             _check_sizes(file, draft)
@@ -81,16 +78,12 @@ def read(path: Path, request: Request) -> Recording:
 
 @contextmanager
 def _damage_explained(draft: Draft) -> Iterator[None]:
-    """Name the file and the remedy if openpyxl cannot read it."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # extensions and styles that openpyxl does not know
-            yield
-    except RecordingError:
-        raise
-    except Exception as error:  # openpyxl raises many types on damaged XML
-        words = f"the spreadsheet is damaged or has a password ({first_line(error)})"
-        raise draft.error(f"{words}; open it in a spreadsheet program and save it again") from None
+    """Name the file and the remedy if openpyxl cannot read it; it raises many types."""
+    what = "the spreadsheet is damaged or has a password"
+    remedy = "open it in a spreadsheet program and save it again"
+    with draft.request.explain_damage(what, remedy, (Exception,)), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # extensions and styles that openpyxl does not know
+        yield
 
 
 def _check_sizes(file: Any, draft: Draft) -> None:
@@ -138,10 +131,7 @@ def _parse_table(rows: Sequence[_Row], draft: Draft) -> Recording:
         cells = [_words(cell) for cell in row]
         lines.writerow([*cells, *[""] * width][:width] if any(cells) else [])
     with temporary_file("sheet.tsv", [text.getvalue().encode()]) as copy:
-        try:
-            return TEXT.read(copy, replace(draft.request, channels=None, progress=None))
-        except RecordingError as error:
-            raise RecordingError(str(error).replace(printable(copy), draft.source)) from None
+        return TEXT.read(copy, replace(draft.request, channels=None, progress=None))
 
 
 def _words(cell: Any) -> str:

@@ -58,8 +58,8 @@ def write_columns(
         raise InvalidParameterError(f"{path}: the name of a table must end in .parquet or .csv")
 
 
-def has_parquet() -> bool:
-    """Whether pyarrow, which writes Parquet, is installed."""
+def has_pyarrow() -> bool:
+    """Whether pyarrow is installed, which writes Parquet and reads long texts."""
     return find_spec("pyarrow") is not None
 
 
@@ -78,9 +78,8 @@ def _as_parquet(
             arrays.append(pa.StringArray.from_buffers(len(words), *text))
             continue
         numbers = [None, pa.py_buffer(np.ascontiguousarray(values))]
-        arrays.append(
-            pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), numbers)
-        )
+        kind = pa.from_numpy_dtype(values.dtype)
+        arrays.append(pa.Array.from_buffers(kind, len(values), numbers))
     fields = [
         pa.field(name, array.type, metadata={"unit": units[name]} if name in units else None)
         for name, array in zip(columns, arrays, strict=True)

@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import replace
-from functools import cache, lru_cache
+from functools import lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -23,7 +23,8 @@ from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError, RecordingError
 from palpate.recordings.opening import Draft, Request, excess, first_line
-from palpate.recordings.recording import Faults, Recording, printable
+from palpate.recordings.recording import Faults, Recording
+from palpate.recordings.table_files import has_pyarrow
 from palpate.recordings.text_layout import (
     SPACES,
     WHOLE_THOUSANDS,
@@ -127,8 +128,8 @@ class _Text:
         Whether the last line had no line end; valid after the last block.
     """
 
-    def __init__(self, path: Path, source: str, most: int) -> None:
-        self.path, self.source, self.most = path, source, most
+    def __init__(self, path: Path, request: Request) -> None:
+        self.path, self.request = path, request
         self.size = path.stat().st_size
         self.encoding = "utf-8"
         self.losses: list[str] = []
@@ -147,10 +148,8 @@ class _Text:
                 yield _strip_returns(rest[:cut])
             rest = rest[cut:]
             if len(rest) > LONGEST_LINE:
-                raise RecordingError(
-                    f"{self.source}: a line, or a run of empty lines, exceeds "
-                    f"{LONGEST_LINE >> 20} MiB; this is not a table"
-                )
+                what = f"a line, or a run of empty lines, exceeds {LONGEST_LINE >> 20} MiB"
+                raise self.request.error(f"{what}; this is not a table")
         self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
         rest += b"\n"
         if cut := self._end_of_text(rest, len(rest)):
@@ -189,15 +188,13 @@ class _Text:
         begin = head[:HEAD].rstrip(b"\0")  # a loss of power leaves zeros at the end
         controls = len(begin) - len(begin.translate(None, _CONTROLS))
         if (head and not begin) or controls > MOST_CONTROLS * len(begin):
-            raise RecordingError(
-                f"{self.source}: this is neither a text file (UTF-8, Latin-1, or UTF-16 with a "
-                "byte-order mark) nor in another known format; expected a table, such as CSV"
+            raise self.request.error(
+                "this is neither a text file (UTF-8, Latin-1, or UTF-16 with a byte-order mark) "
+                "nor in another known format; expected a table, such as CSV"
             )
         if b"\r" in begin and b"\n" not in begin:
-            raise RecordingError(
-                f"{self.source}: its lines end in carriage returns alone, which palpate does not "
-                "read; convert the file: tr '\\r' '\\n'"
-            )
+            what = "its lines end in carriage returns alone, which palpate does not read"
+            raise self.request.error(f"{what}; convert the file: tr '\\r' '\\n'")
         yield head.removeprefix(codecs.BOM_UTF8)
         yield from chunks
 
@@ -213,18 +210,15 @@ class _Text:
                         made += len(chunk)
                         self.fraction = min(raw.tell() / self.size, 1.0)
                         yield chunk
-                        if made > self.most:
-                            raise RecordingError.of(
-                                self.source, excess("its text takes", made, self.most)
-                            )
+                        if made > self.request.max_size:
+                            most = self.request.max_size
+                            raise self.request.error(excess("its text takes", made, most))
                 except RecordingError:
                     raise
                 except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
                     if not made:
-                        raise RecordingError(
-                            f"{self.source}: the compressed file cannot be read "
-                            f"({first_line(error)}); copy it again"
-                        ) from None
+                        words = f"the compressed file cannot be read ({first_line(error)})"
+                        raise self.request.error(f"{words}; copy it again") from None
                     self.losses.append(
                         f"the compressed data end early or are damaged, after {made} bytes of text"
                     )
@@ -371,11 +365,8 @@ def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None)
     commas = [cell for cell in filled if "," in cell and parse_number(cell, ".") is None]
     # If some numbers have no comma, a comma before three digits is not the decimal mark.
     plain = sum(parse_number(cell, ".") is not None for cell in filled)
-    column.has_thousands = (
-        decimal == "."
-        and plain > 0
-        and all(WHOLE_THOUSANDS.fullmatch(each.strip()) for each in commas)
-    )
+    whole = all(WHOLE_THOUSANDS.fullmatch(each.strip()) for each in commas)
+    column.has_thousands = decimal == "." and plain > 0 and whole
     return column
 
 
@@ -393,11 +384,10 @@ class _Table:
     """
 
     def __init__(self, path: Path, request: Request, kinds: Mapping[str, str]) -> None:
-        self.source = printable(path)
         self.request = request
         self.columns: list[_Column] = []
         self.lost: dict[str, tuple[int, str]] = {}  # reason: number of rows, the first row
-        self.text = _Text(path, self.source, request.max_size)
+        self.text = _Text(path, request)
         self.rows: list[Sequence[int]] = []  # the row in the file of each sample
         self.begins = [0]  # index in ``rows`` at which each block begins
         self.skipped: dict[str, int] = {}  # kind of lines outside the table: the first of them
@@ -422,9 +412,8 @@ class _Table:
             request.report(self.text.fraction)
             made = sum(column.size * column.width for column in self.columns if column.pieces)
             # Texts take memory in addition to the pointers to them; equal texts are kept only once.
-            request.reserve(
-                8 * (made - counted) + any(c.kind == "text" for c in self.columns) * len(block)
-            )
+            has_text = any(column.kind == "text" for column in self.columns)
+            request.reserve(8 * (made - counted) + has_text * len(block))
             counted = made
         if self.words:
             self._add_last_words(row - self.words.count(b"\n"))
@@ -433,12 +422,12 @@ class _Table:
         """Find the layout and the kinds of the columns."""
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
-        named = self.request.header_row
-        layout = detect_layout(lines, self.source, named) if len(lines) > (named or 0) else None
+        source, named = self.request.source, self.request.header_row
+        layout = detect_layout(lines, source, named) if len(lines) > (named or 0) else None
         # The notes are long, no rows follow them, or a later table may have more rows.
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
-            layout = detect_layout(lines, self.source, named)
+            layout = detect_layout(lines, source, named)
         self.layout: TextLayout = layout
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
@@ -456,7 +445,7 @@ class _Table:
         """Count a skipped row, with a reason such as "has more cells than the header"."""
         place = f"row {row}" + f" ({cell[:40]!r})" * bool(cell)
         if self.request.strict:
-            raise RecordingError(f"{self.source}: {place} {what}; drop --strict to skip such rows")
+            raise self.request.error(f"{place} {what}; drop --strict to skip such rows")
         count, first = self.lost.get(what, (0, place))
         self.lost[what] = count + 1, first
 
@@ -534,9 +523,8 @@ class _Table:
             if cells is not None:
                 self._add_cells(range(row, row + len(cells[0])), cells)
             else:
-                records = list(
-                    self._records(self.text.decode(piece).split("\n")[:-1], row, self._lose)
-                )
+                lines = self.text.decode(piece).split("\n")[:-1]
+                records = list(self._records(lines, row, self._lose))
                 if records:
                     rows, found = zip(*records, strict=True)
                     self._add_cells(rows, _transpose(found, len(self.columns)))
@@ -606,7 +594,7 @@ class _Table:
         if block.translate(None, _PLAIN) != pattern * rows:
             return None
         large = self.text.size > (HEAD if self.text.compressed else LARGE)
-        parse = _parse_with_arrow if large and _pyarrow_csv() is not None else _parse_with_numpy
+        parse = _parse_with_arrow if large and has_pyarrow() else _parse_with_numpy
         try:
             arrays = parse(block, delimiter, dtypes)
         except ValueError:  # pyarrow's own is one
@@ -645,7 +633,7 @@ class _Table:
 
     def recording(self) -> Recording:
         """Return the recording."""
-        draft = Draft(self.source, self.request, notes=dict(self.layout.notes))
+        draft = Draft(self.request, notes=dict(self.layout.notes))
         channels, units = draft.channels, draft.units
         for column in self.columns:
             fault, made = column.fault(), column.channels()
@@ -673,7 +661,8 @@ class _Table:
             lengths = [sum(map(len, part)) for part in parts]
             channels["segment"] = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
         if self.request.channels and not channels:
-            raise MissingChannelError(self.request.channels[0], self.layout.header, self.source)
+            source = self.request.source
+            raise MissingChannelError(self.request.channels[0], self.layout.header, source)
         draft.losses = [
             f"{first} {what}; palpate skipped it"
             if count == 1
@@ -691,12 +680,11 @@ class _Table:
             encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
             draft.notes["encoding"] = encoding
         rows = _concatenate_numbers(self.rows)
-        recording = replace(
-            draft.done(rows), settings=self.layout.settings, table=self.layout.place
-        )
+        settings, place = self.layout.settings, self.layout.place
+        recording = replace(draft.done(rows), settings=settings, table=place)
         if draft.losses and not len(rows):
-            place = f"; {self.layout.place}" * bool(self.layout.place)
-            raise draft.error(f"no row can be read: {draft.losses[0]}{place}")
+            where = f"; {place}" * bool(place)
+            raise draft.error(f"no row can be read: {draft.losses[0]}{where}")
         return recording
 
 
@@ -722,7 +710,7 @@ def _concatenate_numbers(rows: Sequence[Sequence[int]]) -> Sequence[int]:
 
 
 def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
-    arrow, csv = import_module("pyarrow"), _pyarrow_csv()
+    arrow, csv = import_module("pyarrow"), import_module("pyarrow.csv")
     names = [str(k) for k in range(len(dtypes))]
     types = [arrow.float64() if dtype.kind == "f" else arrow.int64() for dtype in dtypes]
     table = csv.read_csv(
@@ -743,12 +731,3 @@ def _parse_with_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> li
         comments=None,
     )
     return [table[name].copy() for name in table.dtype.names or ()]
-
-
-@cache
-def _pyarrow_csv() -> Any:
-    """The module; None if it is not installed."""
-    try:
-        return import_module("pyarrow.csv")
-    except ImportError:
-        return None

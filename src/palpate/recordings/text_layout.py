@@ -162,16 +162,18 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         raise RecordingError(f"{source}: the file is empty; expected a header and samples")
     delimiter = separator or table.mark or _delimiter(body)
     commented = notes.pop("", None)  # the last comment line, which may be the header
-    header = _cells(body[0], delimiter, source, top + 1) if body else []
+    header = _names(body[0], delimiter) if body else []
     first = 1
     counted = [str(place) for place in range(len(header))]  # as pandas numbers unnamed columns
     if not table.named and (report or header not in (counted, ["", *counted[:-1]])):
-        header = _read_commented_header(
-            commented, header, "" if not body else delimiter, source, top
-        )
+        header = _read_commented_header(commented, header, delimiter if body else "")
         first = 0
     if not header:
         raise RecordingError(f"{source}: the file has only notes; expected a header and samples")
+    longest = max(map(len, header))
+    if longest > LONGEST_NAME:
+        words = f"row {top + first} is not a header: one of its cells has {longest} characters"
+        raise RecordingError(f"{source}: {words}")
     if first == 0 and header[0] == "column 1":
         notes["header"] = "none: the columns are numbered"
     if len(header) > MOST_COLUMNS:
@@ -249,11 +251,8 @@ def _largest_block(lines: Sequence[str], top: int) -> NumberBlock:
         alone = len(filled) == 1 and (divided or len(line) > LONGEST_NAME)
         if alone or _header_above(lines, filled[:1], best.mark, count, numbers) is not None:
             best.header, best.first, best.named = filled[0], filled[0] + 1, True
-    best.others = [
-        b.header + 1
-        for b in blocks.values()
-        if b is not best and b.named and b.rows > 2 and b.score
-    ]
+    tables = [each for each in blocks.values() if each.named and each.rows > 2 and each.score]
+    best.others = [each.header + 1 for each in tables if each is not best]
     return best
 
 
@@ -307,12 +306,9 @@ def _read_description(report: Iterable[str], delimiter: str, decimal: str) -> li
     """Names and values in lines of text, the latter with decimal points."""
     pairs = []
     for line in report:
-        mark = next(
-            (mark for mark in (delimiter, "\t", ";") if mark.strip(" ") and mark in line), ""
-        )
-        filled = [
-            cell.strip() for cell in (split_cells(line, mark) if mark else [line]) if cell.strip()
-        ]
+        marks = [each for each in (delimiter, "\t", ";") if each.strip(" ") and each in line]
+        cells = split_cells(line, marks[0]) if marks else [line]
+        filled = [cell.strip() for cell in cells if cell.strip()]
         if len(filled) == 1:
             filled = re.split(r":\s+|\s*=\s*", filled[0], maxsplit=1)
         value = " ".join(filled[1:])
@@ -323,18 +319,13 @@ def _read_description(report: Iterable[str], delimiter: str, decimal: str) -> li
     return pairs
 
 
+_RATES, _PERIODS = {"": 1.0, "Hz": 1.0, "kHz": 1e3}, {"": 1.0, **UNITS["time"]}
 _LENGTHS = UNITS["penetration"]
 _AREAS = {f"{unit}{square}": size**2 for unit, size in _LENGTHS.items() for square in ("²", "^2")}
 #: Words of settings that palpate uses, with their units in SI.
 _SETTINGS: dict[str, tuple[str, dict[str, float]]] = {
-    "(sampl|acqui|log|data|mess|abtast).*(rate|freq)|^fs$": (
-        "rate",
-        {"": 1.0, "Hz": 1.0, "kHz": 1e3},
-    ),
-    "(sampl|acqui|data|mess).*(interval|period)|^delta_x$": (
-        "interval",
-        {"": 1.0, **UNITS["time"]},
-    ),
+    "(sampl|acqui|log|data|mess|abtast).*(rate|freq)|^fs$": ("rate", _RATES),
+    "(sampl|acqui|data|mess).*(interval|period)|^delta_x$": ("interval", _PERIODS),
     "(tip|probe|indenter|ball|sphere).*radius": ("tip radius", _LENGTHS),
     "(tip|probe|indenter|ball|sphere).*diameter": ("tip diameter", _LENGTHS),
     "spring const|^k$": ("spring constant", {"N/m": 1.0, "mN/m": 1e-3, "N/mm": 1e3}),
@@ -352,9 +343,8 @@ def _read_setting(name: str, value: str) -> tuple[str, float] | None:
     """
     stated = find_unit(name) or ""
     bare = name.replace(stated, "").strip(" ()[],:_") if stated else name
-    setting, sizes = next(
-        (what for words, what in _SETTINGS.items() if re.search(words, bare, re.I)), ("", {})
-    )
+    fitting = (what for words, what in _SETTINGS.items() if re.search(words, bare, re.I))
+    setting, sizes = next(fitting, ("", {}))
     number = _VALUE.fullmatch(value)
     size = sizes.get(plain_unit(number[2] or stated), 0.0) if number else 0.0
     amount = size * float(number[1]) if number else 0.0
@@ -418,26 +408,14 @@ def _names(line: str, delimiter: str) -> list[str]:
     return [cell.replace("\0", " ").strip() for cell in split_cells(line, delimiter)]
 
 
-def _cells(line: str, delimiter: str, source: str, row: int) -> list[str]:
-    cells = _names(line, delimiter)
-    longest = max(map(len, cells), default=0)
-    if longest > LONGEST_NAME:
-        raise RecordingError(
-            f"{source}: row {row} is not a header: one of its cells has {longest} characters"
-        )
-    return cells
-
-
-def _read_commented_header(
-    commented: str | None, row: Sequence[str], delimiter: str, source: str, top: int
-) -> list[str]:
+def _read_commented_header(commented: str | None, row: Sequence[str], delimiter: str) -> list[str]:
     """The names in the last comment, as rostopic and NumPy write them; else numbered columns.
 
     In ``%time,field.x`` the sign belongs to the name, in ``# time, force`` it does not.
     """
     line = (commented or "").lstrip("# ")
     line = line.lstrip("% ") if line.startswith("% ") else line
-    names = _cells(line, delimiter or _delimiter([line]), source, top)
+    names = _names(line, delimiter or _delimiter([line]))
     if line and (len(names) == len(row) or (not row and len(names) > 1)):
         return names
     return [f"column {place}" for place in range(1, len(row) + 1)]

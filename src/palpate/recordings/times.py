@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
@@ -41,14 +41,11 @@ def iso_nanoseconds(cell: str) -> int | None:
     if found is None:
         return _since_midnight(cell)
     day, minute, second, fraction, _, sign, hours, minutes = found.groups()
+    offset = f"{sign}{hours}:{minutes or '00'}" if sign else "+00:00"
     try:
-        whole = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}+00:00")
+        past = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}{offset}") - _SINCE
     except ValueError:
         return None
-    if sign:
-        offset = timedelta(hours=int(hours), minutes=int(minutes or 0))
-        whole = whole - offset if sign == "+" else whole + offset
-    past = whole - _SINCE
     value = (past.days * 86_400 + past.seconds) * 10**9 + int((fraction or "").ljust(9, "0"))
     return value if abs(value) < 2**63 else None
 

@@ -16,7 +16,7 @@ from palpate._core import __version__
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import motion_band
-from palpate.recordings.table_files import has_parquet, write_columns
+from palpate.recordings.table_files import has_pyarrow, write_columns
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
 from palpate.results import view
@@ -143,8 +143,7 @@ def _tiles(result: Identified) -> Iterator[str]:
     for each in view.number_lines(result):
         mark = f" · {html.badge(each.mark)}" if each.mark is not None else ""
         head = escape(f"{each.name} {each.at}".rstrip())
-        words = "; ".join(filter(None, (each.reason, each.skew)))
-        below = f"<small>{escape(words)}</small>" if words else ""
+        below = f"<small>{escape(each.why)}</small>" if each.why else ""
         shown = f"<small>{head}{mark}</small><b>{escape(each.value)}</b>{below}"
         yield f'<div class="tile">{shown}</div>'
     yield "</div>"
@@ -241,7 +240,7 @@ class Destination:
 
     folder: Path
     inputs: Sequence[Path] = ()
-    trace: str = field(init=False, default_factory=lambda: TRACES[not has_parquet()])
+    trace: str = field(init=False, default_factory=lambda: TRACES[not has_pyarrow()])
 
     def __post_init__(self) -> None:
         try:

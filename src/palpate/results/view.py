@@ -17,7 +17,7 @@ import numpy as np
 
 from palpate.diagnosis import Quantity, WorkingDepth
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, rounded, with_error
+from palpate.digits import format_quantity, interval, percent, rough_percent, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
@@ -121,7 +121,8 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
     # The worst three places, or every segment between changes.
     shown = sort_by_verdict(places)[:3] or list(result.segments)
     yield from segment_table(replace(result, segments=tuple(shown)))
-    yield ViewSection("", headings=("", ""), rows=_fit_rows(result, names), prose=1)
+    more = ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")
+    yield ViewSection("", headings=("", ""), rows=[*fit_rows(result), more], prose=1)
 
 
 def identification_sections(
@@ -198,6 +199,25 @@ class NumberLine(NamedTuple):
     #: Change by 1 ms of skew, if it is large.
     skew: str = ""
 
+    @property
+    def why(self) -> str:
+        """Reason and skew."""
+        return "; ".join(filter(None, (self.reason, self.skew)))
+
+    def text(self, *, reasons: bool = True) -> str:
+        """Return it as one line, with its mark, and with ``why`` if ``reasons``."""
+        words = " ".join(filter(None, (self.name, self.value, self.at)))
+        if self.mark is None:
+            return words
+        why = self.why if reasons else ""
+        return f"{words} ({': '.join(filter(None, (spoken(self.mark), why)))})"
+
+
+def describe_place(depth: float, frequency: float = math.nan) -> str:
+    """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
+    often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
+    return f"at {format_quantity(depth, 'm')}{often}"
+
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
@@ -210,12 +230,13 @@ def number_lines(result: "Identified") -> list[NumberLine]:
         if k and math.isnan(quantity.value):
             lines.append(NumberLine(name, f"not given: {reasons[k]}", "", None))
             continue
-        at = f"at {format_quantity(at_depth.depth, 'm')}"
-        if math.isfinite(frequency) and (k or result.law.remembers):
-            at += f", {format_hertz(frequency)}"
+        at = describe_place(at_depth.depth, frequency if k or result.law.remembers else math.nan)
         value, skew = f"{format_number(quantity)} {unit}", _describe_skew(at_depth) if k else ""
         same = k and reasons[k] and reasons[k] == reasons[0]
         reason = "for the same reason" if same else reasons[k]
+        error, limit = quantity.whole_error, diagnosis.limits[k]
+        if limit is not None and limit.check is Check.PRECISION and quantity.value > 2.0 * error:
+            reason = f"± {rough_percent(error / quantity.value)}, {reason}"
         lines.append(NumberLine(name, value, at, marks[k], reason, skew))
     return lines
 
@@ -237,10 +258,9 @@ def verdict_section(result: "Identified") -> ViewSection:
         if each.mark is None:
             rows.append((each.name, _fold_sentence(each.value)))
             continue
-        words = "; ".join(filter(None, (each.reason, each.skew)))
         before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
-        beside = len(before) + len(spoken(each.mark)) + 2 + len(words) <= _FOLD[0]
-        after = (f": {words}" if beside else f"\n{_fold_sentence(words)}") if words else ""
+        beside = len(before) + len(spoken(each.mark)) + 2 + len(each.why) <= _FOLD[0]
+        after = (f": {each.why}" if beside else f"\n{_fold_sentence(each.why)}") if each.why else ""
         rows.append((each.name, Styled(spoken(each.mark), each.mark, before, after)))
     if remedy := result.diagnosis.remedy:
         rows.append(("next", _fold_sentence(remedy)))
@@ -281,8 +301,8 @@ def _sentence(words: str) -> str:
     return f"{words[:1].upper()}{words[1:]}{'' if words.endswith(('.', '?')) else '.'}"
 
 
-def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str]]:
-    """Compose the law's parameters, a line on the fit, the stated truth, and further commands."""
+def fit_rows(result: "Identified") -> list[tuple[str, str]]:
+    """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
     rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
         shown = (row for row in parameter_rows(result) if row.name != "relaxation_stiffness")
@@ -297,8 +317,7 @@ def _fit_rows(result: "Identified", names: Sequence[str]) -> list[tuple[str, str
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
     rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in derived]
-    rows = [(name, words) for name, words in rows if words]
-    return [*rows, ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")]
+    return [(name, words) for name, words in rows if words]
 
 
 def _parameter(result: "Identified", row: ParameterRow) -> str:
@@ -558,7 +577,7 @@ def format_percent(value: float) -> str:
 
 def format_share(value: float) -> str:
     """Format a fraction as a percentage; a dash if undefined."""
-    return "–" if math.isnan(value) else f"{value:.1%}"
+    return "–" if math.isnan(value) else percent(value)
 
 
 def format_with_prefix(quantity: Quantity, unit: str, *, as_of: float | None = None) -> str:
@@ -588,10 +607,7 @@ def _format_changes(stiffness: float, damping: float) -> str:
 def one_line(result: "Identified") -> str:
     """Describe the identification in a line: stiffness and damping, each with its mark."""
     name = Path(result.contact.source).name or "a contact"
-    numbers = (
-        f"{each.name} {each.value}" + (f" {each.at} ({spoken(each.mark)})" if each.mark else "")
-        for each in number_lines(result)
-    )
+    numbers = (each.text(reasons=False) for each in number_lines(result))
     return f"<Identification of {name} by {law_name(result)}: {', '.join(numbers)}>"
 
 

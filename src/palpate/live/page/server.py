@@ -3,7 +3,6 @@
 import asyncio
 import hmac
 import json
-import math
 import mimetypes
 import time
 from collections.abc import Callable, Mapping
@@ -11,7 +10,6 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, cast
-from urllib.parse import urlsplit
 
 from starlette.applications import Starlette
 from starlette.datastructures import MutableHeaders
@@ -30,7 +28,7 @@ from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
 from palpate.reports.html import DRAWINGS, STYLE
-from palpate.validation import finite_or_none, number_in, shown
+from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
 _MOST_PIECES = 16  # fragments of one message; a request has hundreds of bytes
@@ -48,7 +46,7 @@ class Served:
 
     Attributes
     ----------
-    clients : int
+    browsers : int
         Browsers connected now.
     turned_away : int
         Connections beyond the limit, or without a request within :data:`PATIENCE`.
@@ -62,7 +60,7 @@ class Served:
         Requests without the token, from another origin, with invalid options, or too many.
     """
 
-    clients: int = 0
+    browsers: int = 0
     turned_away: int = 0
     stalled: int = 0
     skipped: int = 0
@@ -178,7 +176,9 @@ class Gate:
         given = asked.query_params.get("token", "")
         origin, host = (asked.headers.get(name, "").lower() for name in ("origin", "host"))
         answer: ASGIApp = self.app
-        key = given or asked.cookies.get(_cookie_name(asked), "")
+        # Cookies are shared among the ports of a host.
+        cookie = f"{COOKIE}-{scope['server'][1]}"
+        key = given or asked.cookies.get(cookie, "")
         if self.token and not hmac.compare_digest(key.encode(), self.token.encode()):
             self.counted.refused += 1
             answer = WebSocketClose(1008) if socket else PlainTextResponse(_WITHOUT_TOKEN, 403)
@@ -188,7 +188,7 @@ class Gate:
         elif given and self.token is not None and not socket:
             # The cookie keeps the token, so it disappears from the address.
             answer = RedirectResponse("/", 303)
-            answer.set_cookie(_cookie_name(asked), given, httponly=True, samesite="strict")
+            answer.set_cookie(cookie, given, httponly=True, samesite="strict")
         await answer(scope, receive, send)
 
 
@@ -201,15 +201,6 @@ def _add_headers(send: Send) -> Send:
     return sending
 
 
-def _cookie_name(asked: HTTPConnection) -> str:
-    """Return the cookie's name with the port, because cookies are shared among a host's ports."""
-    host = asked.headers.get("host", "")
-    try:
-        return f"{COOKIE}-{urlsplit(f'//{host}').port or 80}"
-    except ValueError:
-        return COOKIE
-
-
 # Requests of a browser.
 
 MOST_BYTES = 4096  # per message
@@ -217,9 +208,10 @@ THINNINGS = (1, 2, 4, 8)
 MOST_COMMANDS = 20  # in a burst; then one per COMMAND_TIME
 COMMAND_TIME = 0.1  # s
 
-#: Requests to the page itself rather than the loop.
-VIEWS = ("depth", "every")
-_OPTIONS = {"hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",)}
+_OPTIONS = {
+    "hold": (), "resume": (), "reset": (), "tare": ("seconds",), "record": ("on",),
+    "depth": ("value",),
+}  # fmt: skip
 _SETTINGS = frozenset({*SWITCHES, *NUMBERS, *CHOICES, "forgetting_factor", "method"})
 
 
@@ -265,7 +257,9 @@ def build_command(name: str, options: dict[str, Any], loop: Mapping[str, Any]) -
         _only(options, *_OPTIONS[name])
         if name == "tare":
             options = {"seconds": number_in("seconds", options["seconds"], 0.01, 60.0)}
-        if name == "record":  # a browser must not choose the path
+        if name == "depth" and (depth := options["value"]) is not None:  # else the median
+            options = {"value": number_in("value", depth, 0.0, 10.0, open_low=True)}
+        if name == "record":
             options = {"on": bool(options["on"])}
     elif name == "estimator":
         if set(options) - _SETTINGS or "method" not in options:
@@ -361,7 +355,6 @@ class Server:
         self.watch, self._send = watch, send
         self.served = Served()
         self._text, self._version, self._over = "{}", 0, False
-        self._cached: dict[tuple[int, int, int, int, bool], bytes] = {}
         self._allowance = Allowance()
         known = {"channels": CHANNELS, "methods": default_settings(), "choices": CHOICES}
         self._hello = json.dumps({"kind": "hello", **known})
@@ -373,19 +366,13 @@ class Server:
         mimetypes.add_type("text/javascript", ".js")
         inner = Starlette(
             routes=[
-                Route("/", self._index),
-                Route("/look.css", self._look),
+                Route("/", lambda _: FileResponse(STATIC / "index.html")),
+                Route("/look.css", lambda _: Response(style_sheet(), media_type="text/css")),
                 WebSocketRoute("/socket", self._serve),
                 Mount("/static", StaticFiles(directory=STATIC)),
             ]
         )
         return Gate(inner, token, self.served)
-
-    async def _index(self, _: Any) -> Response:
-        return FileResponse(STATIC / "index.html")
-
-    async def _look(self, _: Any) -> Response:
-        return Response(style_sheet(), media_type="text/css")
 
     async def feed(self) -> None:
         """Read new rows and wake the clients, until the run has ended."""
@@ -398,27 +385,26 @@ class Server:
                 looked = now
                 self.watch.look()
                 self.watch.run.tell(asdict(self.served))
-                if self.served.clients or last:
+                if self.served.browsers or last:
                     page = self.watch.page(asdict(self.served), ended=last)
                     self._text = json.dumps({"kind": "page", **page})
                     self._version, self._over = self._version + 1, last
-            self._cached.clear()
             self._tick.set()
             self._tick = asyncio.Event()
             if last:
                 await asyncio.sleep(0.3)  # so that the last message arrives
                 return
             # Without clients, reading before the ring overflows is enough.
-            await asyncio.sleep(FRAME_TIME if self.served.clients else WORDS_TIME)
+            await asyncio.sleep(FRAME_TIME if self.served.browsers else WORDS_TIME)
 
     async def _serve(self, socket: WebSocket) -> None:
-        if self.served.clients >= MOST_CLIENTS:
+        if self.served.browsers >= MOST_CLIENTS:
             self.served.turned_away += 1
             await socket.accept()
             await socket.close(4429, f"{MOST_CLIENTS} browsers are connected already")
             return
         await socket.accept()
-        self.served.clients += 1
+        self.served.browsers += 1
         history = self.watch.history
         client = Client(socket, history.oldest, self.watch.recast, history.total)
         sending = asyncio.create_task(self._send_all(client))
@@ -426,7 +412,7 @@ class Server:
         try:
             await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
         finally:
-            self.served.clients -= 1
+            self.served.browsers -= 1
             for task in (sending, receiving):
                 task.cancel()
             await asyncio.gather(sending, receiving, return_exceptions=True)
@@ -483,13 +469,11 @@ class Server:
             client.next = newest
         first = max(client.next, history.oldest)
         until = min(first + MOST_ROWS * client.every, history.total)
-        key = (first, until, client.every, client.skipped, client.void)
-        if key not in self._cached:
-            self._cached[key] = history.frame(
-                first, until, every=client.every, dropped=client.skipped, void=client.void
-            )
+        frame = history.frame(
+            first, until, every=client.every, dropped=client.skipped, void=client.void
+        )
         client.next, client.skipped, client.void = until, 0, False
-        return self._cached[key]
+        return frame
 
     async def _receive_all(self, client: Client) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
@@ -513,8 +497,8 @@ class Server:
             self._tell(client, str(error))
             return
         try:
-            if name in VIEWS:
-                self._view(client, name, options)
+            if name == "every":
+                self._thin(client, options)
             else:
                 command = build_command(name, options, self.watch.loop)
                 self._allowance.spend()
@@ -527,17 +511,9 @@ class Server:
         if not client.answers:  # one pending answer is enough
             client.answers.append(json.dumps({"kind": "refused", "words": words[:300]}))
 
-    def _view(self, client: Client, name: str, options: dict[str, Any]) -> None:
+    def _thin(self, client: Client, options: dict[str, Any]) -> None:
         _only(options, "value")
         value = options["value"]
-        if name == "depth":
-            depth = math.nan  # the median depth of the motion
-            if value is not None:
-                depth = number_in("value", value, 0.0, 10.0, open_low=True)
-            self._allowance.spend()  # recomputes the whole history
-            self.watch.chosen_depth = depth
-            self._send(LiveCommand("depth", {"value": finite_or_none(depth)}))  # for the diagnosis
-            return
         if value not in THINNINGS or isinstance(value, bool):
             raise InvalidParameterError(f"value must be one of {THINNINGS}")
         client.every = int(value)

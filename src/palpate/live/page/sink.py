@@ -4,23 +4,21 @@ import asyncio
 import ipaddress
 import logging
 import os
+import re
 import secrets
 import select
 import socket
 import webbrowser
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from functools import partial
 from importlib.util import find_spec
 from multiprocessing.connection import Connection
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError
 from palpate.live.choices import LiveCommand
-from palpate.live.sinks import Session, print_line
+from palpate.live.sinks import Watching, print_line
 from palpate.validation import shown, whole_in
-
-if TYPE_CHECKING:
-    from uvicorn import Config
 
 PORT = 8765
 _BACKLOG = 64
@@ -95,23 +93,22 @@ class Page:
             raise InvalidParameterError("this Page was already used in a run: make a new one")
         return dict(self.__dict__)
 
-    def run(self, session: Session, commands: Connection) -> None:
+    def run(self, watching: Watching, commands: Connection) -> None:
         """Serve the page until the loop has stopped."""
         # Bad requests are counted and shown; a log of them could fill the disk.
         logging.getLogger("uvicorn").setLevel(logging.CRITICAL)
         logging.getLogger("websockets").setLevel(logging.CRITICAL)
-        asyncio.run(self._serve(session, commands))
+        asyncio.run(self._serve(watching, commands))
 
-    async def _serve(self, session: Session, commands: Connection) -> None:
-        from uvicorn import Config
+    async def _serve(self, watching: Watching, commands: Connection) -> None:
+        import uvicorn
 
         from palpate.live.page.server import MOST_BYTES, Server, protocols
         from palpate.live.page.watch import Watch
 
-        watch = Watch(session)
-        server = Server(watch, _sender(commands))
+        server = Server(Watch(watching), partial(_send, commands))
         http, websockets = protocols(server.served)
-        config = Config(
+        config = uvicorn.Config(
             server.app(self.token),
             http=http,
             ws=websockets,
@@ -123,50 +120,29 @@ class Page:
             server_header=False,
             timeout_graceful_shutdown=1,
         )
-        serving = asyncio.create_task(_quietly(config, self._socket))
+        accepting = uvicorn.Server(config)
+        serving = asyncio.create_task(accepting.serve([self._socket]))
         print_line(f"The page is at {self.url}")
         if self._open_browser:
             asyncio.get_running_loop().run_in_executor(None, webbrowser.open, self.url)
         try:
             await server.feed()
         finally:
-            serving.cancel()
-            with suppress(asyncio.CancelledError):
-                await serving
-            watch.run.close()
+            accepting.should_exit = True
+            await serving
 
 
-async def _quietly(config: "Config", listening: socket.socket) -> None:
-    """Serve until cancelled, without handling signals, which the loop's process does."""
-    from uvicorn import Server
-
-    class Quiet(Server):
-        @contextmanager
-        def capture_signals(self) -> Iterator[None]:
-            yield
-
-    server = Quiet(config)
-    running = asyncio.create_task(server.serve([listening]))
+def _send(commands: Connection, command: LiveCommand) -> None:
+    """Send a command to the loop; the page never waits for room."""
+    room = True
+    with suppress(OSError, ValueError):  # the loop has ended, or this is no file
+        room = bool(select.select([], [commands.fileno()], [], 0)[1])
+    if not room:
+        raise InvalidParameterError("the loop does not respond: try again")
     try:
-        await asyncio.shield(running)
-    finally:
-        server.should_exit = True
-        await running
-
-
-def _sender(commands: Connection) -> Any:
-    def send(command: LiveCommand) -> None:
-        room = True
-        with suppress(OSError, ValueError):  # the loop has ended, or this is no file
-            room = bool(select.select([], [commands.fileno()], [], 0)[1])
-        if not room:  # the page never waits
-            raise InvalidParameterError("the loop does not respond: try again")
-        try:
-            commands.send(command)
-        except OSError:
-            raise InvalidParameterError("the loop has ended") from None
-
-    return send
+        commands.send(command)
+    except OSError:
+        raise InvalidParameterError("the loop has ended") from None
 
 
 def _listening(host: str, port: int) -> socket.socket:
@@ -198,8 +174,8 @@ def token_for(address: str, token: str | None) -> str | None:
     if token is None:
         loopback = ipaddress.ip_address(address.partition("%")[0]).is_loopback
         return None if loopback else secrets.token_urlsafe(24)
-    letters = token.replace("-", "").replace("_", "") if isinstance(token, str) else ""
-    if not (letters.isascii() and letters.isalnum() and len(token) >= _SHORTEST_TOKEN):
+    letters = rf"[A-Za-z0-9_-]{{{_SHORTEST_TOKEN},}}"
+    if not (isinstance(token, str) and re.fullmatch(letters, token)):
         raise InvalidParameterError(
             f"token must have at least {_SHORTEST_TOKEN} letters, digits, - or _"
         )

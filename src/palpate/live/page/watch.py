@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
-from palpate.live.console import ShownDepth
+from palpate.live.console import ShownDepth, read_numbers
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
-from palpate.live.sinks import PLACE, Session, Watching, unpack_parameters, why_undiagnosed
-from palpate.live.view import certainty, describe_change, fact_texts, law_numbers, view_texts
-from palpate.validation import Floats, plain
+from palpate.live.sinks import PLACE, Watching, unpack_parameters, why_undiagnosed
+from palpate.live.view import LiveVerdict, Numbers, describe_change, fact_texts, view_texts
+from palpate.validation import Floats, or_nan, plain
 
 #: Channels of a frame, after the time, in this order.
 CHANNELS = (
@@ -32,6 +32,7 @@ _ERRORS = slice(8 + MOST_PARAMETERS, 8 + 2 * MOST_PARAMETERS)
 _AS_THEY_ARE = [PLACE[name] for name in ("penetration", "velocity", "force", "predicted_force")]
 _LAST = [PLACE[name] for name in ("margin", "state", "lateness")]
 _RESPONSE = slice(len(COLUMNS), len(COLUMNS) + 4)  # in the rows of a history, after the ring's
+_UNKNOWN = math.nan, math.nan
 _LARGEST = 3.4e38  # limit of a float32; larger values are not drawn
 
 
@@ -40,67 +41,17 @@ def column(rows: Floats, name: str) -> Floats:
     return rows[:, PLACE[name]]
 
 
-def stiffness_and_damping(
-    law: type[ForceLaw], parameters: Floats, covariance: Floats, depth: float
-) -> Floats:
-    """Return stiffness and damping of many estimates at a depth, with their standard errors.
+def compute_channels(rows: Floats, law: type[ForceLaw] | None) -> NDArray[np.float32]:
+    """Return rows of a :class:`History` as :data:`CHANNELS`, shape (channels, k).
 
-    The errors are from the delta method, √(gᵀ C g), as in :meth:`palpate.Estimate.stiffness_at`;
-    the gradient is a central difference over a hundredth of a standard error.
-
-    Returns
-    -------
-    numpy.ndarray, shape (4, k)
-        Stiffness, its error, damping, its error; SI.
-    """
-    count, size = parameters.shape
-    if not depth > 0.0:
-        return np.full((4, count), np.nan)
-    with np.errstate(all="ignore"):  # an initial estimate may have infinite errors
-        errors = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
-        steps = np.where((errors > 0.0) & np.isfinite(errors), 0.01 * errors, 1.0)
-        moves = steps[:, None, :] * np.eye(size)
-        # The estimates, then each of them with one parameter moved up and down.
-        moved = parameters[:, None, :] + np.stack([moves, -moves])
-        every = np.concatenate([parameters, moved.reshape(-1, size)])
-        found = np.empty((4, count))
-        for place, values in enumerate(law.many_at(every, depth)):
-            up, down = values[count:].reshape(2, count, size)
-            gradient = (up - down) / (2.0 * steps)
-            variance = np.einsum("ki,kij,kj->k", gradient, covariance, gradient)
-            found[2 * place] = values[:count]
-            found[2 * place + 1] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
-    return found
-
-
-def compute_channels(rows: Floats, law: type[ForceLaw] | None, depth: float) -> NDArray[np.float32]:
-    """Return rows of the ring as :data:`CHANNELS`, shape (channels, k).
-
-    Parameters
-    ----------
-    rows : numpy.ndarray, shape (k, columns)
-        Rows as the loop wrote them, or of :class:`History`.
-    law : type, optional
-        The estimator's force law; if unknown, stiffness and damping are NaN.
-    depth : float
-        Working depth, m; NaN if not known yet.
+    ``law`` is the estimator's force law, if it is known.
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
-    found[0:4] = rows[:, _AS_THEY_ARE].T
+    found[0:4], found[4:8] = rows[:, _AS_THEY_ARE].T, rows[:, _RESPONSE].T
     parameters, errors, _ = unpack_parameters(rows, MOST_PARAMETERS)
     found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
     if law is GeneralisedHuntCrossley:  # parameters that its law lacks are not drawn
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
-    if law is not None and law.relaxes:  # its parameters alone do not tell them
-        numbers = rows[:, _RESPONSE].T
-        found[4 : 4 + len(numbers)] = numbers
-    elif law is not None and math.isfinite(depth):
-        number, first = column(rows, "estimate"), np.ones(len(rows), dtype=bool)
-        first[1:] = number[1:] != number[:-1]  # compute each estimate's values once
-        parameters, _, covariance = unpack_parameters(rows[first], len(law.symbols))
-        found[4:8] = stiffness_and_damping(law, parameters, covariance, depth)[
-            :, np.cumsum(first) - 1
-        ]
     found[-3:] = rows[:, _LAST].T
     found[~(np.abs(found) < _LARGEST)] = np.nan
     return found.astype("<f4")
@@ -136,7 +87,7 @@ class History:
         wanted = math.ceil(1.2 * SHOWN / max(sample_time, 1e-6))
         self._most = min(max(wanted, _LEAST_KEPT), _MOST_KEPT)
         self._rows = np.empty((2 * self._most, _RESPONSE.stop))
-        #: K′, its error, B′ and its error for the next rows, by a law that relaxes.
+        #: K′, its error, B′ and its error for the next rows.
         self.response: Floats = np.full(4, np.nan)
         self._end = self.total = self.begins = 0
         self._law: type[ForceLaw] | None = None
@@ -220,7 +171,7 @@ class History:
         offset = self._end - self.total
         first = first + (-first) % every
         rows = self._rows[offset + first : offset + until : every]
-        found, wrote = compute_channels(rows, self._law, self._depth), column(rows, "method")
+        found, wrote = compute_channels(rows, self._law), column(rows, "method")
         # Rows of an estimator of another law show only the channels that need no law.
         void_rows = ~np.isin(wrote, self._generations)
         void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line between two estimators
@@ -234,11 +185,12 @@ class History:
 ALIVE = 2.0  # s: the loop writes its status four times a second
 MOST_CHANGES = 20
 _CURVE = 33  # points of the quasi-static curve
+_RECOMPUTED = 300  # responses: 30 a second, some 0.1 ms each
 _NOTICED = 0.1  # s: a change is noticed within some tens of samples
 
 
 class Watch:
-    """State of the run of a session, and the page's text about it.
+    """State of a run, and the page's text about it.
 
     Attributes
     ----------
@@ -250,13 +202,11 @@ class Watch:
         How often the history was recomputed; every client then receives it again.
     """
 
-    def __init__(self, session: Session) -> None:
-        self.run = Watching(session)
-        self.loop = self.run.status()
-        self.history = History(1e-3)
-        self._begun = False
+    def __init__(self, run: Watching) -> None:
+        self.run, self.loop = run, run.status()
+        self.history = History(self.loop["sample_time"])
         self.recast = 0
-        self.depth = self.chosen_depth = math.nan
+        self.depth = math.nan
         self.changes: deque[dict[str, Any]] = deque(maxlen=MOST_CHANGES)
         self._law: type[ForceLaw] | None = None
         self._shown = ShownDepth()
@@ -264,55 +214,36 @@ class Watch:
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
         self._sign, self._moved = (-1, -1), time.monotonic()
-        self._verdict: dict[str, Any] | None = None
+        self._verdict: LiveVerdict | None = None
+        self._by_verdict: Numbers = {}
         self._noticed = 0  # changes of the material
 
     def take(self) -> None:
         """Read the rows that the loop wrote since the last call."""
-        if not self._begun and not self._begin():
-            return
-        rows = self.run.take().rows
+        rows = self.run.take()
         if len(rows):
             first = self.history.total
+            self.history.response = self._response(rows[-1:])
             self.history.add(rows, float(self.loop.get("delay") or 0.0))
             self._shown.see(rows)
             self._note_changes(rows, first)
 
-    def _begin(self) -> bool:
-        """Allocate the history as soon as the loop reports its sample time."""
-        self._read()
-        sample_time = self.loop.get("sample_time")
-        if sample_time:
-            self.history, self._begun = History(float(sample_time)), True
-            self._moved = time.monotonic()
-        return self._begun
-
     def look(self) -> None:
         """Read the statuses and choose the depth, a few times a second."""
-        self._read()
+        self.loop = self.run.status()
+        self._law = FORCE_LAWS.get(self.loop["law"]["kind"])
         # Differs as soon as the loop has written anything.
         sign = self.run.shared_json.version, self.run.reader.samples.count
         if sign != self._sign:
             self._sign, self._moved = sign, time.monotonic()
-        chosen = math.isfinite(self.chosen_depth)
-        self.depth = self.chosen_depth if chosen else self._shown.value
-        generation = float(self.loop.get("generation", math.nan))
-        if self.history.show(self._law, self.depth, generation):
+        self.depth = or_nan(self.loop.get("depth") or self._shown.value)
+        if self.history.show(self._law, self.depth, float(self.loop["generation"])):
             self.recast += 1
-        row, found = self.run.reader.now(), dict[str, tuple[float, float]]()
+            self._recompute()
+        row = self.run.reader.now()
         arrived = float(column(row, "arrived")[0]) if len(row) else math.nan
         self._verdict = self._shown.verdict(self.loop, arrived, self.depth)
-        # The status reports a change of material only a little later.
-        late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
-        if self._verdict and len(row) and self._knows(column(row, "method")[0]) and not late:
-            found = law_numbers(self._verdict)
-        both = [found.get(name, (math.nan, math.nan)) for name in ("stiffness", "damping")]
-        self.history.response = np.ravel(both)
-
-    def _read(self) -> None:
-        self.loop = self.run.status() or self.loop
-        law = self.loop.get("law") or {}
-        self._law = FORCE_LAWS.get(law.get("kind", ""))
+        self._by_verdict = self._verdict.numbers() if self._verdict else {}
 
     def _note_changes(self, rows: Floats, first: int) -> None:
         """Remember when the material changed, and the estimates before and after."""
@@ -336,6 +267,21 @@ class Watch:
         if self.changes and len(same):
             self.changes[-1]["after"] = self._row_numbers(same[-1:], self._changed_law)
 
+    def _response(self, row: Floats) -> Floats:
+        """Return stiffness and damping at the depth, each with its error, from the newest row."""
+        # The status reports a change of material only a little later.
+        late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
+        law, found = self._law, dict[str, tuple[float, float]]()
+        if law is not None and self._knows(float(column(row, "method")[0])) and not late:
+            found = self._by_verdict if law.relaxes else read_numbers(row, law, self.depth)
+        return np.ravel([found.get(name, _UNKNOWN) for name in ("stiffness", "damping")])
+
+    def _recompute(self) -> None:
+        """Compute the response in the rows kept again; that of a law that relaxes is not known."""
+        if self._law is not None and not self._law.relaxes:
+            for part in np.array_split(self.history.rows(), _RECOMPUTED):
+                part[:, _RESPONSE] = self._response(part[-1:]) if len(part) else math.nan
+
     def _knows(self, generation: float) -> bool:
         """Whether the status already describes this estimator."""
         return generation == self.loop.get("generation")
@@ -344,13 +290,9 @@ class Watch:
         """Return a row's parameters, stiffness and damping at depth, with standard errors."""
         if law is None or not len(row):
             return {}
-        parameters, errors, covariance = unpack_parameters(row, len(law.symbols))
-        if law.relaxes:  # a row of the ring is the present one
-            stiffness = [*row[0, _RESPONSE].tolist(), *self.history.response.tolist()][:4]
-        else:
-            stiffness = stiffness_and_damping(law, parameters, covariance, self.depth)[
-                :, 0
-            ].tolist()
+        parameters, errors, _ = unpack_parameters(row, len(law.symbols))
+        # A row of the ring is the present one.
+        stiffness = [*row[0, _RESPONSE].tolist(), *self.history.response.tolist()][:4]
         # Parameters that the preferred law lacks.
         void = (errors == 0.0) & (law is GeneralisedHuntCrossley)
         return {
@@ -364,13 +306,8 @@ class Watch:
         """Return the present stiffness and damping at the depth and frequency of the diagnosis."""
         depth, law = diagnosis["working_depths"][0]["depth"], self._law
         if self._verdict:
-            frequency = diagnosis["frequency"]
-            return law_numbers({**self._verdict, "depth": depth, "frequency": frequency})
-        if law is None or law.relaxes:
-            return {}
-        parameters, _, covariance = unpack_parameters(row, len(law.symbols))
-        values = stiffness_and_damping(law, parameters, covariance, depth)[:, 0].tolist()
-        return {"stiffness": values[:2], "damping": values[2:]}
+            return self._verdict.at(depth, or_nan(diagnosis["frequency"])).numbers()
+        return {} if law is None or law.relaxes else read_numbers(row, law, depth)
 
     def _curve(self, row: Floats) -> dict[str, Any]:
         """Return the quasi-static force over the penetrations that are shown."""
@@ -402,14 +339,12 @@ class Watch:
         if now and diagnosis.get("numbers") and not why_undiagnosed(diagnosis, self.loop):
             now |= self._where_diagnosed(row, diagnosis)
         # The motion's frequency, from the loop's law or the last diagnosis.
-        frequency = (verdict or diagnosis).get("frequency")
-        chosen = math.isfinite(self.chosen_depth)
-        sure = None
-        if verdict:
-            sure = {"certainty": certainty(verdict)}
+        frequency = verdict.law.frequency if verdict else diagnosis.get("frequency")
+        chosen = self.loop.get("depth") is not None
+        sure = {"certainty": verdict.certainty} if verdict else None
         # Alive if it has written anything lately, or still opens its source.
-        alive = not self._begun or time.monotonic() - self._moved < ALIVE
-        state = self.loop.get("state", "none") if alive and not ended else "dead"
+        alive = self.loop["state"] == "none" or time.monotonic() - self._moved < ALIVE
+        state = self.loop["state"] if alive and not ended else "dead"
         if ended and self.loop.get("stopped"):
             state = "ended"
         page: dict[str, Any] = {

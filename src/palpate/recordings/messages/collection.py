@@ -4,6 +4,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass, field
 from functools import partial
 
+from palpate.errors import list_names
 from palpate.recordings.messages.layout import (
     UndecodableError,
     message_fields,
@@ -77,9 +78,7 @@ class Collection(Draft):
         return topic
 
     def lost(self, sentence: str) -> None:
-        """Report an unreadable part; raise RecordingError if the request is strict."""
-        if self.request.strict:
-            raise self.error(f"{sentence}; drop --strict to use the rest of the file")
+        """Report an unreadable part, once."""
         if sentence not in self.losses:
             self.losses.append(sentence)
 
@@ -103,7 +102,7 @@ class Collection(Draft):
                 self.types[topic.name] = topic.type_name
         unread = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
         if unread:
-            self.omit(NOT_ASKED, _few(unread))
+            self.omit(NOT_ASKED, list_names(sorted(unread)))
         self._check(list(self.channels))
         self.request.report(1.0)
         return self.done()
@@ -123,7 +122,7 @@ class Collection(Draft):
             asked = "" if self.request.channels is None else " that were requested"
             self.omissions.append(f"{what} holds no numbers{asked}")
         if topic.found and topic.skipped:
-            self.omit(topic.name, f"palpate skips long lists: {_few(topic.skipped)}")
+            self.omit(topic.name, f"palpate skips long lists: {list_names(sorted(topic.skipped))}")
 
     def _add(self, above: str, found: Found) -> None:
         names = {path: f"{above}.{path}" for path in found.columns}
@@ -151,10 +150,7 @@ class Collection(Draft):
                     self.units.setdefault(name, unit)
             if len(frame) == 1 and frame[0]:
                 self.frames[name] = frame[0]
-        self._moving(above, names, found)
-
-    def _moving(self, above: str, names: dict[str, str], found: Found) -> None:
-        """Note the child frame of a transform; velocities of an odometry are in it."""
+        # The child frame of a transform; velocities of an odometry are in it.
         moving = found.frames.get("child_frame_id", [])
         if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf: it is in the name
             return
@@ -171,17 +167,11 @@ class Collection(Draft):
                 there = sorted({topic.name for topic in self._topics.values()})
                 why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
                 reason = f"{wanted!r} has no readable numbers" + "".join(f" ({w})" for w in why[:1])
-                raise self.error(f"{reason}; available topics: {_few(there)}")
+                raise self.error(f"{reason}; available topics: {list_names(there)}")
         if not names:
             words = ". ".join(["readable numbers", *[*self.losses, *self.omissions][:2]])
             remedy = "record a topic with the force and one with the position"
             raise self.error(f"no topic has {words}; {remedy}")
-
-
-def _few(names: set[str] | list[str]) -> str:
-    shown = sorted(names)
-    more = f" and {len(shown) - 10} more" if len(shown) > 10 else ""
-    return ", ".join(shown[:10]) + more
 
 
 def _find_unit(type_name: str, field: str) -> str | None:

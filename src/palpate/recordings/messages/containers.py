@@ -5,7 +5,6 @@ each channel, which decodes them block by block.
 """
 
 import bz2
-import itertools
 import re
 import shutil
 import sqlite3
@@ -45,10 +44,8 @@ _LZ4 = b"\x04\x22\x4d\x18"
 _MAGIC = b"\x89MCAP0\r\n"
 _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
 _BATCH = 8 << 20  # bytes of messages from rosbags collected before they are decoded
-_LONGEST_NOTE = 300  # characters
 _LENGTH = struct.Struct("<Q").unpack_from
 _HIGHEST_RATIO = 2000  # size of unpacked chunks over the file; time stamps alone prevent more
-_MOST_DESCRIBED = 10_000  # schemas, channels and metadata; more are a bomb
 _BEFORE = 9  # bytes of kind and length at the start of an MCAP record
 # The header of an MCAP message: kind, length, channel, number, log time, publish time.
 _HEAD = np.dtype("u1, <i8, <u2, <u4, <i8, <u8")
@@ -70,7 +67,7 @@ def read(path: Path, request: Request) -> Recording:
         The file cannot be read, was not closed (ROS 1 and SQLite bags), or holds no numbers; or it
         is damaged and the request is strict.
     """
-    collection = Collection(printable(path), request)
+    collection = Collection(request)
     folder = path.parent if path.name == METADATA else path
     if folder.is_dir():
         _read_folder(folder, collection)
@@ -131,9 +128,8 @@ def _read_file(path: Path, collection: Collection, part: tuple[float, float]) ->
             begin = file.read(16)
         reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
         if reader is None:
-            raise RecordingError(
-                f"{printable(path)}: this is not a bag or an MCAP file; check what wrote it"
-            )
+            words = f"{printable(path.name)} is not a bag or an MCAP file; check what wrote it"
+            raise collection.error(words)
         for fraction in reader(plain, collection):
             collection.request.report(part[0] + (part[1] - part[0]) * fraction)
 
@@ -160,13 +156,11 @@ def _unpack_file(path: Path, collection: Collection) -> Iterator[Path]:
 
 def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
     bag = Rosbag1(path)
-    try:
+    what = "the bag was not closed by its recorder or is damaged"
+    remedy = f"close it with: rosbag reindex {collection.request.source}"
+    # rosbags may raise anything on a damaged file.
+    with collection.request.explain_damage(what, remedy, (Exception,)):
         bag.open()
-    except Exception as error:  # rosbags may raise anything on a damaged file
-        raise collection.error(
-            f"the bag was not closed by its recorder or is damaged ({first_line(error)}); close it "
-            f"with: rosbag reindex {printable(path)}"
-        ) from None
     unpack = partial(_unpack_bag_chunk, request=collection.request)
     bag.chunks = {at: each._replace(decompressor=unpack) for at, each in bag.chunks.items()}
     with closing(bag):
@@ -224,27 +218,21 @@ def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
 def _read_closed_sqlite(path: Path, collection: Collection) -> Iterator[float]:
     # rosbags converts the path to a URI, in which ?, # and % have other meanings.
     bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
-    try:
-        bag.open()
-    except Exception as error:
-        why = f"{printable(path.name)} is an SQLite file, but "
-        if isinstance(error, ReaderError):
+    why = f"{printable(path.name)} is an SQLite file, but "
+    remedy = "copy it again, or recover it with: sqlite3 FILE .recover"
+    with collection.request.explain_damage(f"{why}damaged or cut off", remedy, (Exception,)):
+        try:
+            bag.open()
+        except ReaderError:
             raise collection.error(f"{why}not a ROS 2 bag; check what wrote it") from None
-        raise collection.error(
-            f"{why}damaged or cut off ({first_line(error)}); copy it again, or recover it with: "
-            "sqlite3 FILE .recover"
-        ) from None
     with closing(bag):
         assert bag.dbconn is not None
         most = min(collection.request.largest_block, (1 << 31) - 1)
         bag.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, most)
-        kinds = {
-            each.id: (
-                str(getattr(each.ext, "serialization_format", "cdr")),
-                "ros2idl" if each.msgdef.format.name == "IDL" else "ros2msg",
-            )
-            for each in bag.connections
-        }
+        kinds = {}
+        for each in bag.connections:
+            form = "ros2idl" if each.msgdef.format.name == "IDL" else "ros2msg"
+            kinds[each.id] = str(getattr(each.ext, "serialization_format", "cdr")), form
         found = bag.messages(bag.connections)
         total = bag.metadata.message_count
         yield from _read_rosbags(bag.connections, kinds, found, total, collection)
@@ -300,8 +288,8 @@ def _until_damaged(
             else:
                 bad += 1
     except apsw.TooBigError:
-        size, most = (collection.request.largest_block,) * 2
-        collection.lost(f"palpate reads the bag up to a message: {excess('it needs', size, most)}")
+        most = collection.request.largest_block
+        collection.lost(f"palpate reads the bag up to a message: {excess('it needs', most, most)}")
     except Exception as error:  # rosbags may raise anything on a damaged file
         collection.lost(f"the bag is damaged; palpate reads it up to there: {first_line(error)}")
     if bad:
@@ -318,7 +306,6 @@ class _Mcap:
         self.topics: dict[int, Topic] = {}
         self.messages = 0
         self.unpacked = 0  # bytes of chunks
-        self.described = set[int]()  # schemas, channels and metadata
         self.unknown = 0  # messages of channels without a channel record
         self.claimed: int | None = None  # the number of messages that the file states
         self.ended = False
@@ -349,33 +336,22 @@ class _Mcap:
                 position += end
                 yield position / size
         if not self.ended:
-            self._lost(
-                f"the file is cut off (the recorder was probably killed) or damaged at byte "
-                f"{position}: palpate uses the {self.messages} messages before it"
-            )
+            what = f"is cut off (the recorder was probably killed) or damaged at byte {position}"
+            self._lost(f"the file {what}: palpate uses the {self.messages} messages before it")
         if self.unknown:
             self._lost(f"{self.unknown} messages are on channels that the file does not describe")
         if self.claimed is not None and self.claimed != self.messages:
             self._lost(f"it lists {self.claimed} messages, but {self.messages} were read")
 
     def _take(self, data: bytes, starts: list[int], end: int) -> None:
-        """Process complete records in order."""
+        """Process complete records, the messages last: what describes them precedes them."""
         view, begins = np.frombuffer(data, np.uint8), np.array(starts, np.int64)
         sizes = np.diff(begins, append=end)
         kinds = view[begins]
+        for k in np.flatnonzero(_IS_OTHER[kinds]).tolist():
+            self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
         is_message = (kinds == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
-        others = np.flatnonzero(_IS_OTHER[kinds]).tolist()
-        first = 0
-        # Not a list: a chunk among them may hold records that the summary after it repeats.
-        new = (k for k in others if self._is_new(data[starts[k] : starts[k] + sizes[k]]))
-        for k in itertools.chain(new, [len(starts)]):
-            # A schema or channel precedes its messages; chunks may lie between single messages.
-            if k > first:
-                which = is_message[first:k]
-                self._messages(view, begins[first:k][which], sizes[first:k][which])
-            if k < len(starts):
-                self._other(data[starts[k]], data[starts[k] + _BEFORE : starts[k] + sizes[k]])
-            first = k + 1
+        self._messages(view, begins[is_message], sizes[is_message])
 
     def _messages(self, view: Bytes, begins: Starts, sizes: Starts) -> None:
         if not len(begins):
@@ -390,14 +366,6 @@ class _Mcap:
             lengths = sizes[which] - _HEAD.itemsize
             times = heads["f4"][which].astype(np.int64)
             self.topics[channel].add(Block(view, begins[which] + _HEAD.itemsize, lengths, times))
-
-    def _is_new(self, record: bytes) -> bool:
-        """Whether a description is not a repetition, nor one of too many; each splits a block."""
-        if record[0] in (Opcode.CHUNK, Opcode.FOOTER):
-            return True
-        new = hash(record) not in self.described and len(self.described) < _MOST_DESCRIBED
-        self.described.add(hash(record))
-        return new
 
     def _other(self, kind: int, data: bytes) -> None:
         self.ended = self.ended or kind == Opcode.FOOTER
@@ -418,48 +386,38 @@ class _Mcap:
             self.claimed = record.message_count
         elif isinstance(record, mcap.Metadata):
             for name, words in record.metadata.items():
-                self._note(f"{record.name}.{name}" if record.name else name, words)
+                own = f"{record.name}.{name}" if record.name else name
+                self.collection.note(one_line(own), words)
         else:
             maker = (record.profile, record.library)
-            self._note("written as", " by ".join(each for each in maker if each))
+            self.collection.note("written as", " by ".join(filter(None, maker)))
 
     def _chunk(self, chunk: mcap.Chunk) -> None:
+        request = self.collection.request
+        most = max(request.largest_block, _HIGHEST_RATIO * self.path.stat().st_size)
         try:
-            self.collection.request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
+            request.check_block(max(chunk.uncompressed_size, len(chunk.data)))
             self.unpacked += chunk.uncompressed_size
-            self._check_unpacked()
+            if self.unpacked > most:  # far more than any recording has
+                self.ended = True
+                raise ValueError(excess("this and all before need", self.unpacked, most))
             data = _unpack_mcap_chunk(chunk)
             starts, end = _whole_records(data)
             if end != chunk.uncompressed_size:
                 raise ValueError("it is shorter than stated")
         except Exception as error:  # mcap and the decompressors may raise anything
             first, last = chunk.message_start_time / 1e9, chunk.message_end_time / 1e9
-            self._lost(
-                f"a chunk of {last - first:.3g} s from {first:.3f} s on cannot be read: "
-                f"{first_line(error)}"
-            )
+            what = f"a chunk of {last - first:.3g} s from {first:.3f} s on"
+            self._lost(f"{what} cannot be read: {first_line(error)}")
         else:
             self._take(data, starts, end)
-
-    def _check_unpacked(self) -> None:
-        """Raise if all chunks together unpack to far more bytes than any recording has."""
-        request, size = self.collection.request, self.path.stat().st_size
-        most = max(request.largest_block, _HIGHEST_RATIO * size)
-        if self.unpacked > most:
-            self.ended = True
-            raise ValueError(excess("this and all before need", self.unpacked, most))
 
     def _channel(self, channel: mcap.Channel) -> None:
         if channel.id in self.topics:  # repeated in another chunk or in the summary
             return
         schema = self.schemas.get(channel.schema_id) or mcap.Schema(0, b"", "", "")
-        self.topics[channel.id] = self.collection.topic(
-            channel.topic, schema.name, channel.message_encoding, schema.encoding, schema.data
-        )
-
-    def _note(self, name: str, words: str) -> None:
-        if len(words) <= _LONGEST_NOTE:
-            self.collection.notes[one_line(name)] = one_line(" ".join(words.split()))
+        form = channel.message_encoding, schema.encoding, schema.data
+        self.topics[channel.id] = self.collection.topic(channel.topic, schema.name, *form)
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{printable(self.path.name)}: {sentence}")

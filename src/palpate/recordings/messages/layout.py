@@ -450,29 +450,21 @@ class _Walk:
             self.entity.leaves[path] = TimeAt(*parts)
 
     def _many(self, many: Many, path: str, names: list[str]) -> None:
-        count = self._count(many)
-        element = many.element
-        begin = self.position
-        if isinstance(element, Number) and (count > LONGEST_LIST or self.quiet):
-            if count:
-                self._take(element.size, count)
-            self._skip_field(path, begin)
-            return
+        count, element, begin = self._count(many), many.element, self.position
         transforms = isinstance(element, Group) and element.name == TRANSFORM
         long = count > (MOST_TRANSFORMS if transforms else LONGEST_LIST)
         self.quiet += long
-        for k in range(count):
-            if transforms and not self.quiet:
-                self._transform(element)
-                continue
-            index = names[k] if len(names) == count else str(k)
-            self._field(element, f"{path}[{index}]", [])
+        if isinstance(element, Number) and self.quiet and count:
+            self._take(element.size, count)
+        else:
+            for k in range(count):
+                if transforms and not self.quiet:
+                    self._transform(element)
+                    continue
+                index = names[k] if len(names) == count else str(k)
+                self._field(element, f"{path}[{index}]", [])
         self.quiet -= long
-        if long:
-            self._skip_field(path, begin)
-
-    def _skip_field(self, path: str, begin: int) -> None:
-        if not self.quiet:
+        if long and not self.quiet:
             self.layout.skipped[path] = self.position - begin
 
     def _transform(self, group: Field) -> None:

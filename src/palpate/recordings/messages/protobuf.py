@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
+from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError
 from numpy.typing import NDArray
 
@@ -110,13 +111,11 @@ def _whole(digits: str) -> int | float:
 
 # Protobuf messages, decoded by the protobuf package; one field over many messages is a column.
 
-_Kind = descriptor_pb2.FieldDescriptorProto
 _DTYPES = {
-    _Kind.TYPE_DOUBLE: "f8", _Kind.TYPE_FLOAT: "f4", _Kind.TYPE_BOOL: "b1", _Kind.TYPE_ENUM: "i4",
-    **dict.fromkeys((_Kind.TYPE_INT64, _Kind.TYPE_SINT64, _Kind.TYPE_SFIXED64), "i8"),
-    **dict.fromkeys((_Kind.TYPE_INT32, _Kind.TYPE_SINT32, _Kind.TYPE_SFIXED32), "i4"),
-    **dict.fromkeys((_Kind.TYPE_UINT64, _Kind.TYPE_FIXED64), "u8"),
-    **dict.fromkeys((_Kind.TYPE_UINT32, _Kind.TYPE_FIXED32), "u4"),
+    FieldDescriptor.CPPTYPE_DOUBLE: "f8", FieldDescriptor.CPPTYPE_FLOAT: "f4",
+    FieldDescriptor.CPPTYPE_INT64: "i8", FieldDescriptor.CPPTYPE_INT32: "i4",
+    FieldDescriptor.CPPTYPE_UINT64: "u8", FieldDescriptor.CPPTYPE_UINT32: "u4",
+    FieldDescriptor.CPPTYPE_ENUM: "i4", FieldDescriptor.CPPTYPE_BOOL: "b1",
 }  # fmt: skip
 _TIMES = ("google.protobuf.Timestamp", "google.protobuf.Duration")
 _FRAMES = ("frame_id", "parent_frame_id", "child_frame_id")
@@ -218,8 +217,8 @@ class ProtobufTopic(ObjectTopic):
     ) -> Iterator[tuple[str, Starts, NDArray[Any]]]:
         if not values:
             return
-        if field.type in _DTYPES:
-            yield path, rows, np.array(values, _DTYPES[field.type])
+        if field.cpp_type in _DTYPES:
+            yield path, rows, np.array(values, _DTYPES[field.cpp_type])
         elif field.message_type is not None and field.message_type.full_name in _TIMES:
             found.times.add(path)
             yield path, rows, np.array([v.seconds * 10**9 + v.nanos for v in values], np.int64)
@@ -228,7 +227,7 @@ class ProtobufTopic(ObjectTopic):
         elif field.name in _FRAMES:
             for frame in dict.fromkeys(values):
                 found.meet_frame(path, one_line(frame))
-        elif field.type == _Kind.TYPE_BYTES and max(map(len, values)) > LONGEST_LIST:
+        elif field.type == FieldDescriptor.TYPE_BYTES and max(map(len, values)) > LONGEST_LIST:
             self.skipped.add(path)
 
 
@@ -244,7 +243,7 @@ def _is_long(message: Any) -> bool:
     found = [
         value
         for field, value in message.ListFields()
-        if field.type == _Kind.TYPE_BYTES or _is_list(field)
+        if field.type == FieldDescriptor.TYPE_BYTES or _is_list(field)
     ]
     long = sum(len(value) for value in found if len(value) > LONGEST_LIST)
     return 2 * long > int(message.ByteSize())

@@ -24,8 +24,6 @@ from palpate.recordings.recording import Faults
 
 # Undecodable messages after which palpate gives up on a topic: some 0.1 s per topic.
 PATIENCE = 1000
-# Largest number of layouts kept for comparison.
-MOST_LAYOUTS = 256
 #: Largest number of layouts in a topic. All messages of a length are compared with each.
 MOST_PARSED = 4096
 _BATCH = 4096  # messages in a batch of Python objects, some 1 kB each
@@ -37,6 +35,7 @@ STAMPS = ("header.stamp", "timestamp", "stamp")
 
 Walk: TypeAlias = Callable[[bytes], Layout]
 _Rows: TypeAlias = slice | NDArray[np.int64]
+_Pieces: TypeAlias = list[tuple[_Rows, NDArray[Any]]]
 
 
 def find_stamp(paths: Iterable[str]) -> str | None:
@@ -58,9 +57,7 @@ class Found:
     """
 
     count: int = 0
-    columns: dict[str, list[tuple[_Rows, NDArray[Any]]]] = field(
-        default_factory=lambda: defaultdict(list)
-    )
+    columns: dict[str, _Pieces] = field(default_factory=lambda: defaultdict(list))
     times: set[str] = field(default_factory=set)
     types: dict[str, tuple[str, str]] = field(default_factory=dict)
     frames: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list))
@@ -206,10 +203,11 @@ class BinaryTopic(Topic):
         """Read messages."""
         if self._cdr and block.message(0).startswith(_ZSTD):  # ROS 2 can compress each message
             block = self._unpack_block(block)
-        if len(block.starts):
-            parts = self._parts(block)
-            if not self.omitted:
-                self._extend(parts, block.times)
+        parts: list[_Part] = []
+        for length in np.unique(block.lengths).tolist():
+            self._match(block, np.flatnonzero(block.lengths == length), length, parts)
+        if not self.omitted:
+            self._extend(parts, block.times)
 
     def _unpack_block(self, block: Block) -> Block:
         messages, times = [], []
@@ -226,20 +224,13 @@ class BinaryTopic(Topic):
             times.append(time)
         return Block.joined(messages, times)
 
-    def _parts(self, block: Block) -> list[_Part]:
-        """Messages grouped by layout: their indices, the layout, the bytes."""
-        parts: list[_Part] = []
-        for length in np.unique(block.lengths).tolist():
-            self._match(block, np.flatnonzero(block.lengths == length), length, parts)
-        return parts
-
     def _match(self, block: Block, which: Starts, length: int, parts: list[_Part]) -> None:
+        """Group messages of one length by layout: their indices, the layout, the bytes."""
         known = self._layouts.setdefault(length, [])
         # Parse the first message before copying, so that images are skipped without a copy.
         if not known and not self._new_layout(block.message(int(which[0])), known):
             which = which[1:]
-        if self.omitted or self._parsed > MOST_PARSED:
-            self.undecodable += len(which) * (not self.omitted)
+        if self.omitted:
             return
         matrix = gather(block.data, block.starts[which], length)
         tried = 0
@@ -271,8 +262,6 @@ class BinaryTopic(Topic):
             self.fail(str(error))
             return False
         self._choose(layout)
-        if sum(map(len, self._layouts.values())) > MOST_LAYOUTS:
-            self._layouts = {layout.length: known}
         known.append(layout)
         return True
 
