@@ -46,6 +46,7 @@ from palpate import (
     lab,
 )
 from palpate.estimators import ContactEstimator
+from palpate.findings import Check
 from palpate.validation import Floats
 
 DURATION = 12.0  # s
@@ -592,7 +593,8 @@ def _flagged(material: str, seed: int) -> list[bool]:
         f = np.exp(np.cumsum(steps)) * law.force(x, v) + error
         method = DriftTracking()
         method.replay(x, v, f)
-        found.append(any("faster than the walk" in flag for flag in method.estimate().flags))
+        findings = method.estimate().findings
+        found.append(any(each.check is Check.TRACKING for each in findings))
     return found
 
 
