@@ -153,6 +153,14 @@ def test_the_summary_says_what_each_sink_dropped():
     assert lines[-1] == "done"
 
 
+def test_the_summary_has_the_last_message_that_held_no_sample():
+    counts = {"malformed": 2, "last_fault": "force is not\x1b a number"}
+    lines = list(summary({"source": "zmq", "counts": counts}, {}))
+    assert "0 lost before the loop, 2 malformed" in lines
+    [last] = [line for line in lines if line.startswith("the last one refused: force is not")]
+    assert "\x1b" not in last
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="of Linux: it reads /proc")
 def test_nothing_is_lost_with_page_recording_and_diagnosis(monkeypatch):

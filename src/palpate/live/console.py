@@ -262,6 +262,8 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
         yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
     faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
     yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])
+    if last := counts.get("last_fault"):
+        yield f"the last one refused: {printable(last)}"
     dropped = [
         f"all since it ended early by the {name}"
         if page.get("ended")
