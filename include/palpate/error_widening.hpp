@@ -108,8 +108,7 @@ class HaarLevels {
   // The products must be finite: |slope| < 1e20, |residual| ≤ 1e100. Amortised, each sample closes
   // one pair of blocks.
   void add(const Vector<Size>& slope, double residual, double forgetting_factor) noexcept {
-    // Samples above the surface tell nothing of the law: its errors begin with the touch.
-    if (slope[0] != 0.0 && ++samples_ == renewal_) renew();
+    if (++samples_ == renewal_) renew();
     if (forgetting_factor == 1.0) used_ = most;
     Vector<Size> sum = slope;
     double error = residual, per_pair = 0.5, fade = forgetting_factor * forgetting_factor;
@@ -128,6 +127,13 @@ class HaarLevels {
   }
 
   void clear() noexcept { *this = HaarLevels(); }
+
+  // The fit has not converged yet, however many samples there were: the residuals until 16 samples
+  // from now do not measure the noise.
+  void start_again() noexcept {
+    samples_ = 0;
+    renewal_ = first_renewal;
+  }
 
   // Multiplies all residuals so far by a factor, and their weight by another.
   void scale_residuals(double factor, double weight) noexcept {

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
+#include <type_traits>
 
 #include "palpate/error_widening.hpp"
 #include "palpate/estimate.hpp"
@@ -140,6 +142,7 @@ class VariableProjectionMethod {
     const bool firm = add(row, forgetting_factor);
     ++samples_since_solve_;
     if (!firm) return Status::held;
+    if constexpr (std::is_same_v<Solver, detail::SurfaceSolver>) watch_reach(row.sample);
     levels_.add(slope(row.sample), detail::saturate(row.sample.force - row.predicted),
                 forgetting_factor);
     return Status::updated;
@@ -298,6 +301,16 @@ class VariableProjectionMethod {
     return {depth, depth * s.velocity, depth * std::log(depth), 1.0};
   }
 
+  // An unknown surface is found while the probe goes farther than before. The errors of the first
+  // touch are as large as the force; a rest above the surface must not make them count for longer.
+  void watch_reach(const Sample& s) noexcept {
+    if (std::isnan(first_penetration_)) first_penetration_ = s.penetration;
+    const double reach = std::abs(s.penetration - first_penetration_);
+    if (!(reach > 2.0 * reach_)) return;
+    reach_ = reach;
+    levels_.start_again();
+  }
+
   // The root of the reported covariance.
   Matrix<5> widened(const Solution& p) const noexcept {
     return detail::multiply(p.root, widening_);
@@ -326,6 +339,9 @@ class VariableProjectionMethod {
   bool unrounds_ = false;
   std::uint64_t samples_since_solve_ = 1;
   detail::HaarLevels<4> levels_;
+  // With an unknown surface: the first position, and the farthest from it, to a factor of two.
+  double first_penetration_ = std::numeric_limits<double>::quiet_NaN();
+  double reach_ = 0.0;
   static constexpr Matrix<5> white = diagonal<5>({1.0, 1.0, 1.0, 1.0, 1.0});
   Matrix<5> widening_ = white;  // widening of the root by the levels, when it was last due
   std::uint64_t samples_since_widening_ = 0;

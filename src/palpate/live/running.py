@@ -120,7 +120,7 @@ def run(
     if payload is not None and payload.mark != "trust":
         reason = f": {payload.findings[0]}" if payload.findings else ""
         loop.say(f"payload {spoken(payload.mark)}{reason}")
-    # What a sink reads until the source is open.
+    # Sinks read this status until the source is open.
     shared_json.write({**loop.status(), "state": "none"})
     failed: dict[str, int] = {}
     # From here on Ctrl-C only sets a flag, so that everything started is ended in order.

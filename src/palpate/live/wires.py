@@ -489,7 +489,7 @@ def _between(before: Any, after: Any, part: float) -> Any:
     return before + part * (after - before)
 
 
-# What leaves on a wire: each estimate, and the status four times a second.
+# Publishing: each estimate, and the status four times a second.
 
 #: Fields before the law's parameters and their standard errors: published name, column of the ring.
 BEFORE = (
