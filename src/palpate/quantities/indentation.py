@@ -374,9 +374,11 @@ class _ApproachFit:
         """A pull that begins at the contact point, N, and the change of K with it; else zeros.
 
         After a pull-off one standard error is enough, since adhesion raises the K of a sphere by up
-        to 20 % (``benchmarks.fleets.force_curves``).
+        to 20 % (``benchmarks.fleets.force_curves``). Under a flat punch (m = 1) a jump is a shift
+        of the contact point: the two columns are the same, and no jump is fitted.
         """
-        if not self.pull_off and self.retract.size:
+        flat = self.tip.exponent == 1.0
+        if flat or (not self.pull_off and self.retract.size):
             return 0.0, 0.0
         solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="jump")
         if not solution[-1] < -(1.0 if self.pull_off else _SURE) * errors[-1]:
