@@ -14,7 +14,6 @@ from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
 from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
-from palpate.preparation.channel_kinds import is_wanted
 from palpate.preparation.clocks import build_signals
 from palpate.preparation.payload import Payload
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
@@ -23,6 +22,7 @@ from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
+from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
 from palpate.recordings.times import iso_nanoseconds, past_midnight
 from palpate.stages import stage
