@@ -531,9 +531,11 @@ class Identified:
         """
         if not self.segments:
             return self.predicted_force(self.contact)
-        fitted = np.full(len(self.contact), np.nan)
+        time, fitted = self.contact.time, np.full(len(self.contact), np.nan)
+        order = np.argsort(time, kind="stable")  # joined recordings may begin at one time
         for part in self.segments:
-            fitted[np.searchsorted(self.contact.time, part.contact.time)] = part.fitted_force
+            samples = order[np.searchsorted(time, part.contact.time, sorter=order)]
+            fitted[samples] = part.fitted_force
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:
