@@ -123,7 +123,6 @@ class Check(StrEnum):
     STANDARD_ERRORS = "standard errors", "fit"
     CONDITION_10 = "condition 10", "fit"
     GUARD = "guard", "fit", TIMELESS
-    GATE = "gate", "fit"
     WHICH_LAW = "which law", "fit"
     UNSETTLED_LAW = "unsettled law", "fit"
     CORRELATED_RESIDUALS = "correlated residuals", "fit"

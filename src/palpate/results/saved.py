@@ -279,6 +279,8 @@ class SavedResult:
         The identified contact; :func:`palpate.identify` accepts it again.
     trace : Trace
         Every sample, with the estimates that were saved.
+    fitted_force : numpy.ndarray, shape (k,)
+        Force of the final law, and offset if estimated, at every sample, N.
     fixed : tuple of str
         Parameters of the law that were fixed, and not identified.
     frequency : float
@@ -301,6 +303,7 @@ class SavedResult:
     working_depths: tuple[WorkingDepth, ...]
     contact: Contact = field(repr=False)
     trace: Trace = field(repr=False)
+    fitted_force: Floats = field(repr=False)
     fixed: tuple[str, ...]
     frequency: float
     relaxed_stiffness: Quantity | None
@@ -355,6 +358,7 @@ def load_result(path: str | Path) -> SavedResult:
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=contact,
             trace=trace,
+            fitted_force=recording.numbers("fitted_force"),
             fixed=tuple(map(str, found.get("fixed", ()))),
             frequency=or_nan(found["frequency"]),
             relaxed_stiffness=None if relaxed is None else _quantity(relaxed),

@@ -347,7 +347,8 @@ def _describe_fit(result: "Identified") -> str:
         parts.append(f"method {result.method}")
     if rejected := int(np.count_nonzero(result.trace.rejected)):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
-    for part in (*parts, *_describe_settings(estimate)):
+    settings = () if result.segments else _describe_settings(estimate)  # of one law for all parts
+    for part in (*parts, *settings):
         if len(longer := f"{words}; {part}") <= _FOLD[1]:
             words = longer
     return words
