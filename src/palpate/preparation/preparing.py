@@ -13,7 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
-from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
+from palpate.preparation.along_penetration import (
+    along_penetration,
+    contact_of_arrays,
+    drop_velocity,
+)
 from palpate.preparation.channel_kinds import is_wanted
 from palpate.preparation.clocks import build_signals
 from palpate.preparation.payload import Payload
@@ -257,6 +261,8 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         way = along_penetration if pressing else along_normal
         with stage(_LOGGER, f"prepared {'the penetration' if pressing else 'a position'}"):
             contact = way(recording, roles, signals, settings)
+        if settings.no_time:
+            contact = drop_velocity(contact)
     done = contact.provenance
     for channel, words in done.items():
         _LOGGER.info("%s: %s", channel, words)
@@ -271,7 +277,6 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,
-        timeless=settings.no_time,
         findings=(
             *(
                 each

@@ -250,7 +250,7 @@ NOISES_OF_CONTACT = 6.0  # σ
 # below 3 %.
 LIGHTEST, HEAVIEST = 0.03, 0.4
 FEWEST_LIGHT = 8  # samples of the light branch
-FEWEST_FREE = 20  # samples in free air for a search of the surface
+FEWEST_FREE = 10  # samples in free air for a search of the surface
 MOST_FITTED = 4000  # samples
 # Standard deviations of the baseline rule; a fit that ends beyond does not fit the light branch.
 FARTHEST = 4.0
