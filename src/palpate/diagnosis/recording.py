@@ -332,7 +332,7 @@ def check_penetration_unit(data: Data) -> Finding | None:
     return Check.PENETRATION_UNIT.finding(
         f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
         "millimetres, or swapped with another column",
-        _unit_remedy("penetration", "mm", "m"),
+        _unit_remedy(data.contact, "penetration", "mm"),
         mark="do-not-trust",
     )
 
@@ -347,7 +347,7 @@ def check_force_unit(data: Data) -> Finding | None:
     return Check.FORCE_UNIT.finding(
         f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
         "millinewtons",
-        _unit_remedy("force", "mN", "N"),
+        _unit_remedy(data.contact, "force", "mN"),
         mark="do-not-trust",
     )
 
@@ -364,14 +364,37 @@ def check_time_unit(data: Data) -> Finding | None:
     words = f"there is a sample every {step} s: the times may be in milliseconds"
     others = check_penetration_unit(data) or check_force_unit(data)
     mark: Mark = "trust" if others is None else "do-not-trust"
-    remedy = _unit_remedy("time", "ms", "s")
+    remedy = _unit_remedy(contact, "time", "ms")
     return Check.TIME_UNIT.finding(words, remedy, stiffness=mark, damping="do-not-trust")
 
 
-def _unit_remedy(channel: str, guess: str, si: str) -> str:
-    """Remedy for a suspected unit: state the suspected unit, or confirm the one that was used."""
+def check_half_stated_units(data: Data) -> Finding | None:
+    """An option states the unit of position or force only, and the file states neither."""
+    missing = data.contact.assumed_units - data.contact.stated_units
+    if not (missing and data.contact.assumed_units >= POSITION_AND_FORCE):
+        return None
+    if missing >= POSITION_AND_FORCE:
+        return None
+    [name] = missing
+    return Check.UNITS.finding(
+        f"the file states no unit: the {name} is assumed to be in {SI[name]}, which its size does "
+        "not show",
+        f"run again with both units, such as {BOTH_UNITS}",
+        mark="do-not-trust",
+    )
+
+
+POSITION_AND_FORCE = frozenset(("penetration", "force"))
+BOTH_UNITS = "--unit penetration=mm,force=gf"
+SI = {"time": "s", "penetration": "m", "force": "N"}
+
+
+def _unit_remedy(contact: Contact, channel: str, guess: str) -> str:
+    """Remedy for a suspected unit: state it, or confirm the one that was used; both without any."""
+    if channel in POSITION_AND_FORCE <= contact.assumed_units:
+        return f"the file states no unit: run again with both, such as {BOTH_UNITS}"
     option = f"--unit {channel}="
-    return f"run again with {option}{guess}, or with {option}{si} if it is right"
+    return f"run again with {option}{guess}, or with {option}{SI[channel]} if it is right"
 
 
 VELOCITY_NONE = "differentiate the penetration instead: --velocity none"
@@ -434,6 +457,7 @@ CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
     check_penetration_unit,
     check_force_unit,
     check_time_unit,
+    check_half_stated_units,
     check_signs,
     check_velocity_column,
     check_time_stamps,

@@ -277,6 +277,7 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,
+        assumed_units=signals.assumed_units,
         findings=(
             *(
                 each
@@ -464,6 +465,7 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
         prepared=None,
         velocity_filter=max(filters, key=attrgetter("degree", "samples"), default=None),
         stated_units=frozenset.intersection(*(contact.stated_units for contact in contacts)),
+        assumed_units=frozenset.union(*(contact.assumed_units for contact in contacts)),
         timeless=any(contact.timeless for contact in contacts),
     )
 
