@@ -105,7 +105,7 @@ class WorkingDepth(Plain):
 
 def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
     """Combine the numbers at several depths into arrays of a shape; floats for ()."""
-    rows = [(at.depth, *np.ravel(astuple(at)[1:])) for at in depths]
+    rows = [(at.depth, *np.ravel(astuple(at)[1:4]), at.speed) for at in depths]
     table = np.array(rows).T.reshape(11, *shape)
     depth, *numbers, speed = table if shape else table.tolist()
     return WorkingDepth(depth, *(Quantity(*numbers[k : k + 3]) for k in (0, 3, 6)), speed)

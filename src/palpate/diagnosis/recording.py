@@ -327,11 +327,13 @@ def check_penetration_unit(data: Data) -> Finding | None:
         return None
     touched = data.penetration > 0.0
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
-    if depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth:
+    words = _half_stated(data.contact, "penetration")
+    plausible = depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth
+    if plausible and not words:
         return None
+    size = f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N"
     return Check.PENETRATION_UNIT.finding(
-        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
-        "millimetres, or swapped with another column",
+        words or f"{size}: it may be in millimetres, or swapped with another column",
         _unit_remedy(data.contact, "penetration", "mm"),
         mark="do-not-trust",
     )
@@ -342,11 +344,12 @@ def check_force_unit(data: Data) -> Finding | None:
     depth, force = data.peak_penetration, data.peak_force
     if depth <= 0.0 or "force" in data.contact.stated_units:
         return None
-    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth:
+    words = _half_stated(data.contact, "force")
+    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth and not words:
         return None
+    size = f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm"
     return Check.FORCE_UNIT.finding(
-        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
-        "millinewtons",
+        words or f"{size}: it may be in millinewtons",
         _unit_remedy(data.contact, "force", "mN"),
         mark="do-not-trust",
     )
@@ -368,20 +371,12 @@ def check_time_unit(data: Data) -> Finding | None:
     return Check.TIME_UNIT.finding(words, remedy, stiffness=mark, damping="do-not-trust")
 
 
-def check_half_stated_units(data: Data) -> Finding | None:
-    """An option states the unit of position or force only, and the file states neither."""
-    missing = data.contact.assumed_units - data.contact.stated_units
-    if not (missing and data.contact.assumed_units >= POSITION_AND_FORCE):
-        return None
-    if missing >= POSITION_AND_FORCE:
-        return None
-    [name] = missing
-    return Check.UNITS.finding(
-        f"the file states no unit: the {name} is assumed to be in {SI[name]}, which its size does "
-        "not show",
-        f"run again with both units, such as {BOTH_UNITS}",
-        mark="do-not-trust",
-    )
+def _half_stated(contact: Contact, channel: str) -> str:
+    """The sentence if an option states only the other unit, and the file none; else empty."""
+    missing = contact.assumed_units - contact.stated_units
+    if not POSITION_AND_FORCE <= contact.assumed_units or missing != {channel}:
+        return ""
+    return f"the file states no unit: palpate assumes that the {channel} is in {SI[channel]}"
 
 
 POSITION_AND_FORCE = frozenset(("penetration", "force"))
@@ -392,7 +387,7 @@ SI = {"time": "s", "penetration": "m", "force": "N"}
 def _unit_remedy(contact: Contact, channel: str, guess: str) -> str:
     """Remedy for a suspected unit: state it, or confirm the one that was used; both without any."""
     if channel in POSITION_AND_FORCE <= contact.assumed_units:
-        return f"the file states no unit: run again with both, such as {BOTH_UNITS}"
+        return f"run again with both units, of which the file states none, such as {BOTH_UNITS}"
     option = f"--unit {channel}="
     return f"run again with {option}{guess}, or with {option}{SI[channel]} if it is right"
 
@@ -457,7 +452,6 @@ CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
     check_penetration_unit,
     check_force_unit,
     check_time_unit,
-    check_half_stated_units,
     check_signs,
     check_velocity_column,
     check_time_stamps,
