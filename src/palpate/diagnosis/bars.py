@@ -217,7 +217,9 @@ def _add_surface_error(fit: Fit, errors: Floats) -> Floats:
     deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
     if not deviation > 0.0:
         return errors
-    ends = (law.at_speed(place, fit.steady_speed) for place in (depth + deviation, depth - deviation))
+    ends = (
+        law.at_speed(place, fit.steady_speed) for place in (depth + deviation, depth - deviation)
+    )
     change = np.subtract(*ends)
     wider: Floats = np.hypot(errors, 0.5 * change)
     return wider

@@ -91,9 +91,7 @@ def drop_velocity(contact: Contact) -> Contact:
     """Return the contact of a curve without time: at rest everywhere, so that no damping fits."""
     words = {name: note for name, note in contact.provenance.items() if name != "velocity"}
     still = np.zeros_like(contact.velocity)
-    return replace(
-        contact, velocity=still, velocity_filter=None, provenance=words, timeless=True
-    )
+    return replace(contact, velocity=still, velocity_filter=None, provenance=words, timeless=True)
 
 
 def _settle_arrays(values: dict[str, ArrayLike]) -> tuple[Finding, ...]:
