@@ -185,7 +185,7 @@ def _working_depth(fit: Fit, errors: Floats, wrong: Floats) -> WorkingDepth:
     speed = fit.steady_speed
     values = fit.estimate.law.at_speed(fit.depth, speed) if known else [math.nan] * 3
     quantities = map(Quantity, values, errors.tolist(), wrong.tolist())
-    return WorkingDepth(fit.depth, *quantities, speed)
+    return WorkingDepth(fit.depth, *quantities, speed=speed)
 
 
 def _law_spread(fit: Fit) -> Floats:

@@ -50,7 +50,7 @@ def check_one_way(fit: Fit) -> Finding | None:
     if not abs(float(v.mean())) > ONE_WAY * fit.speed:
         return None
     if fit.steady_speed:
-        return one_speed(format_quantity(fit.steady_speed, "m/s"))
+        return one_speed(format_quantity(fit.steady_speed, "m/s", digits=2))
     known = "exponent" in fit.estimate.fixed
     return one_way("trust" if known else "do-not-trust", "do-not-trust")
 

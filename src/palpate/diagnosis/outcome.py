@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -100,7 +100,7 @@ class WorkingDepth(Plain):
     force: Quantity
     stiffness: Quantity
     damping: Quantity
-    speed: float = 0.0
+    speed: float = field(default=0.0, kw_only=True)
 
 
 def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
@@ -108,7 +108,8 @@ def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> Work
     rows = [(at.depth, *np.ravel(astuple(at)[1:4]), at.speed) for at in depths]
     table = np.array(rows).T.reshape(11, *shape)
     depth, *numbers, speed = table if shape else table.tolist()
-    return WorkingDepth(depth, *(Quantity(*numbers[k : k + 3]) for k in (0, 3, 6)), speed)
+    quantities = (Quantity(*numbers[k : k + 3]) for k in (0, 3, 6))
+    return WorkingDepth(depth, *quantities, speed=speed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -374,7 +374,7 @@ def check_time_unit(data: Data) -> Finding | None:
 def _half_stated(contact: Contact, channel: str) -> str:
     """The sentence if an option states only the other unit, and the file none; else empty."""
     missing = contact.assumed_units - contact.stated_units
-    if not POSITION_AND_FORCE <= contact.assumed_units or missing != {channel}:
+    if not contact.assumed_units >= POSITION_AND_FORCE or missing != {channel}:
         return ""
     return f"the file states no unit: palpate assumes that the {channel} is in {SI[channel]}"
 

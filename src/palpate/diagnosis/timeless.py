@@ -1,7 +1,7 @@
 """Estimates and diagnoses of a curve that was recorded without time.
 
-The contact is at rest at every sample, so that no damper is fitted: numbers of rows are no time, and
-in a press one way a damper would be collinear with the spring. The difference of loading and
+The contact is at rest at every sample, so that no damper is fitted: numbers of rows are no time,
+and in a press one way a damper would be collinear with the spring. The difference of loading and
 unloading stays in the residual and widens the error bars.
 """
 

@@ -83,7 +83,7 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
         contact,
         prepared=replace(contact.prepared, recording=raw),
         findings=(*findings, *contact.findings),
-        stated_units={*settings.units, *(["time"] if settings.rate is not None else [])},
+        stated_units=frozenset(settings.units) | ({"time"} if settings.rate else frozenset()),
     )
 
 

@@ -413,7 +413,7 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
     quantities = (_quantity(words[name]) for name in ("force", "stiffness", "damping"))
-    return WorkingDepth(or_nan(words["depth"]), *quantities, words.get("speed", 0.0))
+    return WorkingDepth(or_nan(words["depth"]), *quantities, speed=words.get("speed", 0.0))
 
 
 def _quantity(words: Mapping[str, Any]) -> Quantity:

@@ -216,7 +216,7 @@ class NumberLine(NamedTuple):
 def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0) -> str:
     """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
     often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
-    fast = f", {format_quantity(speed, 'm/s')}" if speed else ""
+    fast = f", {format_quantity(speed, 'm/s', digits=2)}" if speed else ""
     return f"at {format_quantity(depth, 'm')}{often}{fast}"
 
 
