@@ -301,6 +301,17 @@ def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
     )
 
 
+def one_speed(speed: str) -> Finding:
+    """Report a motion at one speed, at which the stiffness holds."""
+    return Check.ONE_WAY.finding(
+        f"the probe moves one way at nearly one speed: the stiffness holds at {speed}, and the "
+        "damping is part of it",
+        "for the damping, press and release, at several speeds",
+        damping="do-not-trust",
+        brief="the probe moves one way at nearly one speed",
+    )
+
+
 def _law_findings(evidence: Evidence, model_ranking: tuple[RankedModel, ...]) -> Iterator[Finding]:
     """Findings on open questions about the law; none before the first verdict."""
     if not model_ranking:

@@ -195,8 +195,7 @@ class Identified:
         if answer is None:
             return self
         bounded, finding = answer
-        findings = findings_without_time([finding]) if self.contact.timeless else (finding,)
-        return replace(self, bounded=bounded, findings=(*self.findings, *findings))
+        return replace(self, bounded=bounded, findings=(*self.findings, finding))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:

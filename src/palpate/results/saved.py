@@ -132,7 +132,7 @@ def contact_and_trace(
 
 
 #: Fields of a contact that ``result.json`` contains unchanged.
-_STATED = ("provenance", "tare_deviation", "surface_deviation", "stated_units", "timeless")
+_STATED = ("provenance", "tare_deviation", "surface_deviation", "timeless")
 
 
 def _status_names() -> NDArray[np.str_]:
@@ -169,6 +169,7 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
         "touches": [touch.as_dict() for touch in find_touches(contact)],
         **{name: plain(getattr(contact, name)) for name in _STATED},
         "stated_units": sorted(contact.stated_units),
+        "assumed_units": sorted(contact.assumed_units),
         "findings": plain(contact.findings),
         "velocity_filter": plain(contact.velocity_filter),
         "delay": contact.delay and asdict(contact.delay),
@@ -416,7 +417,7 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
     quantities = (_quantity(words[name]) for name in ("force", "stiffness", "damping"))
-    return WorkingDepth(or_nan(words["depth"]), *quantities)
+    return WorkingDepth(or_nan(words["depth"]), *quantities, speed=words.get("speed", 0.0))
 
 
 def _quantity(words: Mapping[str, Any]) -> Quantity:
