@@ -69,7 +69,7 @@ def info(
     if figure is not None:
         from palpate.figures import check_figure
 
-        check_figure(figure, inputs=[file])
+        check_figure(figure)
     data = None if episode is not None else describe_data_set(file)
     if data is not None:
         episode = next(iter(data.lengths))
@@ -87,7 +87,7 @@ def info(
         from palpate import figures
         from palpate.figures.strips import draw_strips
 
-        figures.save(draw_strips(recording, surveyed, dark=dark), figure, inputs=[file])
+        figures.save(draw_strips(recording, surveyed, dark=dark), figure)
     if as_json:
         print_json(as_dict(file, recording, surveyed, data))
     else:

@@ -5,6 +5,7 @@ from typing import Any
 
 from palpate.preparation.payload import Payload
 from palpate.recordings.recording import GRAVITY
+from palpate.writing import MADE
 
 
 def ros_parameters(
@@ -22,6 +23,7 @@ def ros_parameters(
     errors = ", ".join(f"{each:.2g}" for each in payload.centre_error)
     bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)
     return f"""\
+{MADE}
 # Tool of {payload.mass:.6g} kg. The filters subtract its weight, but neither inertia nor bias.
 # Standard errors: {payload.mass_error:.2g} kg; of the centre of mass {errors} m.
 # Bias of the sensor: {bias} N and N m.

@@ -75,7 +75,7 @@ def describe_data_set(path: Path) -> DataSet | None:
 
 def is_dataset(path: Path) -> bool:
     """Whether a folder or a file is a data set, or a file of a LeRobot data set."""
-    return _root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
+    return root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
 
 
 @contextmanager
@@ -90,7 +90,7 @@ def open_data_set(path: Path, source: str) -> Iterator[DataSet]:
     request = Request(source)
     with ExitStack() as files:
         with request.explain_damage("the description of the data set is damaged", "copy it again"):
-            if (root := _root_of(path)) is not None:
+            if (root := root_of(path)) is not None:
                 data: DataSet = _LeRobot(root, None if root == path else path)
             elif _is_replay(path):
                 data = _ReplayBuffer(path)
@@ -211,7 +211,7 @@ def _stem(name: str) -> str:
 # LeRobot: a folder of Parquet files with a description.
 
 
-def _root_of(path: Path) -> Path | None:
+def root_of(path: Path) -> Path | None:
     """The folder of the LeRobot data set that a path is, or whose file it is."""
     with suppress(OSError, ValueError):
         if path.is_dir():

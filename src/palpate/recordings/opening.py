@@ -175,7 +175,9 @@ _TEXTS = tuple(
 #: Endings of files that hold several force curves.
 MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 _CURVES = (".jpk-force", *MAPS, ".ibw")
-_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
+#: The file that stands for the folder of a ROS 2 bag.
+METADATA = "metadata.yaml"
+_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", METADATA)
 _MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
 TEXT = Format("text", _TEXTS, f"{_HERE}.text")
 FORCE_CURVES = Format("AFM force curve", _CURVES, f"{_HERE}.afm", (b"# afmformats",), "afm")
@@ -328,7 +330,7 @@ def detect_format(path: Path) -> Format:
     if DATA_SETS.reader().is_dataset(path):
         return DATA_SETS
     if _is(stat.S_ISDIR, path):
-        path = path / "metadata.yaml"  # a ROS 2 bag is a folder
+        path = path / METADATA  # a ROS 2 bag is a folder
     else:
         with path.open("rb") as file:
             begin = file.read(64)
@@ -336,6 +338,12 @@ def detect_format(path: Path) -> Format:
     marked = (each for each in FORMATS if begin.startswith(each.marks))
     named = (each for each in FORMATS if name.endswith(each.suffixes))
     return next(marked, None) or next(named, TEXT)
+
+
+def whole_recording(path: Path) -> Path:
+    """Return the folder of the bag or the data set that a file is part of, else the file."""
+    whole: Path | None = path.parent if path.name == METADATA else DATA_SETS.reader().root_of(path)
+    return whole or path
 
 
 def within(name: str, whole: str) -> bool:
