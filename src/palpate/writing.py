@@ -23,8 +23,13 @@ _MOST_NAMES = 100_000
 MADE = "# made by palpate"
 # Identities of the files and folders that the running command reads.
 _protected: set[object] = set()
-# TOML forbids control characters, even in a comment, but a file name or a note may contain them.
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+# Control characters and signs that turn the direction of text: a file name or a note may contain
+# them, TOML forbids some even in a comment, and a terminal or an editor would obey them.
+_UNPRINTABLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]"
+)
+#: Signs with which Markdown begins a tag, a cell, a link or code.
+_MARKDOWN = str.maketrans({sign: f"\\{sign}" for sign in "\\<|[`"})
 
 
 @contextmanager
@@ -102,7 +107,7 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     """
     lines = [MADE, *(f"{name} = {_toml_value(value)}" for name, value in options.items())]
     lines += [""] if options else []
-    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
+    lines += [f"# {_escape_signs(' '.join(each.split()))}" for each in comments]
     return "\n".join(lines) + "\n"
 
 
@@ -115,15 +120,28 @@ def _toml_value(value: Any) -> str:
         return f"[{', '.join(_toml_value(each) for each in value)}]"
     if isinstance(value, int | float):
         return repr(value)
-    # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
-    # unescaped. JSON does not escape one control character, U+007F.
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return quote(str(value))
+
+
+def quote(text: str) -> str:
+    """Return text in quotation marks, as JSON, TOML and YAML read it."""
+    # JSON's escapes are valid in all three, except those of characters beyond 16 bits.
+    return _escape_signs(json.dumps(text, ensure_ascii=False))
+
+
+def escape_markdown(words: str) -> str:
+    """Return a line that Markdown shows as it is, without tags, cells, links or code."""
+    return " ".join(words.split()).translate(_MARKDOWN)
 
 
 def encode_text(text: str) -> bytes:
-    """The bytes that :func:`write_text` writes."""
+    """The bytes that :func:`write_text` writes: unprintable signs are escaped."""
     # A file name that is not UTF-8 contains surrogates; JSON has the same escapes.
-    return text.encode("utf-8", "backslashreplace")
+    return _escape_signs(text).encode("utf-8", "backslashreplace")
+
+
+def _escape_signs(text: str) -> str:
+    return _UNPRINTABLE.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text)
 
 
 def check_own(

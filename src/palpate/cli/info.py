@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from palpate.cli.options import READ, SIZES, Dark, FigureFile, si_parameter
-from palpate.cli.printing import AsJson, open_with_progress, print_json
+from palpate.cli.printing import AsJson, Terminal, open_with_progress, print_json, say_path
 
 
 def info(
@@ -95,4 +95,4 @@ def info(
             print_episodes(data)
         print_recording(recording, surveyed)
         if figure is not None:
-            print(f"figure: {figure}")
+            say_path(Terminal(), f"figure: {figure}")
