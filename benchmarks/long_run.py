@@ -6,7 +6,6 @@ An estimator that forgets must end where one ends that has taken only the last w
 the window is long against the memory; and the difference must not grow with the updates.
 """
 
-import time
 from pathlib import Path
 
 import numpy as np
@@ -56,12 +55,12 @@ def main(*, updates: float = 1e9, markdown: Path | None = None) -> None:
     samples = simulate_window(seed=1)
     windows, rows = max(round(updates / WINDOW), EARLY + 1), []
     for name, kind in ESTIMATORS.items():
-        if "forgetting" not in kind().settings:
+        # The choice of a law is by the evidence of all samples, also of those that are forgotten.
+        if "forgetting" not in kind().settings or kind.chooses_law:
             continue
         running, fresh = (kind().replace(forgetting=FORGETTING) for _ in range(2))
         fresh.replay(*samples, at=[WINDOW - 1])
         expected, differences = fresh.estimate(), []
-        begun = time.perf_counter()
         for count in range(1, windows + 1):
             running.replay(*samples, at=[WINDOW - 1])
             if count in (EARLY, windows):
@@ -70,13 +69,12 @@ def main(*, updates: float = 1e9, markdown: Path | None = None) -> None:
                     relative_difference(ended.parameters, expected.parameters),
                     relative_difference(ended.standard_errors, expected.standard_errors),
                 ]
-        cost = 1e9 * (time.perf_counter() - begun) / (windows * WINDOW)
         within = "yes" if differences[-2] <= LIMIT else "**no**"
-        rows.append([name, f"{cost:.0f}", *(f"{each:.1e}" for each in differences), within])
+        rows.append([name, *(f"{each:.1e}" for each in differences), within])
         print(*rows[-1], flush=True)
     early, all_ = f"after {EARLY * WINDOW:.0e}", f"after {windows * WINDOW:.0e}"
     errors = "standard errors"
-    headings = ("ns an update", early, errors, all_, errors, f"within {LIMIT:.0e}")
+    headings = (early, errors, all_, errors, f"within {LIMIT:.0e}")
     table = markdown_table(("method", *headings), rows)
     lines = [DEFINITION, "", *table, "", *list_facts(describe_machine())]
     show(lines, "A billion updates", markdown)
