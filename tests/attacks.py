@@ -556,6 +556,8 @@ def main() -> int:
         for each in outcome.defects:
             kinds["defects"] += 1
             print(f"  {each}", flush=True)
+        if (k + 1) % 100 == 0:
+            print(f"{k + 1} files: {dict(kinds)}", flush=True)
     print(f"{given.files} files: {dict(kinds)}; peak {peak[1]:.0f} MB ({peak[0]}), "
           f"slowest {slowest[1]:.1f} s ({slowest[0]})")  # fmt: skip
     return min(kinds["defects"], 1)
