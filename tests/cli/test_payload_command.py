@@ -77,13 +77,6 @@ def test_a_dark_figure_in_a_column_is_drawn(log, printed, tmp_path):
     assert "#16181c" in path.read_text("utf-8")
 
 
-@pytest.mark.parametrize("option", ["--save-config", "--ros-parameters"])
-def test_the_log_is_never_overwritten(log, refused, option):
-    before = log.read_bytes()
-    assert "this is an input file" in refused("payload", log, option, log)
-    assert log.read_bytes() == before
-
-
 def test_two_outputs_of_one_name_and_logs_without_a_pose_are_refused(log, refused, tmp_path, good):
     path = tmp_path / "tool"
     words = refused("payload", log, "--save-config", path, "--ros-parameters", path)

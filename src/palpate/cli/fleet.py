@@ -28,6 +28,7 @@ from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table,
 from palpate.cli.reading import ReadingOptions
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
+from palpate.writing import protect
 
 if TYPE_CHECKING:
     from palpate.fleet.running import Fleet
@@ -103,9 +104,10 @@ def fleet(
     as_json
         Print one JSON object instead of text.
     """
-    from palpate.fleet.files import list_sources
+    from palpate.fleet.files import disk_name, list_sources
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
+    from palpate.recordings.opening import whole_recording
 
     shape, ratio = parse_material(tip, poisson)
     listed = list_sources(sources, leave_out=output)
@@ -116,7 +118,8 @@ def fleet(
     if report:
         require_figures()
     try:
-        with bar("identifying") as progress:
+        inputs = (whole_recording(Path(disk_name(source.name))) for source in listed)
+        with bar("identifying") as progress, protect(inputs):
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; finished rows are in {output}; repeat the command to continue")

@@ -111,6 +111,9 @@ def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str,
 
     if isinstance(curve, RecordingError):
         return {"curve": number, "error": str(curve)}
+    lost = [name for name in ("tip position", "force") if not np.size(curve.channels.get(name, ()))]
+    if lost:
+        return {"curve": number, "error": "; ".join([f"no {lost[0]}", *curve.losses])}
     position, force = (np.asarray(curve.channels[name]) for name in ("tip position", "force"))
     return {
         "curve": number,

@@ -207,7 +207,10 @@ def live(
     from palpate.live.running import default_estimator, run
     from palpate.live.sources import Replay
     from palpate.validation import number_in
+    from palpate.writing import check_writable
 
+    if record is not None:
+        check_writable(record)
     if looping.seconds is not None:
         number_in("--seconds", looping.seconds, 0.0, 1e9)
     choosing = MethodOptions(law, method).choose_default_law(exponent)
@@ -245,10 +248,7 @@ def _sinks(
     from palpate.live.diagnosing import Diagnosing
     from palpate.live.recorder import Recorder
     from palpate.live.wires import open_publisher
-    from palpate.writing import check_writable
 
-    if record is not None:
-        check_writable(record)
     sinks: list[Sink] = [Console(quiet=not console), *map(open_publisher, publish)]
     if diagnosis:
         sinks.append(Diagnosing())

@@ -113,20 +113,22 @@ def payload(
     from palpate.preparation.payload_log import measure_payload
     from palpate.preparation.settings import Preparation
     from palpate.validation import plain
-    from palpate.writing import check_outputs, write_text
+    from palpate.writing import check_marked, check_outputs, write_text
 
     outputs = [path for path in (save_config, ros_parameters) if path is not None]
-    check_outputs(outputs, [log])
-    drawing.check([log, *outputs])
+    for output in outputs:
+        check_marked(output)
+    drawing.check()
+    check_outputs([*outputs, *filter(None, [drawing.figure])])
     recording = open_with_progress(log, None, max_size=reading.max_size)
     measured = measure_payload(recording, Preparation(**reading.preparation))
     found = measured.payload
     if save_config is not None:
-        found.save(save_config, [f"of {log}: {verdict_on(found)}"], [log])
+        found.save(save_config, [f"of {log}: {verdict_on(found)}"])
     if ros_parameters is not None:
         frame = measured.sensor_frame or "ft_sensor"
-        write_text(ros_parameters, parameters(found, sensor_frame=frame), [log])
-    drawing.save("palpate.figures.payload.draw_payload", measured, [log, *outputs])
+        write_text(ros_parameters, parameters(found, sensor_frame=frame))
+    drawing.save("palpate.figures.payload.draw_payload", measured)
     if as_json:
         fields = plain(found.as_dict())
         print_json({"file": str(log), "mark": found.mark, "verdict": verdict_on(found), **fields})

@@ -23,6 +23,7 @@ from palpate.cli.options import (
 )
 from palpate.cli.printing import open_with_progress
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
+from palpate.writing import as_toml, check_marked, write_text
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
@@ -146,14 +147,15 @@ class ReadingOptions:
 
         if self.companion is not None and len(files) > 1:
             raise InvalidParameterError("--with joins a second file to one file: pass one")
+        if self.save_config is not None:
+            check_marked(self.save_config)
         contact = join_contacts([self._contact(file, tip) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import how_made
-            from palpate.writing import as_toml, write_text
 
             options = {**(choice or {}), **self.options}
             text = as_toml(options, how_made(contact, files))
-            write_text(self.save_config, text, inputs=list(files))
+            write_text(self.save_config, text)
         return contact
 
     def _contact(self, file: Path, tip: "Tip | None") -> "Contact":

@@ -23,7 +23,15 @@ from numpy.typing import NDArray
 from palpate.errors import RecordingError, import_extra
 from palpate.recordings.names import is_wanted
 from palpate.recordings.nested import Findings
-from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
+from palpate.recordings.opening import (
+    FAULTS,
+    Draft,
+    Request,
+    check_folder,
+    excess,
+    first_line,
+    whole_recording,
+)
 from palpate.recordings.recording import Recording, printable
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
@@ -76,7 +84,7 @@ def describe_data_set(path: Path) -> DataSet | None:
 
 def is_dataset(path: Path) -> bool:
     """Whether a folder or a file is a data set, or a file of a LeRobot data set."""
-    return _root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
+    return root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
 
 
 @contextmanager
@@ -89,9 +97,10 @@ def open_data_set(path: Path, source: str) -> Iterator[DataSet]:
         Its description is damaged, or it holds no episodes.
     """
     request = Request(source)
+    check_folder(whole_recording(path))
     with ExitStack() as files:
         with request.explain_damage("the description of the data set is damaged", "copy it again"):
-            if (root := _root_of(path)) is not None:
+            if (root := root_of(path)) is not None:
                 data: DataSet = _LeRobot(root, None if root == path else path)
             elif _is_replay(path):
                 data = _ReplayBuffer(path)
@@ -214,7 +223,7 @@ def _stem(name: str) -> str:
 # LeRobot: a folder of Parquet files with a description.
 
 
-def _root_of(path: Path) -> Path | None:
+def root_of(path: Path) -> Path | None:
     """The folder of the LeRobot data set that a path is, or whose file it is."""
     with suppress(OSError, ValueError):
         if path.is_dir():
@@ -226,6 +235,13 @@ def _root_of(path: Path) -> Path | None:
     return None
 
 
+def _check_rate(name: str, stated: Any) -> float:
+    rate = float(stated)
+    if not 1e-6 < rate < 1e9:
+        raise ValueError(f"its {name} is {rate}")
+    return rate
+
+
 class _LeRobot:
     """LeRobot v2: a Parquet file for each episode; v3: files with many."""
 
@@ -235,10 +251,7 @@ class _LeRobot:
         info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
         self._features = dict(info["features"])
         self.name = f"LeRobot {info['codebase_version']}"
-        rate = float(info["fps"])
-        if not 0.0 < rate < math.inf:
-            raise ValueError(f"its fps is {rate}")
-        self.rate: float | None = rate
+        self.rate: float | None = _check_rate("fps", info["fps"])
         self._places: dict[int, tuple[Path, int]] = {}  # file and first row of each episode
         self._decoded: tuple[Path, Any] | None = None  # the last file, with its rows
         if (root / "meta/episodes").is_dir():
@@ -380,8 +393,8 @@ class _Demonstrations:
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
         places = arguments.get("env_kwargs"), arguments
-        rates = [each.get("control_freq") for each in places if each]
-        self.rate = next((float(rate) for rate in rates if rate), None)
+        rates = (each.get("control_freq") for each in places if each)
+        self.rate = next((_check_rate("control_freq", rate) for rate in rates if rate), None)
         groups = {number: self._data[name] for number, name in self._names.items()}
         self.lengths = {k: int(each.attrs.get("num_samples", -1)) for k, each in groups.items()}
 
@@ -402,7 +415,7 @@ class _Demonstrations:
 
 
 def _is_replay(path: Path) -> bool:
-    with suppress(OSError, ValueError):
+    with suppress(*FAULTS):
         if path.is_dir():
             return (path / _ENDS).is_dir()
         if path.name.lower().endswith(_ZIP):

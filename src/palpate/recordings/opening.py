@@ -6,6 +6,7 @@ import stat
 import struct
 import sys
 import time
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +19,7 @@ from typing import IO, Any
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import InvalidParameterError, RecordingError, import_extra
+from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file
@@ -27,7 +28,8 @@ _LOGGER = logging.getLogger(__name__)
 #: Exceptions that libraries raise on a damaged file.
 FAULTS = (
     ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
-    RuntimeError, SyntaxError, TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+    RuntimeError, SyntaxError, TypeError, ValueError, struct.error, tokenize.TokenError,
+    zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 #: Default of ``--max-size``, bytes: 500 million numbers; recordings are smaller.
 MAX_SIZE = 4 << 30
@@ -88,7 +90,7 @@ class Request:
         """Convert an error of a library to one that names the file, the damage and the remedy."""
         try:
             yield
-        except RecordingError:
+        except PalpateError:
             raise
         except faults as error:
             raise self.error(f"{what} ({first_line(error)}); {remedy}") from None
@@ -175,7 +177,9 @@ _TEXTS = tuple(
 #: Endings of files that hold several force curves.
 MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 _CURVES = (".jpk-force", *MAPS, ".ibw")
-_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
+#: The file that stands for the folder of a ROS 2 bag.
+METADATA = "metadata.yaml"
+_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", METADATA)
 _MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
 TEXT = Format("text", _TEXTS, f"{_HERE}.text")
 FORCE_CURVES = Format("AFM force curve", _CURVES, f"{_HERE}.afm", (b"# afmformats",), "afm")
@@ -263,7 +267,9 @@ def open_recording(
     named = None if sheet is None else str(sheet)
     most = int(max_size)
     request = Request(source, wanted, strict, curve, progress, most, named, header_row, episode)
-    recording = _read(file, request)
+    # Readers name what they find damaged; this is for what none of them foresees.
+    with request.explain_damage("the file is damaged", "copy it again", (Exception,)):
+        recording = _read(file, request)
     _log(recording, time.perf_counter() - begun)
     return recording
 
@@ -271,7 +277,9 @@ def open_recording(
 def _read(file: Path, request: Request) -> Recording:
     standard = str(file) == "-"
     if not standard and not _is(stat.S_ISFIFO, file):
-        if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
+        if _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
+            check_folder(file)
+        else:
             regular_size(file)
         form = detect_format(file)
         if request.episode is not None and form is not DATA_SETS:
@@ -328,7 +336,7 @@ def detect_format(path: Path) -> Format:
     if DATA_SETS.reader().is_dataset(path):
         return DATA_SETS
     if _is(stat.S_ISDIR, path):
-        path = path / "metadata.yaml"  # a ROS 2 bag is a folder
+        path = path / METADATA  # a ROS 2 bag is a folder
     else:
         with path.open("rb") as file:
             begin = file.read(64)
@@ -338,9 +346,25 @@ def detect_format(path: Path) -> Format:
     return next(marked, None) or next(named, TEXT)
 
 
+def whole_recording(path: Path) -> Path:
+    """Return the folder of the bag or the data set that a file is part of, else the file."""
+    whole: Path | None = path.parent if path.name == METADATA else DATA_SETS.reader().root_of(path)
+    return whole or path
+
+
 def within(name: str, whole: str) -> bool:
     """Whether a name is ``whole``, or a field or an element of it."""
     return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
+
+
+def check_folder(folder: Path) -> None:
+    """Raise RecordingError if a folder holds a pipe or a device, which a reader would wait for."""
+    for place, _, names in os.walk(folder):
+        for name in names:
+            path = Path(place, name)
+            if not path.is_file() and path.exists():
+                words = "this is a pipe or a device; remove it from the folder"
+                raise RecordingError(f"{printable(path)}: {words}")
 
 
 def regular_size(path: Path, source: str = "") -> int:

@@ -67,7 +67,7 @@ def read(path: Path, request: Request) -> Recording:
                     if _has_formulas(file, name):
                         draft.lose(f"sheet {name!r}", _FORMULAS)
     if not tables:
-        raise draft.error([*draft.losses, *draft.omissions][0])
+        raise draft.error([*draft.losses, *draft.omissions, "the file holds no sheet of cells"][0])
     counts = {name: len(table.rows or ()) for name, table in tables.items()}
     for name, count in counts.items():
         if count < _FEWEST_ROWS <= max(counts.values()):
