@@ -18,7 +18,7 @@ from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
 from palpate.recordings.datasets import describe_data_set, is_dataset
-from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, first_line
+from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, Request, first_line
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, write_bytes, write_text
@@ -130,9 +130,9 @@ def disk_name(name: str) -> str:
 
 
 def _open_group(name: str) -> Any:
-    zarr = needed("zarr", "an array of contacts")
+    groups = needed("palpate.recordings.zarr_groups", "an array of contacts")
     try:
-        return zarr.open_group(disk_name(name), mode="r")
+        return groups.open_group(Path(disk_name(name)), Request(name))
     except Exception as error:
         raise RecordingError(
             f"{name}: cannot be opened as a Zarr group: {first_line(error)}"
