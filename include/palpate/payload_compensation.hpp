@@ -174,6 +174,12 @@ class PayloadCompensation {
 
   const Vector<6>& bias() const noexcept { return bias_; }
   const Settings& settings() const noexcept { return settings_; }
+  // Whether a restored state is within its window, and its clock at its newest sample.
+  bool sound() const noexcept {
+    const double now = origin_ + static_cast<double>(steps_) * settings_.sample_time;
+    return half_ == settings_.samples / 2 &&
+           (count_ == 0 || std::abs(now - latest_.time) <= longest_gap * settings_.sample_time);
+  }
   void reset() noexcept { *this = PayloadCompensation(settings_); }
 
  private:

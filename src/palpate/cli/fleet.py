@@ -148,7 +148,6 @@ def _settings(
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import AUTO, Settings
-    from palpate.recordings.opening import MAX_SIZE
 
     for option in ("save_config", "curve", "episode", "sheet", "companion"):
         if getattr(reading, option) is not None:
@@ -163,7 +162,7 @@ def _settings(
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
         minimum_force=reading.min_force,
-        max_size=MAX_SIZE if reading.max_size is None else reading.max_size,
+        max_size=reading.max_size,
     )
 
 

@@ -70,7 +70,7 @@ def info(
         from palpate.figures import check_figure
 
         check_figure(figure)
-    data = None if episode is not None else describe_data_set(file)
+    data = None if episode is not None else describe_data_set(file, max_size)
     if data is not None:
         episode = next(iter(data.lengths))
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}

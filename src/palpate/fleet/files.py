@@ -23,6 +23,7 @@ from palpate.recordings.opening import (
     FORMATS,
     MAPS,
     METADATA,
+    Request,
     check_folder,
     first_line,
 )
@@ -137,11 +138,11 @@ def disk_name(name: str) -> str:
 
 
 def _open_group(name: str) -> Any:
-    zarr = needed("zarr", "an array of contacts")
+    groups = needed("palpate.recordings.zarr_groups", "an array of contacts")
     path = Path(disk_name(name))
     try:
         check_folder(path)
-        return zarr.open_group(path, mode="r")
+        return groups.open_group(path, Request(name))
     except RecordingError:
         raise
     except Exception as error:
