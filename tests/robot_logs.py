@@ -173,6 +173,18 @@ def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     return Log(recording, mount, normal, depth, end)
 
 
+def on_one_clock(log: Log) -> dict[str, Floats]:
+    """Return the columns of a table, on the clock of the wrench: it states no frame."""
+    channels = dict(log.recording.channels)
+    poses, clock = channels.pop("pose.time"), channels.pop("wrench.time")
+    inside = (clock > poses[0]) & (clock < poses[-1])
+    columns = {"time_s": clock[inside]}
+    for name, values in channels.items():
+        even = np.interp(clock, poses, values) if name.startswith("/pose") else values
+        columns[name.removeprefix("/")] = even[inside]
+    return columns
+
+
 def _path(
     setup: Setup, normal: Floats, point: Floats, g: np.random.Generator
 ) -> tuple[Floats, Rotation]:

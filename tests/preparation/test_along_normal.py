@@ -20,8 +20,8 @@ from palpate import (
     prepare,
 )
 from palpate.digits import with_error
+from palpate.preparation.readings import largest_turn
 from palpate.preparation.settings import (
-    largest_turn,
     never_touches,
     normal_found,
     normal_given,
@@ -37,7 +37,7 @@ def turn(axis, angle) -> np.ndarray:
 
 def with_turns(felt, turns, **more) -> Recording:
     """With the orientation of the tool."""
-    return table_of(felt, **{f"q{k}": turns[:, k] for k in range(4)}, **more)
+    return table_of(felt, **{f"q{axis}": turns[:, k] for k, axis in enumerate("xyzw")}, **more)
 
 
 BACK = np.array([-1, -1, -1, 1])
@@ -109,8 +109,9 @@ def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():
     contact = prepare(recorded, force_frame="tool")
     assert contact.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
     assert off(identify(contact), BALL) < 4.0
-    assumed = prepare(recorded)  # wrong, and said to be assumed
-    assert any("--force-frame tool" in (finding.remedy or "") for finding in assumed.findings)
+    found = prepare(recorded)  # in contact the force points along the motion
+    assert found.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
+    assert any("--force-frame base" in (finding.remedy or "") for finding in found.findings)
 
 
 def test_frames_that_the_recording_names_decide():
@@ -142,7 +143,12 @@ def turning(reach: float, *, weight: float = 3.0) -> Recording:
 
 
 @pytest.mark.parametrize(
-    "reach, settings", [(0.5, {}), (0.5, {"tare": (0.0, 0.03)}), (0.001, {"force_frame": "tool"})]
+    "reach, settings",
+    [
+        (0.5, {"force_frame": "base"}),
+        (0.5, {"force_frame": "base", "tare": (0.0, 0.03)}),
+        (0.001, {"force_frame": "tool"}),
+    ],
 )
 def test_a_tools_weight_that_changes_nothing_is_refused(reach, settings):
     with pytest.raises(RecordingError, match="--tool-weight 3N has no effect: in the frame"):

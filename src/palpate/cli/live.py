@@ -80,7 +80,7 @@ class StreamOptions:
         from palpate.validation import number_in
 
         rate = None if self.rate is None else number_in("--rate", self.rate, 1e-3, 1e5)
-        named = {"position": self.position, "force": self.force}
+        named: dict[str, Any] = {"position": self.position, "force": self.force}
         reading: dict[str, Any] = {"units": parse_units("--unit", self.unit)}
         reading["columns"] = Columns(**{name: each for name, each in named.items() if each})
         recording = address.partition(":")[0] not in SOURCES

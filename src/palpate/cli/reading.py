@@ -66,7 +66,9 @@ class ReadingOptions:
     position: Annotated[Channels | None, _READ] = None
     "Position channel of the probe, instead of a penetration; or x,y,z channels, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
-    "Orientation of the probe, quaternion channels x,y,z,w; or a topic."
+    "Orientation of the probe, quaternion channels x,y,z,w or three angles; or a topic."
+    orientation_form: Annotated[Literal["rpy", "rotation-vector"] | None, _READ] = None
+    "Three angles: rpy (about the fixed axes x, y, z) or rotation-vector (default: by the names)."
     torque: Annotated[Channels | None, _READ] = None
     "Torque of the sensor, x,y,z channels, or a topic (default: that of the force's sensor)."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
@@ -208,7 +210,10 @@ class ReadingOptions:
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
-            "columns": Columns(**{name: getattr(self, name) for name in names}),
+            "columns": Columns(
+                orientation_form=self.orientation_form,
+                **{name: getattr(self, name) for name in names},
+            ),
             "units": parse_units("--unit", self.unit),
             "flip": channels_to_flip(self),
             "surface": self._surface,
