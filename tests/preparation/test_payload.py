@@ -135,6 +135,23 @@ def test_a_payload_of_another_log_serves_one_without_turns(turning):
             Preparation(payload=tool, **{name: value})
 
 
+@pytest.mark.parametrize("mass", [2.0, pytest.param(4.0, marks=LONG)])  # kg
+def test_a_known_heavy_tool_serves_a_log(mass, tmp_path):
+    setup = Setup(seed=17, mass=mass, centre=(0.01, -0.01, 0.13), **IDEAL)
+    path = tmp_path / "tool.toml"
+    compensate_log(simulate(setup).recording, Preparation()).payload.save(path)
+    served = replace(setup, seed=18, bias=(0.0,) * 6, axes=1)
+    found = identify(served, payload=Payload.load(path))
+    assert abs(found.absolute["S, %"]) < 1.0
+
+
+def test_a_known_tool_without_a_pose_or_a_wrench_is_refused(ideal):
+    flat = Recording({name: np.arange(100.0) for name in ("t", "z_m", "F_N")})
+    for recording in (without(ideal, "orientation"), flat):
+        with pytest.raises(RecordingError, match="a payload needs a force in space and a pose"):
+            prepare(recording, payload=Payload(0.4, np.zeros(3), np.eye(3), np.zeros(6)))
+
+
 def test_a_log_without_contact_has_a_payload():
     log = simulate(Setup(seed=12, presses=0, **IDEAL))
     found = compensate_log(log.recording, Preparation()).payload

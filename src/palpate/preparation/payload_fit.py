@@ -187,9 +187,10 @@ def fit_payload(
     expected, spread = _prior(known, fixed, delay, mass)
     theta = np.where(spread < FIXED * 1.1, expected, 0.0)
     theta[MASS], theta[CLOCK] = mass, clock
-    drift = np.tile(np.concatenate([bias, np.median(blocks.wrench[:, 3:], axis=0)]), (count, 1))
     seen = blocks.seen(clock)
-    rest = blocks.wrench[:, :3] - mass * seen[:, :3] @ mount - bias
+    unloaded = blocks.wrench - regressors(seen, mount) @ theta[:13]
+    drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
+    rest = unloaded[:, :3] - bias
     allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
     free = np.linalg.norm(rest, axis=1) < 2.0 * allowed
     scale = np.maximum(1.0, np.repeat([floor / math.sqrt(3.0), 0.02], 3) / noise)
@@ -210,6 +211,7 @@ def fit_payload(
         fit.weight = np.repeat(np.column_stack(tukey), 3, axis=1) / sigma**2
         pull = (expected - theta) / spread**2
         move, moved, inverse, coupling, variances = fit.solve(spread**-2, pull, ties, drift)
+        move[list(fixed)] = 0.0
         move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
         move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
         theta = theta + move

@@ -19,7 +19,7 @@ from palpate.preparation.clocks import build_signals
 from palpate.preparation.payload import Payload
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
-from palpate.preparation.spatial import along_normal
+from palpate.preparation.spatial import along_normal, no_pose
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
@@ -240,6 +240,9 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     recorded, roles = recording, choose_roles(recording, settings.columns)
     recording = roles.recording
     _log_roles(roles)
+    in_space = len(roles.force) == len(roles.depth) == 3 and roles.orientation
+    if settings.payload is not None and not in_space:
+        raise no_pose(recording.source)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
             signals = build_signals(
@@ -361,7 +364,6 @@ def _report_unused_settings(
         "--normal": (settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
         "--force-frame": (settings.force_frame, flat),
         "--tool-weight": (settings.tool_weight, flat),
-        "--payload": (settings.payload, flat or not roles.orientation),
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"

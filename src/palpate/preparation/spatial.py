@@ -174,12 +174,17 @@ def compensate_log(recording: Recording, settings: Preparation) -> "Compensated"
     roles = choose_roles(recording, settings.columns)
     signals = build_signals(roles.recording, roles, settings.units, strict=settings.strict)
     if not {"orientation", "force", "depth"} <= signals.clocks.keys() or signals.force.ndim == 1:
-        words = "a payload needs a force in space and a pose; name the channels with --force, "
-        raise RecordingError.of(recording.source, f"{words}--position and --orientation")
+        raise no_pose(recording.source)
     found = compensate(signals, settings, recording.source)
     if found is None:
         raise never_free(recording.source)
     return found
+
+
+def no_pose(source: str) -> RecordingError:
+    """Return the error for a payload of a recording without a pose and a wrench."""
+    words = "a payload needs a force in space and a pose; name the channels with --force, "
+    return RecordingError.of(source, f"{words}--position and --orientation")
 
 
 @dataclass(slots=True, eq=False)
