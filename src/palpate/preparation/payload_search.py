@@ -9,7 +9,7 @@ import numpy as np
 from palpate.contact import run_slices
 from palpate.digits import with_error
 from palpate.errors import RecordingError
-from palpate.findings import MARKS, Check, Finding, Mark
+from palpate.findings import MARKS, Check, Finding, Mark, worst
 from palpate.preparation.flange_motion import FlangeMotion
 from palpate.preparation.free_air import BLOCK, Blocks, Mask, Zeroing, blocks_of, remove_zeroings
 from palpate.preparation.payload import Payload
@@ -139,8 +139,7 @@ def find_payload(
             aligned = replace(own, mount=np.eye(3))
             other = _fit_signed(blocks, zeroed, aligned, OF_MOUNT, delay, (own.sign,))
             if other.scale < 1.5 * found.scale:  # assumed, not found: it is no more certain
-                assumed = replace(other.payload, mount_error=own.mount_error)
-                found = replace(other, payload=assumed)
+                found = _with_errors(other, own)
     else:
         fixed: Sequence[int] = EVERYTHING
         tool = UNKNOWN_TOOL
@@ -149,12 +148,19 @@ def find_payload(
         found = _fit_signed(blocks, zeroed, tool, fixed, delay, (1.0,))
         if not _is_free(found):
             return None
-        turn = replace(found.payload, mass_error=own.mass_error, mount_error=own.mount_error)
-        found = replace(found, payload=turn)
+        found = _with_errors(found, own)
     late = found.payload.delay_error
     if delay is None and not late <= DELAY_ERRORS[1]:
+        late = math.hypot(late, found.payload.delay)
         found = replace(found, payload=replace(found.payload, delay=0.0, delay_error=late))
     return found
+
+
+def _with_errors(fit: PayloadFit, own: Payload) -> PayloadFit:
+    """Return a fit with assumed mass or mount, as uncertain as the payload without assumptions."""
+    mass_error = math.hypot(own.mass_error, own.mass - fit.payload.mass)
+    errors = {"mass_error": mass_error, "mount_error": own.mount_error}
+    return replace(fit, payload=replace(fit.payload, **errors))
 
 
 def _is_free(fit: PayloadFit) -> bool:
@@ -203,13 +209,15 @@ def idle_weight(weight: float, source: str) -> RecordingError:
     return RecordingError.of(source, f"{words}constant, and the tare removes it; {remedy}")
 
 
-def mark_payload(fit: PayloadFit) -> Payload:
+def mark_payload(fit: PayloadFit, *, delay_given: bool) -> Payload:
     """Return the payload with its marks, and findings that give the reasons."""
     own, findings = fit.payload, list[Finding]()
     turns = f"the tool turns by {math.degrees(own.turn):.0f}° in free air: palpate cannot identify "
     mass = _mark(own.mass_error / max(own.mass, 1e-9), MASS_ERRORS)
     mount = _mark(float(own.mount_error.max()), MOUNT_ERRORS)
     late = _mark(own.delay_error, DELAY_ERRORS)
+    if not (delay_given or own.axes):  # by its inertia alone
+        late = worst(late, "with-care")
     if mass == "do-not-trust" and own.mass_error * GRAVITY < fit.blocks.floor:
         words = "the tool weighs less than the noise of the sensor: palpate takes the axes of the "
         findings.append(Check.PAYLOAD.finding(f"{words}pose for those of the sensor"))

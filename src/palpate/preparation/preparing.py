@@ -74,6 +74,7 @@ def prepare(
     force_frame: ForceFrame | None = None,
     tool_weight: float | None = None,
     payload: Payload | None = None,
+    tip_offset: Sequence[float] | None = None,
     rate: float | None = None,
     no_time: bool = False,
     spot: float = RADIUS,
@@ -145,6 +146,9 @@ def prepare(
     payload : Payload, optional
         Tool and mount of the sensor, as found from another log; palpate then finds only the bias
         and the clock.
+    tip_offset : sequence of float, optional
+        From the origin of the pose, such as a flange, to the tip, in the axes of the pose, m.
+        Default: the pose is that of the tip, or the tool does not turn in contact.
     rate : float, optional
         Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
@@ -241,8 +245,9 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     recording = roles.recording
     _log_roles(roles)
     in_space = len(roles.force) == len(roles.depth) == 3 and roles.orientation
-    if settings.payload is not None and not in_space:
-        raise no_pose(recording.source)
+    for option, value in (("--payload", settings.payload), ("--tip-offset", settings.tip_offset)):
+        if value is not None and not in_space:
+            raise no_pose(recording.source, option)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
             signals = build_signals(

@@ -53,6 +53,7 @@ from palpate.preparation.surfaces import (
     deviation_left,
     estimate_baseline,
     find_episodes,
+    find_presses,
     find_surface,
     free_samples,
     never_free,
@@ -61,12 +62,13 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.recordings.poses import interpolate_columns
+from palpate.recordings.poses import align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
+TIP_OFFSET = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 
 
@@ -101,12 +103,16 @@ def along_normal(
 ) -> Contact:
     """Make a contact from a position and a force, tared and projected on the contact normal."""
     made, findings = dict(signals.made), list[Finding]()
+    if settings.tip_offset is not None and signals.orientation is not None:
+        offset = rotate_to_base(np.array(settings.tip_offset), signals.orientation)
+        signals = replace(signals, depth=signals.depth + offset)
+        add(made, "penetration", "of the tip, whose offset the orientation rotates")
     if "force" in settings.flip:
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
         signals = replace(signals, depth=-signals.depth)
     signals = signals.taken(between(signals.time, *settings.ends, recording.source))
-    recorded, late = signals.force, settings.delay
+    recorded, late, orientation = signals.force, settings.delay, signals.orientation
     signals = _check_orientation(recording, roles, signals, settings, findings)
     with stage(_LOGGER, "payload"):
         compensated = compensate(signals, settings, recording.source)
@@ -133,6 +139,16 @@ def along_normal(
     with stage(_LOGGER, "contact normal"):
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
+    if compensated is not None and orientation is not None and settings.tip_offset is None:
+        signals = replace(signals, orientation=orientation[compensated.kept])
+        upright = find_upright(whole.force, signals.orientation)
+        if not upright.all():
+            signals, recorded = _cut(signals, upright), recorded[upright]
+            whole = replace(whole, depth=whole.depth[upright], force=whole.force[upright])
+            add(made, "penetration", "without samples turned by 2° or more from the nearest touch")
+        findings += _report_pose_of_sensor(recording, roles)
+    else:
+        signals = replace(signals, orientation=None)
     held = None
     if not settings.no_time:
         held = find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
@@ -181,9 +197,9 @@ def compensate_log(recording: Recording, settings: Preparation) -> "Compensated"
     return found
 
 
-def no_pose(source: str) -> RecordingError:
-    """Return the error for a payload of a recording without a pose and a wrench."""
-    words = "a payload needs a force in space and a pose; name the channels with --force, "
+def no_pose(source: str, what: str = "a payload") -> RecordingError:
+    """Return the error for what needs a pose and a wrench, of a recording without them."""
+    words = f"{what} needs a force in space and a pose; name the channels with --force, "
     return RecordingError.of(source, f"{words}--position and --orientation")
 
 
@@ -280,7 +296,7 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
         raise RecordingError.of(source, f"{words}; record the approach too")
     if fit is None:
         return None
-    payload = mark_payload(fit)
+    payload = mark_payload(fit, delay_given=delay is not None)
     fit = replace(fit, payload=payload)
     applied = None
     if delay is not None:
@@ -333,6 +349,75 @@ def _check_orientation(
         what = f"{recording.source}: --force-frame tool needs an orientation"
         raise RecordingError(f"{what}; name its channels with --orientation x,y,z,w")
     return signals if frame == "tool" else replace(signals, orientation=None)
+
+
+# The pose of a flange: a tool that turns moves its tip against the flange.
+
+UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
+
+
+def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
+    """Find the runs around each touch in which the tool has the orientation of the touch.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        N, compression positive.
+    orientation : numpy.ndarray, shape (k, 4)
+        Quaternions.
+    """
+    touching = _find_touches(force)
+    at, every = np.flatnonzero(touching), np.arange(len(force))
+    if not at.size:
+        return np.ones(len(force), dtype=bool)
+    after = np.clip(np.searchsorted(at, every), 0, at.size - 1)
+    before = np.clip(after - 1, 0, None)
+    nearest = np.where(at[after] - every < every - at[before], at[after], at[before])
+    nearest[touching] = at
+    upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
+    for run in run_slices(upright):
+        upright[run] &= touching[run].any()
+    return upright
+
+
+def _find_touches(force: Floats) -> NDArray[np.bool_]:
+    peak = float(np.nanpercentile(force, 99.0))
+    return find_presses(np.nan_to_num(force), FIRM * peak, peak)
+
+
+def _angle_between(one: Floats, other: Floats) -> Floats:
+    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    cosine = np.abs((one * other).sum(axis=-1)) / lengths
+    angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    return angle
+
+
+def _cut(signals: Signals, keep: NDArray[np.bool_]) -> Signals:
+    """The selected samples, with a new part after each gap."""
+    gaps = np.cumsum(np.diff(np.flatnonzero(keep), prepend=0) > 1)
+    cut = signals.taken(keep)
+    return replace(cut, part=cut.part + gaps)
+
+
+def _report_turn(force: Floats, orientation: Floats) -> list[Finding]:
+    """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
+    touched = align_signs(orientation[_find_touches(force)])
+    if not len(touched):
+        return []
+    angle = float(_angle_between(touched, touched.mean(axis=0)).max())
+    if angle <= UPRIGHT:
+        return []
+    words = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
+    return [Check.ORIENTATION.finding(f"{words}the pose's origin", TIP_OFFSET, mark="with-care")]
+
+
+def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
+    """Report transforms that end at the sensor: the tip is elsewhere."""
+    frame = recording.frames.get(roles.force[0])
+    if frame is None or frame != roles.orientation_frame:
+        return []
+    words = f"the transforms end at the sensor {frame!r}: palpate takes its origin for the tip"
+    return [Check.ORIENTATION.finding(words, TIP_OFFSET)]
 
 
 @log_stage("episodes")
@@ -392,6 +477,8 @@ def _join_pieces(
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
     channels, places, filters, lost = [], list[Place](), list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
+        if signals.orientation is not None:
+            findings += _report_turn(own.force, signals.orientation)
         runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
         window = settings.velocity_window
