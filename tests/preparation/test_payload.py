@@ -49,7 +49,7 @@ def test_the_wrench_of_a_payload_is_that_of_the_regressors():
     w = motion[:, 3:6]
     products = np.column_stack([w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]])
     values = np.concatenate([[1.3], 1.3 * centre, inertia, 1.3 * lever])
-    expected = regressors(np.hstack([motion, products]), mount) @ values
+    expected = regressors(np.hstack([motion, products]), mount, lever) @ values
     found = tool.wrench(motion[:, :3], w, motion[:, 6:9])
     np.testing.assert_allclose(found, expected, atol=1e-12)
     np.testing.assert_allclose(skew(w) @ centre, np.cross(w, centre), atol=1e-12)
@@ -147,9 +147,12 @@ def test_a_known_heavy_tool_serves_a_log(mass, tmp_path):
 
 def test_a_known_tool_without_a_pose_or_a_wrench_is_refused(ideal):
     flat = Recording({name: np.arange(100.0) for name in ("t", "z_m", "F_N")})
+    tool = Payload(0.4, np.zeros(3), np.eye(3), np.zeros(6))
     for recording in (without(ideal, "orientation"), flat):
-        with pytest.raises(RecordingError, match="a payload needs a force in space and a pose"):
-            prepare(recording, payload=Payload(0.4, np.zeros(3), np.eye(3), np.zeros(6)))
+        for name, value in {"payload": tool, "tip_offset": (0.0, 0.0, 0.1)}.items():
+            words = f"--{name.replace('_', '-')} needs a force in space and a pose"
+            with pytest.raises(RecordingError, match=words):
+                prepare(recording, **{name: value})
 
 
 def test_a_log_without_contact_has_a_payload():

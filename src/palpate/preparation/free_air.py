@@ -196,7 +196,7 @@ def largest_consensus(
 STEP_WINDOW, STEP_GAP = 0.01, 2  # s of a mean on either side, and samples between the two
 STEP_NOISES, LEAST_STEP = 12.0, 0.2  # of the step: standard errors, N
 AFTER_STEP = 0.5  # fraction of the force before that may be left after
-EXPLAINED = 0.9  # cost of the consensus without the step, over that with it
+EXPLAINED = 0.985  # cost of the consensus without the step, over that with it
 MOST_ZEROINGS = 3
 
 

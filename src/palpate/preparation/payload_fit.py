@@ -50,11 +50,11 @@ def rotation(vector: Floats) -> Floats:
     return turned
 
 
-def regressors(seen: Floats, mount: Floats) -> Floats:
+def regressors(seen: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (seen[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ seen[:, 9 + TENSOR] @ mount
-    return np.stack([load_of(each, g, w, a, products) for each in np.eye(13)], axis=2)
+    return np.stack([load_of(each, g, w, a, products, lever) for each in np.eye(13)], axis=2)
 
 
 def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
@@ -205,7 +205,7 @@ def fit_payload(
     theta = np.where(spread < FIXED * 1.1, expected, 0.0)
     theta[MASS], theta[CLOCK] = mass, clock
     seen = blocks.seen(clock)
-    unloaded = blocks.wrench - regressors(seen, mount) @ theta[:13]
+    unloaded = blocks.wrench - regressors(seen, mount, _lever_of(theta)) @ theta[:13]
     drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
     rest = unloaded[:, :3] - bias
     allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
@@ -280,6 +280,11 @@ def _linearized(
     return _Free(rest, jacobian, columns, blur, np.zeros_like(rest))
 
 
+def _lever_of(theta: Floats) -> Floats:
+    lever: Floats = theta[LEVER] / max(float(theta[MASS]), 1e-9)
+    return lever
+
+
 def _slopes(blocks: Blocks, theta: Floats, mount: Floats) -> Floats:
     """Return the slopes of the wrench by payload, mount and delay."""
     seen = blocks.seen(theta[CLOCK])
@@ -289,7 +294,7 @@ def _slopes(blocks: Blocks, theta: Floats, mount: Floats) -> Floats:
     turned = skew(seen[:, :3] @ mount)
     by_mount = np.hstack([theta[MASS] * turned, skew(theta[ARM]) @ turned])
     by_clock = np.hstack([-theta[MASS] * rate, -np.cross(theta[ARM], rate)])[:, :, None]
-    return np.concatenate([regressors(seen, mount), by_mount, by_clock], axis=2)
+    return np.concatenate([regressors(seen, mount, _lever_of(theta)), by_mount, by_clock], axis=2)
 
 
 def _payload_of(
