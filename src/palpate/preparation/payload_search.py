@@ -148,6 +148,8 @@ def find_payload(
         tool = UNKNOWN_TOOL
         if weight:
             tool, fixed = replace(tool, mass=weight / GRAVITY), (MASS, *OF_MOUNT)
+        if delay is None and own.delay_error <= DELAY_ERRORS[1]:
+            delay = own.delay, own.delay_error
         found = _fit_signed(blocks, zeroed, tool, fixed, delay, (1.0,))
         if not _is_free(found):
             return None
