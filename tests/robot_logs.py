@@ -56,6 +56,7 @@ class Setup:
     sign: float = 1.0
     zeroed: float | None = None  # fraction of the log after which the sensor is zeroed once
     free_height: float = 0.12  # m, of the turns in free air; below 0.1 at one place
+    pivot: float = 0.0  # degrees, of the tool about its tip in each touch
     filtered: float = 0.03  # s, by which the robot smooths its path
 
 
@@ -222,6 +223,7 @@ def _path(
         def dip(s: Floats, cycles: float = cycles, swing: float = swing) -> Floats:
             return swing * np.sin(2.0 * np.pi * cycles * s) * np.minimum(1.0, 10.0 * s * (1.0 - s))
 
+        turn = turn * about(setup.pivot, 0.0)
         move(deep, turn, 2.0, dip)
         if setup.hold:
             move(deep, turn, setup.hold, None)

@@ -226,6 +226,20 @@ def test_a_flange_that_turns_in_free_air_does_not_move_the_surface():
         assert abs(identify(setup, **options).absolute["S, %"]) < 2.0
 
 
+def test_a_flange_that_turns_in_contact_asks_for_the_tip():
+    setup = Setup(seed=3, presses=1, touch_tilt=0.0, friction=0.0, pivot=6.0)
+    recording = simulate(setup).recording
+
+    def asked(**options):
+        findings = prepare(recording, **options).findings
+        return [each.message for each in findings if each.remedy and "--tip-offset" in each.remedy]
+
+    [words] = asked()
+    assert "the tool turns by 3° in contact" in words
+    assert not asked(tip_offset=setup.tip)
+    assert abs(identify(setup, tip_offset=setup.tip).absolute["S, %"]) < 2.0
+
+
 def test_a_tools_weight_acts_or_is_refused(ideal):
     with pytest.raises(RecordingError, match=r"fits a tool weight of 3\.92.* not --tool-weight 5N"):
         prepare(ideal, tool_weight=5.0)

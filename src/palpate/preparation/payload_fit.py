@@ -274,7 +274,9 @@ def _linearized(
     drift: Floats,
 ) -> _Free:
     """Return residuals and their negative slopes by payload, mount and delay."""
-    noisy = replace(blocks, motion=blocks.motion.noise)
+    noise = blocks.motion.noise
+    assert noise is not None
+    noisy = replace(blocks, motion=noise)
     jacobian, blur = (_slopes(each, theta, mount) for each in (blocks, noisy))
     rest = blocks.wrench - jacobian[:, :, :13] @ theta[:13] - columns @ drift
     return _Free(rest, jacobian, columns, blur, np.zeros_like(rest))

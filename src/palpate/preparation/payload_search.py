@@ -164,8 +164,8 @@ def find_payload(
 def _with_errors(fit: PayloadFit, own: Payload) -> PayloadFit:
     """Return a fit with assumed mass or mount, as uncertain as the payload without assumptions."""
     mass_error = math.hypot(own.mass_error, own.mass - fit.payload.mass)
-    errors = {"mass_error": mass_error, "mount_error": own.mount_error}
-    return replace(fit, payload=replace(fit.payload, **errors))
+    unsure = replace(fit.payload, mass_error=mass_error, mount_error=own.mount_error)
+    return replace(fit, payload=unsure)
 
 
 def _is_free(fit: PayloadFit) -> bool:

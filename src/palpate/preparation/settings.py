@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, Mark
 from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns, Roles
@@ -236,6 +236,12 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
     )
     remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
     return [Check.ORIENTATION.finding(words, remedy, mark="with-care")]
+
+
+def report_unknown_tip(words: str, mark: Mark = "trust") -> Finding:
+    """Report that the pose is not that of the tip."""
+    remedy = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
+    return Check.ORIENTATION.finding(words, remedy, mark=mark)
 
 
 # The contact normal: given as an axis or a vector, or found from the forces.

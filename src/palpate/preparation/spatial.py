@@ -39,6 +39,7 @@ from palpate.preparation.settings import (
     no_normal,
     normal_found,
     normal_given,
+    report_unknown_tip,
     rotate_to_base,
     turn_findings,
     unit_quaternions,
@@ -68,7 +69,6 @@ from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
-TIP_OFFSET = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 
 
@@ -140,15 +140,14 @@ def along_normal(
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
     if compensated is not None and orientation is not None and settings.tip_offset is None:
-        signals = replace(signals, orientation=orientation[compensated.kept])
-        upright = find_upright(whole.force, signals.orientation)
+        turned = orientation[compensated.kept]
+        findings[:0] = _report_pose_of_sensor(recording, roles)
+        upright = find_upright(whole.force, turned)
+        findings += _report_turn(whole.force, turned, upright)
         if not upright.all():
             signals, recorded = _cut(signals, upright), recorded[upright]
             whole = replace(whole, depth=whole.depth[upright], force=whole.force[upright])
             add(made, "penetration", "without samples turned by 2° or more from the nearest touch")
-        findings += _report_pose_of_sensor(recording, roles)
-    else:
-        signals = replace(signals, orientation=None)
     held = None
     if not settings.no_time:
         held = find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
@@ -399,16 +398,17 @@ def _cut(signals: Signals, keep: NDArray[np.bool_]) -> Signals:
     return replace(cut, part=cut.part + gaps)
 
 
-def _report_turn(force: Floats, orientation: Floats) -> list[Finding]:
+def _report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_]) -> list[Finding]:
     """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
-    touched = align_signs(orientation[_find_touches(force)])
-    if not len(touched):
-        return []
-    angle = float(_angle_between(touched, touched.mean(axis=0)).max())
+    touching, angle = _find_touches(force), 0.0
+    for run in run_slices(upright):
+        if upright[run.start] and touching[run].any():
+            turns = align_signs(orientation[run][touching[run]])
+            angle = max(angle, float(_angle_between(turns, turns.mean(axis=0)).max()))
     if angle <= UPRIGHT:
         return []
     words = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
-    return [Check.ORIENTATION.finding(f"{words}the pose's origin", TIP_OFFSET, mark="with-care")]
+    return [report_unknown_tip(f"{words}the pose's origin", "with-care")]
 
 
 def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
@@ -417,7 +417,7 @@ def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
     if frame is None or frame != roles.orientation_frame:
         return []
     words = f"the transforms end at the sensor {frame!r}: palpate takes its origin for the tip"
-    return [Check.ORIENTATION.finding(words, TIP_OFFSET)]
+    return [report_unknown_tip(words)]
 
 
 @log_stage("episodes")
@@ -477,8 +477,6 @@ def _join_pieces(
     rule: SurfaceRule = settings.surface if isinstance(settings.surface, str) else "fit"
     channels, places, filters, lost = [], list[Place](), list[VelocityFilter](), 0
     for number, (signals, episode, own) in enumerate(pieces):
-        if signals.orientation is not None:
-            findings += _report_turn(own.force, signals.orientation)
         runs = list(run_slices(signals.part))
         # The velocity does not depend on the origin of the depth.
         window = settings.velocity_window

@@ -399,7 +399,7 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
     """
     order, half = np.argsort(x), x.size // 2
     low, high = order[:half], order[-half:]
-    slope = np.median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300))
+    slope = float(np.median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300)))
     left = root - slope * x
     away = np.abs(left - np.median(left))
     near = away <= FARTHEST * 1.4826 * np.median(away)
