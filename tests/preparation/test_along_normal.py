@@ -202,6 +202,20 @@ def test_a_surface_is_found_within_its_deviation(law, rule):
         assert found.deviation < (1.5e-3 if rule == "baseline" else 3e-3)
 
 
+@pytest.mark.parametrize("rule", ["baseline", "fit"])
+def test_pushes_on_a_hovering_probe_do_not_move_the_surface(rule):
+    """A cable pushes by 10 % of the peak force, 20 mm above the material and 1 mm above it."""
+    motion, hover = tapping(6.0), np.linspace(-1.0, 1.0, 400)
+    push = 0.1 * BALL.force(motion.x, motion.v).max() * np.cos(0.5 * np.pi * hover) ** 2
+    x, v, force = motion.x, motion.v, BALL.force(motion.x, motion.v)
+    for height in (20e-3, 1e-3):
+        x = np.concatenate([1e-3 * hover - height, x])
+        v, force = np.concatenate([0.0 * hover + 1e-3, v]), np.concatenate([push, force])
+    force += NOISE * np.random.default_rng(1).standard_normal(len(force))
+    found = find_surface(0.3 + x, v, force, rule)
+    assert abs(found.position - 0.3) < 3.0 * found.deviation < 3e-3
+
+
 # That a force of the probe's is turned is tested above, of one place.
 @pytest.mark.parametrize(
     "sign", [1.0, pytest.param(-1.0, marks=pytest.mark.slow)], ids=["the material's", "the probe's"]

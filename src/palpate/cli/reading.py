@@ -128,6 +128,8 @@ class ReadingOptions:
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
     "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
+    tip_offset: Annotated[str | None, _negative_number_parameter("X,Y,Z")] = None
+    "Tip from the origin of a pose that is not its own, in the axes of the pose: 3mm,0,140mm."
     spot: Annotated[Literal["inf"] | str | None, _negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
@@ -235,6 +237,9 @@ class ReadingOptions:
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
             given["payload"] = Payload.load(self.payload)
+        if self.tip_offset is not None:
+            three = self.tip_offset.split(",")
+            given["tip_offset"] = [quantity("--tip-offset", x, "penetration") for x in three]
         if self.spot == "inf":
             return {**given, "spot": 1e6}
         return given | quantities(self, spot="penetration")

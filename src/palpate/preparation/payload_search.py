@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.contact import run_slices
-from palpate.digits import with_error
+from palpate.digits import percent, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Check, Finding, Mark, worst
 from palpate.preparation.flange_motion import FlangeMotion
@@ -24,10 +24,9 @@ from palpate.preparation.payload_fit import (
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
-# s of the filter of the motion in free air, against noise of α, which would bias lever and mass. A
-# tool that does not turn has the shorter one: its mass is told by an acceleration that the filter
-# attenuates, by 12 % at 5 Hz.
-SLOW = 0.2
+# s of the filter of the motion in free air, against the noise of the pose. A tool that does not
+# turn has the shorter one: its mass is told by an acceleration that the filter attenuates.
+SLOW = 0.14
 RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
 LEAST_FREE, LEAST_FREE_TIME = 0.05, 1.0  # fraction of the log, s
 MASS_ERRORS = 0.01, 0.05  # relative standard errors: trust, with care
@@ -35,6 +34,10 @@ MOUNT_ERRORS = math.radians(0.5), math.radians(2.0)
 DELAY_ERRORS = 0.5e-3, 2e-3  # s
 SCATTERS = 1.0, 5.0  # residual in free air over what is tolerable: trust, with care
 NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
+# Force that depends on gravity otherwise than a weight: least fraction of it that is reported,
+# least spread of gravity over the largest, least size over the changes of the bias. 26 logs without
+# a fault have at most 0.5 % or 0.1; a gain or crosstalk of 2 % or a cable gives 0.6 % and 0.14.
+LEAST_DIFFERENCE, LEAST_SPREAD, BY_DRIFT = 5e-3, 0.1, 0.12
 TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
 UNKNOWN_TOOL = Payload(0.0, np.zeros(3), np.eye(3), np.zeros(6))
 
@@ -97,7 +100,7 @@ def find_payload(
     Parameters
     ----------
     motion : FlangeMotion
-        Motion of the flange, filtered over 0.2 s if it turns, else over 0.1 s.
+        Motion of the flange, filtered over 0.14 s if it turns, else over 0.1 s.
     time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
         s, N and N·m, as recorded; a torque of NaN is ignored.
     delay : tuple of float, optional
@@ -152,11 +155,9 @@ def find_payload(
         if own.mount_error.max() > MOUNT_ERRORS[1]:
             aligned = replace(own, mount=np.eye(3))
             other = fit(aligned, OF_MOUNT)
-            if (
-                other.payload.mass > 0.0 and other.scale < 1.5 * found.scale
-            ):  # assumed, not found: it is no more certain
-                assumed = replace(other.payload, mount_error=own.mount_error)
-                found = replace(other, payload=assumed)
+            fits_as_well = other.payload.mass > 0.0 and other.scale < 1.5 * found.scale
+            if fits_as_well:  # assumed, not found: it is no more certain
+                found = _with_errors(other, own)
     elif sign < 0.0:
         return find_payload(motion, time, wrench, delay=delay, weight=weight, source=source)
     else:
@@ -164,17 +165,25 @@ def find_payload(
         tool = UNKNOWN_TOOL
         if weight:
             tool, fixed = replace(tool, mass=weight / GRAVITY), (MASS, *OF_MOUNT)
+        if delay is None and own.delay_error <= DELAY_ERRORS[1]:
+            delay = own.delay, own.delay_error
         found = fit(tool, fixed)
         if not _is_free(found):
             return None
-        known_by = own if seen_free else UNKNOWN_TOOL  # a fit without free air has no errors
-        off = {name: getattr(known_by, name) for name in ("mass_error", "mount_error")}
-        turn = replace(found.payload, **off)
-        found = replace(found, payload=turn)
+        # A fit without free air has no errors.
+        found = _with_errors(found, own if seen_free else UNKNOWN_TOOL)
     late = found.payload.delay_error
     if delay is None and not late <= DELAY_ERRORS[1]:
+        late = math.hypot(late, found.payload.delay)
         found = replace(found, payload=replace(found.payload, delay=0.0, delay_error=late))
     return found
+
+
+def _with_errors(fit: PayloadFit, own: Payload) -> PayloadFit:
+    """Return a fit with assumed mass or mount, as uncertain as the payload without assumptions."""
+    mass_error = math.hypot(own.mass_error, own.mass - fit.payload.mass)
+    unsure = replace(fit.payload, mass_error=mass_error, mount_error=own.mount_error)
+    return replace(fit, payload=unsure)
 
 
 def _is_free(fit: PayloadFit) -> bool:
@@ -198,13 +207,15 @@ def idle_weight(weight: float, source: str) -> RecordingError:
     return RecordingError.of(source, f"{words}constant, and the tare removes it; {remedy}")
 
 
-def mark_payload(fit: PayloadFit) -> Payload:
+def mark_payload(fit: PayloadFit, *, delay_given: bool) -> Payload:
     """Return the payload with its marks, and findings that give the reasons."""
     own, findings = fit.payload, list[Finding]()
     turns = f"the tool turns by {math.degrees(own.turn):.0f}° in free air: palpate cannot identify "
     mass = _mark(own.mass_error / max(own.mass, 1e-9), MASS_ERRORS)
     mount = _mark(float(own.mount_error.max()), MOUNT_ERRORS)
     late = _mark(own.delay_error, DELAY_ERRORS)
+    if not (delay_given or own.axes):  # by its inertia alone
+        late = worst(late, "with-care")
     if mass == "do-not-trust" and own.mass_error * GRAVITY < fit.blocks.floor:
         words = "the tool weighs less than the noise of the sensor: palpate takes the axes of the "
         findings.append(Check.PAYLOAD.finding(f"{words}pose for those of the sensor"))
@@ -220,6 +231,14 @@ def mark_payload(fit: PayloadFit) -> Payload:
         remedy = "move more slowly, or check that the z axis of the pose points up"
         words += "than its noise explains"
         findings.append(Check.PAYLOAD.finding(words, remedy, severity="with-care"))
+    newtons, share = _differ_from_weight(fit)
+    if share > LEAST_DIFFERENCE:
+        words = (
+            f"as the tool turns, the force in free air differs from its weight by {newtons:.2g} N"
+        )
+        words += f", {percent(share)} of it: a cable, or the gain or crosstalk of the sensor"
+        remedy = "fix the cable to the tool, or calibrate the sensor"
+        findings.append(Check.PAYLOAD.finding(words, remedy, mark="with-care"))
     if own.sign < 0.0:
         words = "by the weight of the tool the sensor reads the force on the material"
         words += ": palpate reversed its sign"
@@ -234,6 +253,29 @@ def mark_payload(fit: PayloadFit) -> Payload:
         words = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
         findings.append(Check.ZEROED.finding(words, "zero the sensor before the log begins"))
     return replace(own, mass_mark=mass, mount_mark=mount, delay_mark=late, findings=tuple(findings))
+
+
+def _differ_from_weight(fit: PayloadFit) -> tuple[float, float]:
+    """Return by how much the force in free air depends on gravity otherwise than a weight, N and 1.
+
+    Zero where the drift of the bias explains it, or the tool does not turn.
+    """
+    own, blocks = fit.payload, fit.blocks.taken(fit.free)
+    if not own.axes or not own.mass > 0.0:
+        return 0.0, 0.0
+    seen = blocks.seen(own.delay)
+    load = own.wrench(seen[:, :3], seen[:, 3:6], seen[:, 6:9]) + own.bias_at(blocks.time)
+    left = (blocks.wrench - load)[:, :3]
+    gravity = GRAVITY * seen[:, 17:] @ own.mount
+    gravity -= gravity.mean(axis=0)
+    # Axes about which it hardly turns say nothing.
+    slopes = np.linalg.lstsq(gravity, left - left.mean(axis=0), rcond=LEAST_SPREAD)[0]
+    different = gravity @ slopes
+    if different.std(axis=0).max() < BY_DRIFT * own.bias_changes[:, :3].std(axis=0).max(
+        initial=0.0
+    ):
+        return 0.0, 0.0
+    return float(np.abs(different).max()), float(np.linalg.norm(slopes, 2)) / own.mass
 
 
 def _mark(error: float, limits: tuple[float, float]) -> Mark:

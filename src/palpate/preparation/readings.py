@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate.errors import RecordingError
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, Mark
 from palpate.preparation.flange_motion import FlangeMotion
 from palpate.preparation.free_air import blocks_of, fit_weight, largest_consensus
 from palpate.preparation.payload import Payload
@@ -182,6 +182,12 @@ def stated_frame(
     remedy = "record the pose, or pass the contact normal, such as --normal z"
     findings.append(Check.FORCE_FRAME.finding(words, remedy, severity="with-care"))
     return "base"
+
+
+def report_unknown_tip(words: str, mark: Mark = "trust") -> Finding:
+    """Report that the pose is not that of the tip."""
+    remedy = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
+    return Check.ORIENTATION.finding(words, remedy, mark=mark)
 
 
 def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:

@@ -15,7 +15,7 @@ from palpate.preparation.roles import Columns
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings.poses import UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
-from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown
+from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown, vector_in
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
@@ -45,6 +45,7 @@ class Preparation:
     force_frame: ForceFrame | None = None
     tool_weight: float | None = None
     payload: Payload | None = None
+    tip_offset: Sequence[float] | None = None
     rate: float | None = None
     no_time: bool = False
     spot: float = RADIUS
@@ -100,6 +101,8 @@ class Preparation:
             for name, given in others.items():
                 if given:
                     raise InvalidParameterError(f"payload excludes {name}: leave one of them out")
+        if self.tip_offset is not None:
+            vector_in("tip_offset", self.tip_offset, 10.0)
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
         if self.no_time and (self.rate is not None or self.delay):

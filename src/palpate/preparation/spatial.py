@@ -39,6 +39,7 @@ from palpate.preparation.readings import (
     possible_readings,
     report_frame,
     report_order,
+    report_unknown_tip,
     stated_frame,
     states_order,
     turn_findings,
@@ -67,6 +68,7 @@ from palpate.preparation.surfaces import (
     deviation_left,
     estimate_baseline,
     find_episodes,
+    find_presses,
     find_surface,
     free_samples,
     never_free,
@@ -75,7 +77,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.recordings.poses import interpolate_columns
+from palpate.recordings.poses import align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
@@ -115,14 +117,22 @@ def along_normal(
 ) -> Contact:
     """Make a contact from a position and a force, tared and projected on the contact normal."""
     made, findings = dict(signals.made), list[Finding]()
+    if settings.tip_offset is not None and signals.orientation is not None:
+        named = settings.columns.orientation
+        if roles.orientation and not states_order(roles.orientation, named):
+            words = "the offset of the tip needs the order of the quaternion: pass --orientation "
+            names = ",".join(roles.orientation)
+            raise RecordingError.of(recording.source, f"{words}{names} if that is x, y, z, w")
+        offset = rotate_to_base(np.array(settings.tip_offset), signals.orientation)
+        signals = replace(signals, depth=signals.depth + offset)
+        add(made, "penetration", "of the tip, whose offset the orientation rotates")
     if "force" in settings.flip:
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
         signals = replace(signals, depth=-signals.depth)
     signals = signals.taken(between(signals.time, *settings.ends, recording.source))
-    recorded, late = signals.force, settings.delay
+    recorded, late, turning = signals.force, settings.delay, signals.orientation
     frame = _check_frame(recording, roles, signals, settings, findings)
-    turning = signals.orientation
     with stage(_LOGGER, "payload"):
         signals, compensated, choice = read_force(signals, settings, roles, frame)
     findings += choice
@@ -150,6 +160,15 @@ def along_normal(
     with stage(_LOGGER, "contact normal"):
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
+    if compensated is not None and turning is not None and settings.tip_offset is None:
+        turned = turning[compensated.kept]
+        findings[:0] = _report_pose_of_sensor(recording, roles)
+        upright = find_upright(whole.force, turned)
+        findings += _report_turn(whole.force, turned, upright)
+        if not upright.all():
+            signals, recorded = _cut(signals, upright), recorded[upright]
+            whole = replace(whole, depth=whole.depth[upright], force=whole.force[upright])
+            add(made, "penetration", "without samples turned by 2° or more from the nearest touch")
     held = None
     if not settings.no_time:
         held = find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
@@ -191,13 +210,18 @@ def compensate_log(recording: Recording, settings: Preparation) -> "Compensated"
     roles = choose_roles(recording, settings.columns)
     signals = build_signals(roles.recording, roles, settings.units, strict=settings.strict)
     if not {"orientation", "force", "depth"} <= signals.clocks.keys() or signals.force.ndim == 1:
-        words = "a payload needs a force in space and a pose; name the channels with --force, "
-        raise RecordingError.of(recording.source, f"{words}--position and --orientation")
+        raise no_pose(recording.source)
     _, found, choice = read_force(signals, settings, roles, settings.force_frame, "tool")
     if found is None:
         raise never_free(recording.source)
     payload = replace(found.payload, findings=(*found.payload.findings, *roles.findings, *choice))
     return replace(found, fit=replace(found.fit, payload=payload))
+
+
+def no_pose(source: str, what: str = "a payload") -> RecordingError:
+    """Return the error for what needs a pose and a wrench, of a recording without them."""
+    words = f"{what} needs a force in space and a pose; name the channels with --force, "
+    return RecordingError.of(source, f"{words}--position and --orientation")
 
 
 @dataclass(slots=True, eq=False)
@@ -332,7 +356,7 @@ def compensate(
         raise RecordingError.of(source, f"{words}; record the approach too")
     if fit is None:
         return None
-    payload = mark_payload(fit)
+    payload = mark_payload(fit, delay_given=delay is not None)
     fit = replace(fit, payload=payload)
     applied = None
     if delay is not None:
@@ -488,7 +512,9 @@ def read_force(
     opposite = replace(chosen.key, sign=-chosen.key.sign)
     if compensated is not None and opposite in trials and decided is None:
         fit = replace(compensated.fit, sign_in_doubt=True)
-        compensated = replace(compensated, fit=replace(fit, payload=mark_payload(fit)))
+        given = log is not None and log.delay is not None
+        payload = mark_payload(fit, delay_given=given)
+        compensated = replace(compensated, fit=replace(fit, payload=payload))
     if usual == "tool" and own.frame == "base":
         words = (
             "the force is in the axes of the position, and a payload needs one in the sensor's; "
@@ -563,6 +589,76 @@ def _choose_by_contact(
     if len({trial.reading.scalar_first for trial in trials}) > 1:
         raise order_in_doubt(source, roles.orientation)
     return trials[0], None
+
+
+# The pose of a flange: a tool that turns moves its tip against the flange.
+
+UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
+
+
+def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
+    """Find the runs around each touch in which the tool has the orientation of the touch.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        N, compression positive.
+    orientation : numpy.ndarray, shape (k, 4)
+        Quaternions.
+    """
+    touching = _find_touches(force)
+    at, every = np.flatnonzero(touching), np.arange(len(force))
+    if not at.size:
+        return np.ones(len(force), dtype=bool)
+    after = np.clip(np.searchsorted(at, every), 0, at.size - 1)
+    before = np.clip(after - 1, 0, None)
+    nearest = np.where(at[after] - every < every - at[before], at[after], at[before])
+    nearest[touching] = at
+    upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
+    for run in run_slices(upright):
+        upright[run] &= touching[run].any()
+    return upright
+
+
+def _find_touches(force: Floats) -> NDArray[np.bool_]:
+    peak = float(np.nanpercentile(force, 99.0))
+    return find_presses(np.nan_to_num(force), FIRM * peak, peak)
+
+
+def _angle_between(one: Floats, other: Floats) -> Floats:
+    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    cosine = np.abs((one * other).sum(axis=-1)) / lengths
+    angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    return angle
+
+
+def _cut(signals: Signals, keep: NDArray[np.bool_]) -> Signals:
+    """The selected samples, with a new part after each gap."""
+    gaps = np.cumsum(np.diff(np.flatnonzero(keep), prepend=0) > 1)
+    cut = signals.taken(keep)
+    return replace(cut, part=cut.part + gaps)
+
+
+def _report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_]) -> list[Finding]:
+    """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
+    touching, angle = _find_touches(force), 0.0
+    for run in run_slices(upright):
+        if upright[run.start] and touching[run].any():
+            turns = align_signs(orientation[run][touching[run]])
+            angle = max(angle, float(_angle_between(turns, turns.mean(axis=0)).max()))
+    if angle <= UPRIGHT:
+        return []
+    words = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
+    return [report_unknown_tip(f"{words}the pose's origin", "with-care")]
+
+
+def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
+    """Report transforms that end at the sensor: the tip is elsewhere."""
+    frame = recording.frames.get(roles.force[0])
+    if frame is None or frame != roles.orientation_frame:
+        return []
+    words = f"the transforms end at the sensor {frame!r}: palpate takes its origin for the tip"
+    return [report_unknown_tip(words)]
 
 
 @log_stage("episodes")
