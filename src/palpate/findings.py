@@ -72,6 +72,7 @@ class Check(StrEnum):
     OFFSET_DRIFT = "offset drift", "sensor"
     SENSOR_GAIN = "sensor gain", "sensor"
     INERTIA = "inertia", "sensor"
+    MOVING_MASS = "moving mass", "sensor", CAPS
     FREE_AIR = "free air", "sensor"
     TARE = "tare", "sensor", TIMELESS
     NO_TARE = "no tare", "sensor", TIMELESS
@@ -91,6 +92,7 @@ class Check(StrEnum):
     MEMORY = "memory", "material"
     RELAXED_STIFFNESS = "relaxed stiffness", "material"
     FRICTION = "friction", "material"
+    GUIDE_FRICTION = "guide friction", "sensor"
     DAMPING_FORM = "damping form", "material"
     DAMPING_WITH_DEPTH = "damping with depth", "material"
     SHAPE = "shape", "material"

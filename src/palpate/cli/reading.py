@@ -125,6 +125,8 @@ class ReadingOptions:
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
     "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
+    mass: Annotated[float | None, si_parameter({"kg": 1.0, "g": 1e-3}, "MASS", PREPARED)] = None
+    "Mass between force sensor and material, such as 20g; its inertia leaves the force."
     spot: Annotated[Literal["inf"] | str | None, _negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
@@ -204,7 +206,7 @@ class ReadingOptions:
         from palpate.preparation import Columns, Payload
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
-        as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
+        as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "mass", "strict")
         given: dict[str, Any] = {
             "columns": Columns(**{name: getattr(self, name) for name in names}),
             "units": parse_units("--unit", self.unit),

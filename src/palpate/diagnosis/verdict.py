@@ -49,6 +49,7 @@ from palpate.diagnosis.outcome import (
 from palpate.diagnosis.sensor import (
     check_dead_band,
     check_free_air,
+    check_impact,
     check_offset,
     check_saturation,
     check_velocity_noise,
@@ -67,6 +68,7 @@ CHECKS: tuple[Callable[[Fit], Finding | None], ...] = (
     check_one_way,
     check_offset,
     check_free_air,
+    check_impact,
     check_velocity_noise,
     check_misfit,
     check_forecast,

@@ -76,9 +76,6 @@ from palpate.quantities.derived import (
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
-# Fraction of the peak force: above this misfit of a relaxing law, its relaxation may have another
-# form.
-CLEAR_MISFIT = 0.01
 _LOGGER = logging.getLogger(__name__)
 _Placed: TypeAlias = tuple[Place, Contact]
 
@@ -225,11 +222,10 @@ class Identified:
         found = self.oscillation
         if found is None or not found.delay > 0.0:
             return
-        words = f"the force is at least {format_quantity(found.delay, 's')} late"
-        if found.misfit > CLEAR_MISFIT:
-            words += ", or the material's memory has another form"
+        late = format_quantity(found.delay, "s")
         yield Check.LATE_FORCE.finding(
-            f"the damper beside the relaxation is negative: {words}",
+            f"the damper beside the relaxation is negative: the force is at least {late} late, or "
+            "the material's memory has another form",
             "run again with --delay find",
             damping="with-care",
         )

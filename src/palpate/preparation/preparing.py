@@ -74,6 +74,7 @@ def prepare(
     force_frame: ForceFrame | None = None,
     tool_weight: float | None = None,
     payload: Payload | None = None,
+    mass: float | None = None,
     rate: float | None = None,
     no_time: bool = False,
     spot: float = RADIUS,
@@ -145,6 +146,8 @@ def prepare(
     payload : Payload, optional
         Tool and mount of the sensor, as found from another log; palpate then finds only the bias
         and the clock.
+    mass : float, optional
+        Mass between force sensor and material, kg; its inertia is subtracted from the force.
     rate : float, optional
         Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
