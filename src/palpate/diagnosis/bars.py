@@ -19,7 +19,8 @@ from palpate.diagnosis.fit import (
     fit_with_column,
     standard_errors,
 )
-from palpate.diagnosis.misfit import smooth_misfit
+from palpate.diagnosis.material import TASK_SPEED
+from palpate.diagnosis.misfit import exact_remedy, smooth_misfit
 from palpate.diagnosis.nuisances import FACTOR, NUISANCES
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, rounded, with_error
@@ -93,16 +94,15 @@ class SystematicErrors:
         if fit.response is not None:
             spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
             parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", LONGER))
-        distance = np.abs(distance_to_least_squares(fit))[1:]
-        parts.append(_part(fit, distance, "since the method is off its least squares", BEST_METHOD))
+        distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
+        parts.append(_part(fit, distance, "since the method is off its least squares", remedy))
         if not fit.with_offset:
             reason = "since the method has no offset"
-            parts.append(_part(fit, _offset_sensitivity(fit)[1:], reason, BEST_METHOD))
+            parts.append(_part(fit, _offset_sensitivity(fit)[1:], reason, remedy))
         return parts
 
 
 LONGER = "record a longer motion"
-BEST_METHOD = "run again with --method variable-projection"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
 
@@ -306,7 +306,10 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             mark, sign = "do-not-trust", "it is negative, "
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
         reason, remedy = max(parts, key=attrgetter("error")).reason, _best_remedy(parts)
-        if mark == "trust":
+        if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
+            mark, remedy = "with-care", TASK_SPEED
+            reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
+        elif mark == "trust":
             if not (number and systematic.skew):
                 continue
             # A sensor fault can make palpate select such a law for a Hunt–Crossley contact: of the
@@ -318,6 +321,17 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
         more: Any = {name: mark, "brief": f"{sign}{reason}"}
         findings.append(Check.PRECISION.finding(f"{sentence}, {reason}", remedy, **more))
     return findings
+
+
+AT_REST = 0.2  # relative difference of the damping at rest that calls for care
+
+
+def _differs_at_rest(fit: Fit, systematic: SystematicErrors, damping: Quantity) -> bool:
+    """Whether the leading cause is a square of the speed, without which the damping differs."""
+    for finding in systematic.causes.findings[:1]:
+        change = 0.01 * finding.moves_damping_percent * float(fit.reference_scales[1])
+        return finding.check == Check.SQUARE_SPEED and abs(change) > AT_REST * abs(damping.value)
+    return False
 
 
 class BarPart(NamedTuple):

@@ -80,7 +80,11 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
             else "the force grows with depth differently than in the law",
             deeper_half_remedy(fit),
         ),
-        Check.SQUARE_SPEED: ("the damping force is not proportional to the speed", TASK_SPEED),
+        Check.SQUARE_SPEED: (
+            "the damping force is not proportional to the speed: the damping holds at "
+            f"{format_quantity(fit.speed, 'm/s', digits=2)}",
+            TASK_SPEED,
+        ),
     }[check]
 
 

@@ -89,6 +89,13 @@ def misfit_without_time(stiffness: Mark) -> Finding:
     )
 
 
+def exact_remedy(fit: Fit) -> str:
+    """Remedy for a method that is off the least squares of its law."""
+    if fit.method == "variable-projection":
+        return deeper_half_remedy(fit)
+    return "run again with --method variable-projection"
+
+
 def check_method(fit: Fit) -> Finding | None:
     """The method's estimate is not the least squares of its law on these samples."""
     if isinstance(fit.estimate, ConstrainedEstimate):
@@ -99,14 +106,12 @@ def check_method(fit: Fit) -> Finding | None:
         return None
     off_s, off_c = (distance / fit.reference_scales).tolist()
     large = max(abs(off_s), abs(off_c)) > CARE
-    exact = fit.method == "variable-projection"
-    remedy = deeper_half_remedy(fit) if exact else "run again with --method variable-projection"
     whose = f"{fit.method} fails here: its" if large else "the method's"
     return Check.METHOD.finding(
         f"{whose} stiffness is {percent(off_s, sign=True)} and its damping "
         f"{percent(off_c, sign=True)} off the least-squares fit of its own law ({rounded(z, 2)} "
         "standard errors)",
-        remedy,
+        exact_remedy(fit),
         z,
         moves_percent=(-100.0 * off_s, -100.0 * off_c),
     )
