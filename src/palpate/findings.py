@@ -118,6 +118,7 @@ class Check(StrEnum):
     DAMPING = "damping", "motion"
     TRACKING = "tracking", "motion"
     FORECAST = "forecast", "fit", CAPS
+    HOLD_OUT = "hold-out", "fit", CAPS
     MISFIT = "misfit", "fit", CAPS
     METHOD = "method", "fit"
     PRECISION = "precision", "fit", CAPS
@@ -126,6 +127,7 @@ class Check(StrEnum):
     CONDITION_10 = "condition 10", "fit"
     GUARD = "guard", "fit", TIMELESS
     GATE = "gate", "fit"
+    REQUESTED_LAW = "requested law", "fit"
     WHICH_LAW = "which law", "fit"
     UNSETTLED_LAW = "unsettled law", "fit"
     CORRELATED_RESIDUALS = "correlated residuals", "fit"

@@ -28,12 +28,16 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
 from palpate.validation import Floats
 
-# Multiple of the relative misfit that is in the stiffness and, over ω, in the damping. Chosen with
-# the priors of the nuisances.
-MISFIT = 3.1
+# Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
+# change of both by a cause that is found: with the cause another damping may fit as well. Chosen
+# with the priors of the nuisances.
+MISFIT, FOUND = np.array([3.1, 4.6]), np.array([1.0, 1.5])
+# Multiple of the statistical error that the selection of relaxation times adds: the covariance
+# holds the times without stiffness at 0.
+SPECTRUM = 0.6
 # One press repeats to this fraction, of which it shows nothing: presses of the same muscle and of
 # the same silicone scatter by 6 to 10 %.
-ONE_PRESS = 0.07
+ONE_PRESS = 0.065
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +88,9 @@ class SystematicErrors:
         """Return all systematic errors at the fit's depth."""
         parts = list(self.parts)
         for cause, multiple in self.causes.counted:
-            stiffness, damping = (multiple * abs(each) for each in cause.change.relative(fit))
             detected = cause.z > SIGNIFICANT
+            changes = multiple * np.abs(cause.change.relative(fit)) * (FOUND if detected else 1.0)
+            stiffness, damping = changes.tolist()
             reason = f"since {cause.sentence}"
             if not detected:
                 reason = f"since the recording does not exclude {NUISANCES[cause.check].sentence}"
@@ -93,6 +98,10 @@ class SystematicErrors:
             parts.append(SystematicPart((stiffness, damping), reason, cause.remedy, *kind))
         if fit.response is not None:
             spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
+            if fit.equivalent is not None:
+                by_noise = fit.response.at(fit.depth, fit.frequency)[1]
+                reason = "by the choice of the relaxation times"
+                parts.append(_part(fit, SPECTRUM * by_noise, reason, LONGER))
             parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", LONGER))
         distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
         parts.append(_part(fit, distance, "since the method is off its least squares", remedy))
@@ -138,8 +147,8 @@ def _combined(errors: Floats, detected: Sequence[bool]) -> Floats:
 def _parts(fit: Fit, findings: Sequence[Finding], skew: float) -> Iterator[SystematicPart]:
     values = np.abs(fit.force_stiffness_damping(fit.solution.law)[1:])
     stiffness, damping = values.tolist()
-    if fit.frequency > 0.0 and (misfit := MISFIT * smooth_misfit(fit)):
-        errors = misfit * stiffness * np.array([1.0, 1.0 / fit.frequency])
+    if fit.frequency > 0.0 and (misfit := smooth_misfit(fit)):
+        errors = MISFIT * misfit * stiffness * np.array([1.0, 1.0 / fit.frequency])
         reason = "since the law does not follow the force"
         yield _part(fit, errors, reason, deeper_half_remedy(fit))
     if presses_once(fit):

@@ -89,6 +89,17 @@ def misfit_without_time(stiffness: Mark) -> Finding:
     )
 
 
+def check_other_laws(fit: Fit) -> Finding | None:
+    """The law was requested, so no other laws were fitted."""
+    if fit.laws is not None or fit.data.contact.timeless:
+        return None
+    return Check.REQUESTED_LAW.finding(
+        "the law was requested: the error bars do not include how far other laws that fit as well "
+        "differ",
+        SELECT_LAW,
+    )
+
+
 def exact_remedy(fit: Fit) -> str:
     """Remedy for a method that is off the least squares of its law."""
     if fit.method == "variable-projection":

@@ -212,8 +212,9 @@ def _longest_free_interval(fit: Fit) -> str:
     return ":".join(f"{end:.3f}".rstrip("0").rstrip(".") for end in ends)
 
 
-# Change of the sensor's gain up to the peak force: 7 % off a line. A larger one is the material's.
-MOST_CURVED = 0.3
+# Change of the sensor's gain up to the peak force: 9 % off a line, as of an amplifier that
+# saturates. A larger one is the material's.
+MOST_CURVED = 0.35
 
 
 def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
