@@ -42,7 +42,7 @@ def test_a_clean_recording_is_trusted():
     assert there.stiffness.value == pytest.approx(faults.LAW.stiffness_at(there.depth), rel=5e-3)
     assert there.damping.value == pytest.approx(faults.LAW.damping_at(there.depth), rel=5e-2)
     # What priors leave of errors that 6 s of three sines nearly exclude.
-    assert there.stiffness.systematic < there.stiffness.standard_error
+    assert there.stiffness.systematic < 1.5 * there.stiffness.standard_error
     assert there.damping.systematic < 2e-3 * there.damping.value
     assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
 

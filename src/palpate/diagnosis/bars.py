@@ -72,21 +72,24 @@ class SystematicErrors:
     Attributes
     ----------
     causes : CauseAssessment
-        Causes of misfit, whose errors depend on the depth.
-    parts : tuple of SystematicPart
-        Errors that do not.
+        Causes of misfit.
+    findings : tuple of Finding
+        Findings that state their effect.
+    misfit : float
+        Rms of the residual that a smooth function removes, over the force.
     skew : float
         Skew between force and position that the law cannot separate from damping, s; 0 if it can,
         or if the clocks are known.
     """
 
     causes: CauseAssessment
-    parts: tuple[SystematicPart, ...]
+    findings: tuple[Finding, ...]
+    misfit: float
     skew: float
 
     def all_parts(self, fit: Fit) -> list[SystematicPart]:
         """Return all systematic errors at the fit's depth."""
-        parts = list(self.parts)
+        parts = list(_parts(fit, self))
         for cause, multiple in self.causes.counted:
             detected = cause.z > SIGNIFICANT
             changes = multiple * np.abs(cause.change.relative(fit)) * (FOUND if detected else 1.0)
@@ -105,13 +108,18 @@ class SystematicErrors:
             parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", LONGER))
         distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
         parts.append(_part(fit, distance, "since the method is off its least squares", remedy))
+        rounded_off = _change_with_depth(fit, ROUNDING * fit.data.penetration_noise)[1:]
+        parts.append(_part(fit, rounded_off, "by the noise of the position", FINER))
         if not fit.with_offset:
             reason = "since the method has no offset"
             parts.append(_part(fit, _offset_sensitivity(fit)[1:], reason, remedy))
         return parts
 
 
-LONGER = "record a longer motion"
+# Encoder counts shift whole touches, which no longer recording averages out: the laboratory's robot
+# is off by up to twice the noise of its position.
+ROUNDING = 2.0
+LONGER, FINER = "record a longer motion", "record the position in finer steps"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
 
@@ -120,8 +128,8 @@ def systematic_errors(
     fit: Fit, causes: CauseAssessment, findings: Sequence[Finding]
 ) -> SystematicErrors:
     """Collect the systematic errors: of causes, misfit, delay, skew, velocity and free air."""
-    skew = _skew_budget(fit)
-    return SystematicErrors(causes, tuple(_parts(fit, findings, skew)), skew)
+    stated = tuple(finding for finding in findings if finding.check in OWN_CHANGES)
+    return SystematicErrors(causes, stated, smooth_misfit(fit), _skew_budget(fit))
 
 
 #: Checks whose findings state their effect on the result; none of them is a column of the fit.
@@ -144,11 +152,12 @@ def _combined(errors: Floats, detected: Sequence[bool]) -> Floats:
     return whole
 
 
-def _parts(fit: Fit, findings: Sequence[Finding], skew: float) -> Iterator[SystematicPart]:
+def _parts(fit: Fit, known: SystematicErrors) -> Iterator[SystematicPart]:
+    """Yield the errors that are no causes, at the fit's depth."""
     values = np.abs(fit.force_stiffness_damping(fit.solution.law)[1:])
     stiffness, damping = values.tolist()
-    if fit.frequency > 0.0 and (misfit := smooth_misfit(fit)):
-        errors = MISFIT * misfit * stiffness * np.array([1.0, 1.0 / fit.frequency])
+    if fit.frequency > 0.0 and known.misfit:
+        errors = MISFIT * known.misfit * stiffness * np.array([1.0, 1.0 / fit.frequency])
         reason = "since the law does not follow the force"
         yield _part(fit, errors, reason, deeper_half_remedy(fit))
     if presses_once(fit):
@@ -161,17 +170,17 @@ def _parts(fit: Fit, findings: Sequence[Finding], skew: float) -> Iterator[Syste
         again = not (applied.found or has_two_clocks(fit))
         remedy = "run again with --delay find" if again else ONE_CLOCK
         yield _part(fit, np.array([0.0, stiffness * applied.standard_error]), reason, remedy)
-    if skew > 0.0:
-        reason = f"since {rounded(1e3 * skew, 2)} ms of skew between force and position is possible"
-        yield _part(fit, np.array([0.0, stiffness * skew]), reason, IN_STEP)
-    for finding in findings:
-        if finding.check in OWN_CHANGES:
-            changes = finding.moves_stiffness_percent, finding.moves_damping_percent
-            relative = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
-            # Those of the velocity are relative to the damping, not to its scale.
-            scales = fit.reference_scales if finding.check == Check.FREE_AIR else values
-            reason = f"since {finding.brief or finding.message}"
-            yield _part(fit, relative * scales, reason, finding.remedy, detected=True)
+    if known.skew > 0.0:
+        skew = rounded(1e3 * known.skew, 2)
+        reason = f"since {skew} ms of skew between force and position is possible"
+        yield _part(fit, np.array([0.0, stiffness * known.skew]), reason, IN_STEP)
+    for finding in known.findings:
+        changes = finding.moves_stiffness_percent, finding.moves_damping_percent
+        relative = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
+        # Those of the velocity are relative to the damping, not to its scale.
+        scales = fit.reference_scales if finding.check == Check.FREE_AIR else values
+        reason = f"since {finding.brief or finding.message}"
+        yield _part(fit, relative * scales, reason, finding.remedy, detected=True)
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
         error = np.array([0.0, _velocity_error(fit, used) * damping])
         yield _part(
@@ -277,13 +286,17 @@ def _add_surface_error(fit: Fit, errors: Floats) -> Floats:
 
     The law was fitted where the probe was; no fit knows that depth better than the surface.
     """
-    law, depth = fit.estimate.law, fit.depth
-    deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
-    if not deviation > 0.0:
-        return errors
-    change = np.subtract(law.at_rest(depth + deviation), law.at_rest(depth - deviation))
-    wider: Floats = np.hypot(errors, 0.5 * change)
+    wider: Floats = np.hypot(errors, _change_with_depth(fit, fit.data.contact.surface_deviation))
     return wider
+
+
+def _change_with_depth(fit: Fit, deviation: float | None) -> Floats:
+    """Change of force, stiffness and damping by a deviation of the depth [m], SI, shape (3,)."""
+    law, depth = fit.estimate.law, fit.depth
+    off = min(deviation or 0.0, 0.5 * depth)
+    change = np.subtract(law.at_rest(depth + off), law.at_rest(depth - off))
+    half: Floats = 0.5 * np.abs(change)
+    return half
 
 
 # The marks that the bars allow.

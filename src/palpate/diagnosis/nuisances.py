@@ -53,8 +53,9 @@ def _second(fit: Fit) -> float:
     return 1.0
 
 
-def _force_at_depth(fit: Fit) -> float:
-    return abs(fit.force_at_depth(fit.solution.law))
+def _elastic_force(fit: Fit) -> float:
+    """At the median depth."""
+    return abs(float(fit.solution.law.force(fit.reference / fit.units.depth, 0.0)))
 
 
 def _peak_force(fit: Fit) -> float:
@@ -63,13 +64,14 @@ def _peak_force(fit: Fit) -> float:
 
 def _gain_at_peak(fit: Fit) -> float:
     """The column's coefficient is the change of the gain up to the working force."""
-    return _force_at_depth(fit) / max(fit.data.peak_force, 1e-300)
+    force = abs(fit.force_at_depth(fit.solution.law))
+    return force / max(fit.data.peak_force, 1e-300)
 
 
 def _damping_force(fit: Fit) -> float:
     """At the rms speed; at least 2 % of the elastic force."""
-    damping = abs(fit.damping(fit.solution.law)) * fit.speed
-    return max(damping, 0.02 * _force_at_depth(fit))
+    damper = float(fit.solution.law.damping_at(fit.reference / fit.units.depth))
+    return max(abs(damper) * fit.speed / fit.units.speed, 0.02 * _elastic_force(fit))
 
 
 def _mass(fit: Fit) -> float:
@@ -82,13 +84,13 @@ NUISANCES: Mapping[Check, Nuisance] = {
     # s. Two channels of one controller differ by a filter of 50–100 Hz or one cycle of 500 Hz.
     Check.DELAY: Nuisance(2e-3, _second, "a delay between force and position"),
     # Of the elastic force: a tip that slides by the part of the motion that is not normal.
-    Check.FRICTION: Nuisance(0.05, _force_at_depth, "friction that grows with the load"),
+    Check.FRICTION: Nuisance(0.05, _elastic_force, "friction that grows with the load"),
     # Of the peak force: seals and linear guides between sensor and probe.
     Check.GUIDE_FRICTION: Nuisance(0.01, _peak_force, "friction of a guide"),
     # Of the peak force: the tip beyond a sensor, about 1 % of what moves.
     Check.INERTIA: Nuisance(0.02, _mass, "a mass beyond the sensor"),
     # Of the elastic force at the rms speed: fluid that is pressed out.
-    Check.SQUARE_SPEED: Nuisance(0.05, _force_at_depth, "damping that grows with the speed"),
+    Check.SQUARE_SPEED: Nuisance(0.05, _elastic_force, "damping that grows with the speed"),
     # Of the peak force during the recording: strain gauges that warm up.
     Check.OFFSET_DRIFT: Nuisance(0.03, _peak_force, "drift of the force sensor"),
     # Between no and the peak force. A bend of b lies b/4 off the line between its ends: load cells

@@ -454,6 +454,7 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
             key=attrgetter("standard_error"),
             default=None,
         ),
+        moving_mass=first.moving_mass,
         findings=tuple(
             replace(finding, message=f"{contact.source}: {finding.message}")
             for contact in contacts
