@@ -91,9 +91,10 @@ def sentence_of(rows: Rows) -> str:
     wrong, trusted, within = ([_share(of[name][k]) for name in LIMITS] for k in range(3))
     clean = sum(row["set"] == "clean" for row in rows)
     return (
-        f"Of {len(of['stiffness'][0])} simulated recordings, {clean} of them without a fault, "
-        f"{wrong[0]} % have a stiffness that is\nmarked *trust* and more than 10 % off, and "
-        f"{wrong[1]} % a damping that is marked *trust* and more than 20 % off.\n*Trust* is on "
+        f"Of {len(of['stiffness'][0])} simulated recordings of Hunt–Crossley materials, {clean} of "
+        f"them without a fault, {wrong[0]} % have a\nstiffness that is marked *trust* and more "
+        f"than 10 % off, and {wrong[1]} % a damping that is marked *trust* and more\nthan 20 % "
+        f"off. *Trust* is on "
         f"{trusted[0]} % of the stiffnesses and {trusted[1]} % of the dampings; {within[0]} % and "
         f"{within[1]} % of them are within two standard\nerrors of the truth.\n"
     )

@@ -121,6 +121,9 @@ class Contact:
         Standard deviation of the position of the surface, m, > 0. None: unknown.
     delay : Delay, optional
         The delay of the force that was taken out of it; its error is part of the damping's error.
+    moving_mass : float, optional
+        Mass between force sensor and material whose inertia was added to the force, kg, ≥ 0. None:
+        unknown.
     findings : sequence of Finding
         Problems, assumptions and excluded samples that the preparation reports.
     prepared : Prepared, optional
@@ -152,6 +155,7 @@ class Contact:
     tare_deviation: float | None
     surface_deviation: float | None
     delay: Delay | None
+    moving_mass: float | None
     findings: tuple[Finding, ...]
     prepared: Any
     velocity_filter: VelocityFilter | None
@@ -172,6 +176,7 @@ class Contact:
         tare_deviation: float | None = None,
         surface_deviation: float | None = None,
         delay: Delay | None = None,
+        moving_mass: float | None = None,
         findings: Sequence[Finding] = (),
         prepared: Any = None,
         velocity_filter: VelocityFilter | None = None,
@@ -183,7 +188,7 @@ class Contact:
         labels = number_runs(segment, t.size)
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
-        rest = tare_deviation, surface_deviation, delay, tuple(findings), prepared
+        rest = tare_deviation, surface_deviation, delay, moving_mass, tuple(findings), prepared
         units = frozenset(stated_units), frozenset(assumed_units)
         about = velocity_filter, *units, bool(timeless)
         for each, value in zip(fields(self), (*own, *rest, *about), strict=True):

@@ -72,6 +72,7 @@ class Check(StrEnum):
     OFFSET_DRIFT = "offset drift", "sensor"
     SENSOR_GAIN = "sensor gain", "sensor"
     INERTIA = "inertia", "sensor"
+    MOVING_MASS = "moving mass", "sensor", CAPS
     FREE_AIR = "free air", "sensor"
     TARE = "tare", "sensor", TIMELESS
     NO_TARE = "no tare", "sensor", TIMELESS
@@ -91,6 +92,7 @@ class Check(StrEnum):
     MEMORY = "memory", "material"
     RELAXED_STIFFNESS = "relaxed stiffness", "material"
     FRICTION = "friction", "material"
+    GUIDE_FRICTION = "guide friction", "sensor"
     DAMPING_FORM = "damping form", "material"
     DAMPING_WITH_DEPTH = "damping with depth", "material"
     SHAPE = "shape", "material"
@@ -116,6 +118,7 @@ class Check(StrEnum):
     DAMPING = "damping", "motion"
     TRACKING = "tracking", "motion"
     FORECAST = "forecast", "fit", CAPS
+    HOLD_OUT = "hold-out", "fit", CAPS
     MISFIT = "misfit", "fit", CAPS
     METHOD = "method", "fit"
     PRECISION = "precision", "fit", CAPS
@@ -123,6 +126,7 @@ class Check(StrEnum):
     STANDARD_ERRORS = "standard errors", "fit"
     CONDITION_10 = "condition 10", "fit"
     GUARD = "guard", "fit", TIMELESS
+    REQUESTED_LAW = "requested law", "fit"
     WHICH_LAW = "which law", "fit"
     UNSETTLED_LAW = "unsettled law", "fit"
     CORRELATED_RESIDUALS = "correlated residuals", "fit"

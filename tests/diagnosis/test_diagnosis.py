@@ -13,6 +13,7 @@ from palpate import lab
 from palpate.diagnosis import Data
 from palpate.diagnosis.delay import _earlier_samples, find_delay
 from palpate.diagnosis.fit import Fit, FitInput
+from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.recording import CHECKS, SOME
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import MAY_CAP, worst
@@ -40,8 +41,9 @@ def test_a_clean_recording_is_trusted():
     there = found.working_depth
     assert there.stiffness.value == pytest.approx(faults.LAW.stiffness_at(there.depth), rel=5e-3)
     assert there.damping.value == pytest.approx(faults.LAW.damping_at(there.depth), rel=5e-2)
-    assert there.stiffness.systematic < 0.2 * there.stiffness.standard_error
-    assert there.damping.systematic < 2e-3 * there.damping.value  # what the filter takes off
+    # What priors leave of errors that 6 s of three sines nearly exclude.
+    assert there.stiffness.systematic < 1.5 * there.stiffness.standard_error
+    assert there.damping.systematic < 2e-3 * there.damping.value
     assert 0.0 < there.stiffness.standard_error < 5e-3 * there.stiffness.value
 
 
@@ -69,13 +71,16 @@ def test_a_cause_is_found_by_its_check_and_is_in_the_bars(name):
     diagnosis = palpate.diagnose(CAUSES[name], "variable-projection")
     [found] = [each for each in diagnosis.findings if each.check == name]
     assert (found.severity == "note") == (name not in MAY_CAP)
-    if found.severity == "note":
+    # B′ is that at the motion's own speed, so a square of the speed is no error of it.
+    if found.severity == "note" and name != "square speed":
         there = diagnosis.working_depth
+        # Of a cause without a prior half, since another may be the true one.
+        part = 0.0099 if name in NUISANCES else 0.0049
         for quantity, percent in (
             (there.stiffness, found.moves_stiffness_percent),
             (there.damping, found.moves_damping_percent),
         ):
-            assert quantity.systematic >= 0.0099 * abs(percent * quantity.value)
+            assert quantity.systematic >= part * abs(percent * quantity.value)
 
 
 @pytest.mark.parametrize("name", ["memory", "damping form"])
@@ -109,9 +114,9 @@ def adhesive(x, v):
 @pytest.mark.parametrize("pull", [neck, adhesive])
 def test_a_material_that_pulls_is_called_adhesive_and_not_relaxing(pull):
     found = palpate.diagnose(touches(lambda x, v: faults.pushed(x, v) - pull(x, v)))
-    assert found.reason.startswith("adhesion: near the surface the material pulls the probe with")
-    assert "--min-penetration" in found.remedy
     [adhesion] = [finding for finding in found.findings if finding.check == "adhesion"]
+    assert adhesion.message.startswith("adhesion: near the surface the material pulls the probe")
+    assert "--min-penetration" in adhesion.remedy
     assert adhesion.stiffness == adhesion.damping == "with-care"
     assert not any("relax" in finding.message for finding in found.findings)
     stiffness, truth = found.working_depth.stiffness, LAW.stiffness_at(found.working_depth.depth)

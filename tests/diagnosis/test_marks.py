@@ -8,7 +8,10 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
+from palpate.diagnosis.bars import BarPart, _best_remedy
+from palpate.diagnosis.nuisances import NUISANCES, remaining_part
 from palpate.digits import percent
+from palpate.findings import Check
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
 
 LAW = faults.LAW
@@ -152,6 +155,81 @@ def test_what_no_recording_can_show_is_told_from_the_law():
     lost = [percent(1.0 - math.cos(math.radians(10.0)) ** (1.4 + k)) for k in (1, 2)]
     assert all(part in notes["unseen"].message for part in lost)
     assert notes["unseen"].severity == "note"
+
+
+# Priors: what the recording does not show.
+
+
+def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_better():
+    """Unseen √π p; found all of it; excluded to s ≪ p less than s."""
+    prior = NUISANCES[Check.DELAY]
+
+    def left(amount: float, error: float) -> float:
+        return amount * remaining_part(None, Check.DELAY, amount, amount / error)
+
+    unseen = math.sqrt(prior.odds) * prior.width
+    assert left(prior.width, 100.0 * prior.width) == pytest.approx(unseen, rel=0.01)
+    assert left(prior.width, 0.1 * prior.width) == pytest.approx(prior.width, rel=0.01)
+    assert left(0.01 * prior.width, 0.01 * prior.width) < 0.003 * prior.width
+    assert remaining_part(None, Check.MEMORY, 1.0, 10.0) == 0.0
+
+
+def test_the_next_step_is_the_one_that_lowers_the_bar_most():
+    """Two parts of 0.8 with one remedy are more than one of 1; of what is detected one counts."""
+    parts = [BarPart(1.0, "a", "first", False, False)]
+    parts += [BarPart(0.8, "b", "second", False, False)] * 2
+    assert _best_remedy(parts) == "second"
+    parts[1:] = [part._replace(detected=True) for part in parts[1:]]
+    assert _best_remedy(parts) == "first"
+
+
+def thrown(mass: float, beyond: float) -> tuple[Floats, Floats, Floats]:
+    """Time, penetration and force of a mass at 0.5 m/s, of which a part moves beyond the sensor."""
+    step, x, v, rows = 2e-5, -4e-3, 0.5, []
+    while v > -0.3 or x > -4e-3:
+        force = float(LAW.force(x, v)) if x > 0.0 else 0.0
+        v -= step * max(force, 0.0) / mass
+        x += step * v
+        rows.append((x, (1.0 - beyond / mass) * max(force, 0.0)))
+    x, force = np.array(rows)[::10].T
+    noise = np.random.default_rng(12).standard_normal(x.size)
+    return 10.0 * step * np.arange(x.size), x, force + 1e-3 * force.max() * noise
+
+
+def test_an_impact_asks_for_the_mass_beyond_the_sensor_and_is_right_with_it():
+    time, x, force = thrown(0.5, 0.1)
+    unknown, known = found(time, x, force), found(time, x, force, mass=0.1)
+    checks = [{each.check for each in one.findings} for one in (unknown, known)]
+    assert ["moving mass" in each for each in checks] == [True, False]
+    assert unknown.verdict.stiffness == "with-care"
+    errors = [
+        abs(one.working_depth.stiffness.value / LAW.stiffness_at(one.working_depth.depth) - 1.0)
+        for one in (unknown, known)
+    ]
+    assert errors[0] == pytest.approx(0.2, abs=0.03)  # the part of the mass beyond
+    assert errors[1] < 0.03
+
+
+def test_one_press_has_the_scatter_of_presses_in_its_bar():
+    time = np.arange(2000) / 1000.0
+    x = -1e-3 + 4.5e-3 * (1.0 - np.cos(math.pi * time))
+    force = faults.pushed(x, np.gradient(x, time))
+    for repeats, part in ((1, 0.07), (4, 0.0)):
+        clock = np.arange(2000 * repeats) / 1000.0
+        stiffness = found(clock, np.tile(x, repeats), faults.noisy(np.tile(force, repeats)))
+        stiffness = stiffness.working_depth.stiffness
+        assert stiffness.systematic == pytest.approx(
+            part * stiffness.value, abs=0.01 * stiffness.value
+        )
+
+
+def test_a_force_that_bends_by_half_is_the_material_and_not_a_sensor():
+    time, x, v = touches()
+    force = faults.pushed(x, v)
+    force = force * (1.0 + 0.6 * (force / force.max()) ** 2)
+    diagnosis = found(time, x, force + 0.02 * np.random.default_rng(8).standard_normal(force.size))
+    assert "sensor gain" not in [finding.check for finding in diagnosis.findings]
+    assert "its sign is open" not in diagnosis.reason
 
 
 # The velocity filter at low rates.

@@ -129,7 +129,7 @@ def test_methods_and_settings_that_need_time_are_refused():
         with pytest.raises(InvalidParameterError, match="without time only variable-projection"):
             palpate.identify(contact, method)
     assert list(palpate.compare(contact)) == ["variable-projection"]
-    with pytest.raises(InvalidParameterError, match="no_time excludes rate and delay"):
+    with pytest.raises(InvalidParameterError, match="no_time excludes rate, delay and mass"):
         palpate.prepare(**CURVE, no_time=True, rate=100.0)
     with pytest.raises(InvalidParameterError, match="no_time excludes a time"):
         palpate.prepare(**CURVE, time=faults.TIME, no_time=True)

@@ -40,7 +40,8 @@ def test_a_damper_that_does_not_grow_with_depth_is_off_by_no_more_than_it_can_be
     assert "damping with depth" in checks
     assert "damping form" not in checks  # its slope K₁ + 2 K₂ x is the damper itself where K₂ = 0
     damping = found.diagnosis.working_depth.damping
-    assert damping.systematic < 5.0 * abs(damping.value)
+    # The method has half the damping of this material, and its misfit is in the bar.
+    assert damping.systematic < 10.0 * abs(damping.value)
 
 
 def test_the_working_depths_are_the_median_and_the_90th_percentile(ball):

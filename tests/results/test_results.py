@@ -215,13 +215,15 @@ def test_a_table_has_an_ending_that_is_known(tmp_path):
 
 
 def test_the_representation_is_a_line_and_the_summary_a_page(ball):
-    assert repr(ball).startswith("<Identification of ball.csv by Hunt–Crossley: stiffness 2001 ± ")
+    assert repr(ball).startswith(
+        "<Identification of ball.csv by Hunt–Crossley: stiffness 2000.7 ± "
+    )
     assert " N·s/m at 8.78 mm, 1.58 Hz (trust)>" in repr(ball)
     words = ball.summary()
     for each in (
         "trust",
-        "2001 ± 0.6 ± 6",
-        "17.6 ± 0.05 ± 0.6",
+        "2000.7 ± 0.6 ± 0.6",
+        "17.56 ± 0.05 ± 0.04",
         "2011 ± 5",
         "0.996",
         "95 % interval",

@@ -18,11 +18,13 @@ from palpate.cli.printing import (
     AsJson,
     bar,
     print_diagnosis,
+    print_hold_out,
     print_identifications,
     print_json,
 )
 from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
+from palpate.findings import Check
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
@@ -40,6 +42,7 @@ def identify(
     *,
     choosing: MethodOptions = MethodOptions(),
     changes: Annotated[bool, Parameter(negative="")] = False,
+    hold_out: Annotated[bool, Parameter(negative="")] = False,
     output: ResultFolder | None = None,
     as_json: AsJson = False,
     drawing: FigureOptions = FigureOptions(),
@@ -67,6 +70,8 @@ def identify(
         Parquet, HDF5, MATLAB, ROS bags, MCAP, force curves: palpate info FILE shows what is in it.
     changes
         Identify each segment between changes of the material separately.
+    hold_out
+        Predict the second half from the first, and compare with plain Hunt–Crossley.
     output
         Write report, numbers, trace and options to this folder.
     as_json
@@ -92,6 +97,8 @@ def identify(
     result = run(contact, estimator).with_query(query)
     if result.query.frequency is not None:  # refused before anything is written
         result.dynamic_stiffness(result.query.frequency)
+    if hold_out:
+        result = result.hold_out()
     result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
     drawing.save("palpate.figures.draw", result)
     if destination is not None:
@@ -101,6 +108,9 @@ def identify(
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
+    for finding in result.findings if hold_out and not as_json else ():
+        if finding.check == Check.HOLD_OUT:
+            print_hold_out(finding)
     asked = query.frequency is not None or query.impact_speed is not None
     return judging.status([result.diagnosis.verdict], damping=asked)
 

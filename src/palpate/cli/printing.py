@@ -23,6 +23,7 @@ from palpate.cli.options import OUTPUT
 from palpate.errors import printable
 
 if TYPE_CHECKING:
+    from palpate.findings import Finding
     from palpate.identifying import Identification
     from palpate.recordings import Recording
     from palpate.results.view import Line, Styled, ViewSection
@@ -242,6 +243,11 @@ def print_diagnosis(result: "Identification") -> None:
     from palpate.results import view
 
     _print(result.contact.source or "contact", view.diagnosis_sections(result))
+
+
+def print_hold_out(finding: "Finding") -> None:
+    """Print how well the first half predicts the second."""
+    say(Terminal(), f"hold-out  {finding.message}", _STYLES[finding.stiffness])
 
 
 def _print(title: str, sections: "Iterable[ViewSection]") -> Terminal:

@@ -130,6 +130,8 @@ class ReadingOptions:
     "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
     tip_offset: Annotated[str | None, _negative_number_parameter("X,Y,Z")] = None
     "Tip from the origin of a pose that is not its own, in the axes of the pose: 3mm,0,140mm."
+    mass: Annotated[float | None, si_parameter({"kg": 1.0, "g": 1e-3}, "MASS", PREPARED)] = None
+    "Mass between force sensor and material, such as 20g; its inertia leaves the force."
     spot: Annotated[Literal["inf"] | str | None, _negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
@@ -210,7 +212,7 @@ class ReadingOptions:
         from palpate.preparation import Columns, Payload
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
-        as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
+        as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "mass", "strict")
         given: dict[str, Any] = {
             "columns": Columns(
                 orientation_form=self.orientation_form,

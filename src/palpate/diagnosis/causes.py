@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from palpate.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
+from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
@@ -94,6 +95,8 @@ class MisfitHypothesis:
         Its change of the law.
     stiffness, damping : float
         Relative change of both at the depth of the fit in which it was found.
+    amount : float
+        Coefficient of its column; 0 for a search without one.
     """
 
     check: Check
@@ -105,6 +108,7 @@ class MisfitHypothesis:
     change: LawChange
     stiffness: float
     damping: float
+    amount: float = 0.0
 
     @property
     def group(self) -> Check:
@@ -145,7 +149,9 @@ def cause_from_column(
         parameter -= float(moved[2]) * math.log(fit.units.depth)
     change, numbers = change or ParameterChange(law, moved), (result.z, result.explained_fraction)
     changes = change.relative(fit)
-    return MisfitHypothesis(check, *numbers, parameter, sentence, remedy, change, *changes)
+    return MisfitHypothesis(
+        check, *numbers, parameter, sentence, remedy, change, *changes, result.amount
+    )
 
 
 def causes_from_columns(
@@ -181,11 +187,14 @@ def relative_time(fit: Fit) -> Floats:
     return relative
 
 
+#: Friction reaches tanh 1 of its full force at 1/20 of the rms speed.
+RISE = 20.0
+
 # Which cause is named, and how much of each is in the error bars.
 
-# Causes of the material. They widen no bar if the law was selected: the selection has decided them.
-MATERIAL = frozenset([
-    Check.MEMORY, Check.DAMPING_FORM, Check.DAMPING_WITH_DEPTH, Check.SHAPE, Check.SQUARE_SPEED,
+# Causes that the selection of a law has decided; they widen no bar of a selected law.
+SELECTED = frozenset([
+    Check.MEMORY, Check.DAMPING_FORM, Check.DAMPING_WITH_DEPTH, Check.SHAPE,
 ])  # fmt: skip
 CARE = 0.05  # relative change that calls for care; chosen by hand
 # The surface is named instead of the leading cause if it removes at most this much less and the law
@@ -194,9 +203,8 @@ NEAR, MOST_UNEXPLAINED = 0.25, 0.15
 ALIKE = 0.7  # a rival that explains more than this fraction of the leading cause's counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which the first cause is named without the second
 SOUGHT = (Check.CHANGE, Check.SKEW_JUMP)  # found by a search over borders
-UNDETECTED = (Check.FRICTION, Check.DELAY)
-UNDETECTED_ERRORS = 2.0
-MATTERS = 0.02  # relative change of a number
+# Of a significant cause that is no nuisance: half, because another may be the true one.
+OTHER_CAUSE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,14 +216,12 @@ class CauseAssessment:
     findings : list of Finding
         One for each significant cause, the leading one first.
     counted : tuple of (MisfitHypothesis, float)
-        The causes that may have changed stiffness and damping, each with its weight.
-    undetected : tuple of float
-        Relative change of both by causes that are not significant.
+        The causes that may have changed stiffness and damping, and the multiple of the change of
+        each that is in the error bars.
     """
 
     findings: list[Finding]
     counted: tuple[tuple[MisfitHypothesis, float], ...] = ()
-    undetected: tuple[float, float] = (0.0, 0.0)
 
 
 def assess_causes(fit: Fit, causes: list[MisfitHypothesis], unexplained: float) -> CauseAssessment:
@@ -234,45 +240,54 @@ def assess_causes(fit: Fit, causes: list[MisfitHypothesis], unexplained: float) 
     """
     significant = [cause for cause in causes if cause.z > SIGNIFICANT]
     significant.sort(key=attrgetter("explained_fraction"), reverse=True)
-    undetected = _largest_undetected(causes)
-    if not significant:
-        return CauseAssessment([], undetected=undetected)
-    leading = _leading_cause(significant, unexplained)
-    rivals = [c for c in significant if c is not leading and not _is_subsumed(leading, c)]
-    shown = [_mention_alternative(leading, rivals), *rivals]
-    at_noise_floor = fit.at_noise_floor
-    findings = [_cause_finding(cause, at_noise_floor=at_noise_floor) for cause in shown]
-    excluded = frozenset() if fit.response is None else MATERIAL
-    highest, drift = max(leading.explained_fraction, 1e-9), Check.OFFSET_DRIFT
-    counted = []
+    # The selection of a law that relaxes has compared the forms of its damping.
+    decided = () if fit.equivalent is None else (Check.DAMPING_FORM,)
+    hidden = (cause for cause in causes if cause.z <= SIGNIFICANT)
+    possible = [(cause, 1.0) for cause in hidden if cause.check not in decided]
+    findings: list[Finding] = []
+    if significant:
+        leading = _leading_cause(significant, unexplained)
+        rivals = [c for c in significant if c is not leading and not _is_subsumed(leading, c)]
+        possible += _weigh_causes(fit, leading, rivals)
+        perhaps = (replace(rival, sentence=f"perhaps {rival.sentence}") for rival in rivals)
+        shown = [_mention_alternative(leading, rivals), *perhaps]
+        findings = [_cause_finding(cause, at_noise_floor=fit.at_noise_floor) for cause in shown]
+    counted = ((cause, weight * _remaining_multiple(fit, cause)) for cause, weight in possible)
+    return CauseAssessment(findings, tuple(pair for pair in counted if pair[1] > 0.0))
+
+
+def _remaining_multiple(fit: Fit, cause: MisfitHypothesis) -> float:
+    """Return the multiple of a cause's change that is in the error bars."""
+    remaining = remaining_part(fit, cause.check, cause.amount, cause.z)
+    if cause.z <= SIGNIFICANT:
+        return FACTOR * remaining
+    return remaining if cause.check in NUISANCES else OTHER_CAUSE
+
+
+def _weigh_causes(
+    fit: Fit, leading: MisfitHypothesis, rivals: list[MisfitHypothesis]
+) -> list[tuple[MisfitHypothesis, float]]:
+    """Return the significant causes that may have changed the numbers, each with its weight."""
+    decided = frozenset() if fit.response is None else SELECTED
+    if fit.equivalent is not None:  # a material of another shape, before a curved sensor
+        decided |= {Check.SENSOR_GAIN}
+    highest = max(leading.explained_fraction, 1e-9)
+    weighed = []
     for cause in (leading, *rivals):
         relative, first = cause.explained_fraction / highest, cause is leading
-        minor = cause.negligible and at_noise_floor
-        if not minor and cause.check not in excluded and (first or cause.check is not drift):
-            counted.append((cause, 1.0 if first or relative > ALIKE else 0.5 * relative))
-    return CauseAssessment(findings, tuple(counted), undetected)
-
-
-def _largest_undetected(causes: list[MisfitHypothesis]) -> tuple[float, float]:
-    """Return the relative change that friction or a skew may cause without being significant.
-
-    Each counts with its estimate, or with two standard errors if that is larger. Changes of at most
-    2 % do not count.
-    """
-    changes = [(0.0, 0.0)]
-    for cause in causes:
-        if cause.check in UNDETECTED and 0.0 < cause.z <= SIGNIFICANT:
-            factor = max(1.0, UNDETECTED_ERRORS / cause.z)
-            changes.append((factor * abs(cause.stiffness), factor * abs(cause.damping)))
-    stiffness, damping = np.max(changes, axis=0).tolist()
-    return stiffness * (stiffness > MATTERS), damping * (damping > MATTERS)
+        minor = cause.negligible and fit.at_noise_floor
+        drift = cause.check is Check.OFFSET_DRIFT and not first
+        if not (minor or drift or cause.check in decided or cause.check is Check.SQUARE_SPEED):
+            weighed.append((cause, 1.0 if first or relative > ALIKE else 0.5 * relative))
+    return weighed
 
 
 def _leading_cause(significant: list[MisfitHypothesis], unexplained: float) -> MisfitHypothesis:
     """Return the cause that explains most, or the surface if it explains nearly as much.
 
     A wrong surface changes the residual little. The surface is not named if the first cause is
-    clearly better, because moving the surface fits part of any damping of another form.
+    clearly better, because moving the surface fits part of any damping of another form. A material
+    comes before a sensor that explains about as much.
     """
     first = significant[0]
     for cause in significant:
@@ -280,7 +295,15 @@ def _leading_cause(significant: list[MisfitHypothesis], unexplained: float) -> M
         near = cause is first or (less < NEAR and not clearly_better(first, cause))
         if cause.check is Check.SURFACE and unexplained < MOST_UNEXPLAINED and near:
             return cause
-    return first
+    if first.check.subject != "sensor" or first.check is Check.DELAY:
+        return first  # the sentence of a delay names the damping too
+    least = ALIKE * first.explained_fraction
+    material = (
+        cause
+        for cause in significant
+        if cause.check.subject == "material" and cause.explained_fraction > least
+    )
+    return next((each for each in material if not clearly_better(first, each)), first)
 
 
 def _is_subsumed(leading: MisfitHypothesis, rival: MisfitHypothesis) -> bool:

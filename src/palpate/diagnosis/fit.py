@@ -4,6 +4,7 @@ import math
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -399,7 +400,12 @@ class Fit:
     @cached_property
     def acceleration(self) -> Floats:
         """Acceleration at the samples of the windows, m/s²."""
-        return self._rate(self.data.velocity)[self.windows.samples]
+        return self.acceleration_at(self.windows.samples)
+
+    def acceleration_at(self, samples: NDArray[Any]) -> Floats:
+        """Acceleration at some samples of the recording, m/s²."""
+        rate: Floats = self._rate(self.data.velocity)[samples]
+        return rate
 
     @cached_property
     def jerk(self) -> Floats:

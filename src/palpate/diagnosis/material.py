@@ -6,6 +6,7 @@ import numpy as np
 
 import palpate._core as _core
 from palpate.diagnosis.causes import (
+    RISE,
     SURE,
     MisfitHypothesis,
     ParameterChange,
@@ -35,7 +36,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     logarithm = np.log(np.maximum(depth, 1e-12))
     columns = {
         Check.GAIN_DRIFT: law.force(x, fit.v) * time,
-        Check.FRICTION: spring * np.tanh(20.0 * speed),
+        Check.FRICTION: spring * np.tanh(RISE * speed),
         # Only for laws whose damping grows as xⁿ. For a constant damper, K₁ v + 2 K₂ x v would
         # equal that damper except for rounding of K₂.
         Check.DAMPING_FORM: slope * speed if law.power_law else rest,
@@ -79,7 +80,11 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
             else "the force grows with depth differently than in the law",
             deeper_half_remedy(fit),
         ),
-        Check.SQUARE_SPEED: ("the damping force is not proportional to the speed", TASK_SPEED),
+        Check.SQUARE_SPEED: (
+            "the damping force is not proportional to the speed: the damping holds at "
+            f"{format_quantity(fit.speed, 'm/s', digits=2)}",
+            TASK_SPEED,
+        ),
     }[check]
 
 

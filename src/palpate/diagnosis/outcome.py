@@ -46,8 +46,7 @@ class Quantity(Plain):
     standard_error : float
         Statistical part, from the long-run covariance of the residual; NaN if unknown.
     systematic : float
-        The larger of two changes: the one that the detected causes make, and the distance of the
-        method from the least squares of its law; 0 without either.
+        Other laws, misfit, causes and distance from the least squares, as in ``docs/diagnosis.md``.
     """
 
     value: float
@@ -90,7 +89,7 @@ class WorkingDepth(Plain):
     stiffness : Quantity
         ∂F/∂x, N/m.
     damping : Quantity
-        ∂F/∂v, N·s/m.
+        Damping force over velocity at the motion's rms speed, N·s/m; ∂F/∂v for a linear damper.
     speed : float
         Velocity at which force and stiffness hold, m/s: 0, at rest, unless the probe moves one way
         at nearly one speed.

@@ -6,11 +6,13 @@ import numpy as np
 
 from palpate.diagnosis.causes import (
     CARE,
+    RISE,
     MisfitHypothesis,
     causes_from_columns,
     relative_time,
 )
 from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.recording import VELOCITY_NONE
 from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rough_percent, rounded
@@ -141,6 +143,42 @@ def check_free_air(fit: Fit) -> Finding | None:
     )
 
 
+# Force and acceleration are collinear above this R². In 34 impacts of masses it is 0.96 or more.
+COLLINEAR = 0.9
+# An impact ends a free flight: beyond the contact the acceleration is below this part of that in
+# contact. Without free air a motion is an impact beyond this frequency, rad/s.
+FLIGHT, IMPACT_FREQUENCY = 0.4, 100.0
+
+
+def check_impact(fit: Fit) -> Finding | None:
+    """The force only decelerates a free mass, so no part of it shows what moves beyond the sensor.
+
+    A free mass M has M a = −F, of which a sensor that carries a part m measures (1 − m/M) F.
+    """
+    force = fit.force - fit.solution.offset
+    acceleration = fit.windows.mean(fit.acceleration)
+    product = float(force @ acceleration)
+    squares = float(force @ force) * float(acceleration @ acceleration)
+    if fit.data.contact.moving_mass is not None or not product < -math.sqrt(COLLINEAR * squares):
+        return None
+    inside = math.sqrt(float(np.mean(fit.acceleration**2)))
+    outside = np.abs(fit.acceleration_at(fit.free))
+    if outside.size >= FEWEST_FREE:
+        free = float(np.median(outside)) < FLIGHT * inside
+    else:
+        free = fit.frequency > IMPACT_FREQUENCY
+    if not free:
+        return None
+    mass = -product / float(acceleration @ acceleration)
+    return Check.MOVING_MASS.finding(
+        f"an impact of {format_quantity(mass, 'kg', digits=2)} does not show what moves beyond the "
+        "force sensor: a tenth of it there makes stiffness and damping a tenth too small",
+        "weigh what is beyond the sensor, and run again with --mass, such as --mass 20g",
+        mark="with-care",
+        brief="an impact does not show the mass beyond the force sensor",
+    )
+
+
 OFFSET_Z, OFFSET_PART = 5.0, 0.01
 
 
@@ -174,17 +212,19 @@ def _longest_free_interval(fit: Fit) -> str:
     return ":".join(f"{end:.3f}".rstrip("0").rstrip(".") for end in ends)
 
 
-# Change of the sensor's gain up to the working force; a larger one is due to the material.
-MOST_CURVED = 0.3
+# Change of the sensor's gain up to the peak force: 9 % off a line, as of an amplifier that
+# saturates. A larger one is the material's.
+MOST_CURVED = 0.35
 
 
 def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
-    """Fit a column each for zero drift, nonlinear gain, and a mass between sensor and material."""
+    """Fit a column each for zero drift, a guide's friction, a mass and a nonlinear gain."""
     law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
     force, at_depth = law.force(x, fit.v), fit.force_at_depth(law) or 1.0
     columns = {
         Check.OFFSET_DRIFT: relative_time(fit),
         Check.INERTIA: fit.acceleration,  # its coefficient is the mass beyond the sensor
+        Check.GUIDE_FRICTION: np.tanh(RISE * fit.v * fit.units.speed / fit.speed),
     }
     # If the exponent is fixed, curvature is more likely due to the material.
     if law.power_law and not fit.fixed:
@@ -200,11 +240,16 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | 
             "tare the sensor before each touch",
         )
     if check is Check.SENSOR_GAIN:
-        if abs(amount) > MOST_CURVED:
+        if abs(amount) > MOST_CURVED * NUISANCES[check].unit(fit):
             return None
         return (
             f"the force sensor's gain changes by {percent(abs(amount))} up to the working force",
             "calibrate the force sensor at several forces",
+        )
+    if check is Check.GUIDE_FRICTION:
+        return (
+            f"friction of {format_quantity(abs(amount), 'N')} at any load, as of a guide",
+            "move in free air, and subtract the force there",
         )
     return (
         f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"

@@ -36,7 +36,12 @@ from palpate.diagnosis.material import (
     find_adhesion_or_relaxation,
     find_material_causes,
 )
-from palpate.diagnosis.misfit import check_method, check_misfit, fraction_unexplained
+from palpate.diagnosis.misfit import (
+    check_method,
+    check_misfit,
+    check_other_laws,
+    fraction_unexplained,
+)
 from palpate.diagnosis.outcome import (
     UNKNOWN,
     Diagnosis,
@@ -49,6 +54,7 @@ from palpate.diagnosis.outcome import (
 from palpate.diagnosis.sensor import (
     check_dead_band,
     check_free_air,
+    check_impact,
     check_offset,
     check_saturation,
     check_velocity_noise,
@@ -67,8 +73,10 @@ CHECKS: tuple[Callable[[Fit], Finding | None], ...] = (
     check_one_way,
     check_offset,
     check_free_air,
+    check_impact,
     check_velocity_noise,
     check_misfit,
+    check_other_laws,
     check_forecast,
     check_relaxed_stiffness,
     check_extrapolation,

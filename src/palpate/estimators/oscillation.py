@@ -1,9 +1,9 @@
 """Stiffness K′ and damping B′ of the selected law from all samples, with valid error bars.
 
 The residual of such a law is correlated, its spectrum is estimated too, and the law's own
-covariance is too small if a stiffness is held at 0. An error bar therefore has three parts
-(``docs/viscoelastic.md``): the largest sandwich over blocks of the residual; the spread over laws
-that fit equally well; and the possible effect of the misfit.
+covariance is too small if a stiffness is held at 0. An error bar therefore has two parts
+(``docs/viscoelastic.md``): the largest sandwich over blocks of the residual, and the spread over
+laws that fit equally well. The diagnosis adds the rest.
 """
 
 import math
@@ -21,11 +21,6 @@ from palpate.validation import Floats
 
 # A law fits equally well if its rms error is at most this multiple of the least.
 AS_WELL = 1.05
-# Multiples of ε, the rms of the residual's correlated part over the peak force. For a law with
-# relaxation 2 covers 95 % of K′ and B′ (benchmarks.laws). A law without memory absorbs more of a
-# sensor fault in n and B, and has a smaller residual: 4 covers 93 and 92 %, 2 covers 91 %
-# (benchmarks.diagnosis.mix, --first 0 to 3000).
-MISFIT, MISFIT_PLAIN = 2.0, 4.0
 FEWEST_BLOCKS = 10
 # The force is late if a damper of free sign is below this, in standard errors. It flagged 2 of 213
 # contacts without a fault, and 82 and 45 % of 33 contacts with forces 10 and 3 ms late.
@@ -46,14 +41,11 @@ class Oscillation:
     ----------
     laws : tuple of GeneralisedHuntCrossley
         The laws that fit as well as the best; the first is the estimate's.
-    misfit : float
-        ε: rms of the residual's correlated part over the peak force.
     delay : float
         Lower bound of the force's delay, s, from a damper of free sign; 0 if it is not late.
     """
 
     laws: tuple[GeneralisedHuntCrossley, ...]
-    misfit: float
     delay: float
     _columns: "_Columns"
 
@@ -102,7 +94,7 @@ class Oscillation:
         # 96 contacts were flagged.
         relaxes = candidate.memory != "none" and not evidence.begun
         late = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
-        return cls(laws, columns.misfit, late, columns)
+        return cls(laws, late, columns)
 
     def at(self, depth: float, frequency: float) -> tuple[Floats, Floats]:
         """K′ [N/m] and B′ [N·s/m] at a depth [m] and a frequency ω [rad/s], each shape (2,).
@@ -117,13 +109,11 @@ class Oscillation:
             depth, frequency
         )
 
-    def systematic(self, values: Floats, depth: float, frequency: float) -> Floats:
-        """Systematic standard errors of K′ and B′ around these values, √(spread² + misfit²)."""
+    def spread(self, values: Floats, depth: float, frequency: float) -> Floats:
+        """Largest distances of K′ and B′ by the laws that fit as well from these values."""
         others = np.array([dynamic_response(law, depth, frequency) for law in self.laws])
-        factor = MISFIT if self.laws[0].remembers else MISFIT_PLAIN
-        misfit = factor * self.misfit * abs(values[0]) * np.array([1.0, 1.0 / frequency])
-        systematic: Floats = np.hypot(np.abs(others - values).max(axis=0), misfit)
-        return systematic
+        distances: Floats = np.abs(others - values).max(axis=0)
+        return distances
 
 
 def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> float:
@@ -240,17 +230,6 @@ class _Columns:
         self.inverse = np.linalg.pinv(self.matrix.T @ self.matrix, rcond=1e-12, hermitian=True)
         solved = self.inverse @ (self.matrix.T @ samples.force)
         self.residual = samples.force - self.matrix @ solved
-        self.peak = float(np.percentile(np.abs(samples.force[samples.contact]), 95.0))
-
-    @property
-    def misfit(self) -> float:
-        """ε, where ε² = max(ρ₁ − 1/√N, 0) ⟨r²⟩, over the peak force.
-
-        ρ₁ is the correlation of successive residuals, which is 0 ± 1/√N for white noise.
-        """
-        r = self.residual
-        correlation = float(r[1:] @ r[:-1]) / max(float(r @ r), 1e-300) - 1.0 / math.sqrt(len(r))
-        return math.sqrt(max(correlation, 0.0) * float(np.mean(r**2))) / max(self.peak, 1e-300)
 
     @cached_property
     def scores(self) -> Floats:

@@ -208,8 +208,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     ) -> DynamicStiffness:
         """Return stiffness and damping for small oscillations, with standard errors.
 
-        The standard errors come from the selected law's covariance by the delta method; they do not
-        include the uncertainty of the selection.
+        The standard errors come from the selected law's covariance by the delta method. They are
+        statistical: the systematic parts are those of an identification's ``dynamic_stiffness``.
 
         Parameters
         ----------

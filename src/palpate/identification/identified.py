@@ -49,6 +49,7 @@ from palpate.estimators.oscillation import Oscillation
 from palpate.findings import Check, Finding
 from palpate.force_laws import steps_over_breaks
 from palpate.identification.estimate_checks import check_estimate
+from palpate.identification.hold_out import check_prediction
 from palpate.identification.refusals import check_approach, why_nothing
 from palpate.identification.replaying import (
     defaults_from_data,
@@ -75,9 +76,6 @@ from palpate.quantities.derived import (
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
-# Fraction of the peak force: above this misfit of a relaxing law, its relaxation may have another
-# form.
-CLEAR_MISFIT = 0.01
 _LOGGER = logging.getLogger(__name__)
 _Placed: TypeAlias = tuple[Place, Contact]
 
@@ -223,11 +221,10 @@ class Identified:
         found = self.oscillation
         if found is None or not found.delay > 0.0:
             return
-        words = f"the force is at least {format_quantity(found.delay, 's')} late"
-        if found.misfit > CLEAR_MISFIT:
-            words += ", or the material's memory has another form"
+        late = format_quantity(found.delay, "s")
         yield Check.LATE_FORCE.finding(
-            f"the damper beside the relaxation is negative: {words}",
+            f"the damper beside the relaxation is negative: the force is at least {late} late, or "
+            "the material's memory has another form",
             "run again with --delay find",
             damping="with-care",
         )
@@ -390,6 +387,24 @@ class Identified:
                 part = self.selected_law(Data(contact), fresh, trace=self.traced)
                 segments.append(replace(part, place=place, query=self.query))
         return replace(self, segments=tuple(segments))
+
+    def hold_out(self) -> Self:
+        """Return a copy with a finding: how well the first half predicts the second.
+
+        The law of the first half, selected as this one was, is compared with plain Hunt–Crossley;
+        if it predicts worse, it is not to be trusted.
+        """
+        selection = self.selected or self
+        fresh = selection.estimator.replace(**dict.fromkeys(selection.chosen))
+
+        def selected(first: Contact, whole: Contact) -> Floats:
+            return self.selected_law(Data(first), fresh, trace=False).predicted_force(whole)
+
+        def plain(first: Contact, whole: Contact) -> Floats:
+            return self.of(Data(first), VariableProjection(), trace=False).predicted_force(whole)
+
+        finding = check_prediction(self.contact, self.trace.taken, selected, plain)
+        return replace(self, findings=(*self.findings, finding))
 
     def answers(self, estimator: ContactEstimator, trace: Traced) -> bool:
         """Whether :meth:`of` would give the same for its whole contact with an estimator."""

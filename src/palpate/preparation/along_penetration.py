@@ -13,6 +13,7 @@ from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import remove_delay
 from palpate.preparation.held import find_fresh_samples
+from palpate.preparation.inertia import subtract_inertia
 from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.roles import Columns, Roles
@@ -155,7 +156,8 @@ def _prepare_channels(
     done = Prepared(recording or Recording({}), settings)
     contact, done = _subtract_offset(contact, done)
     contact, done = _surface_found(contact, done)
-    contact = replace(remove_delay(contact, late), prepared=done)
+    contact = subtract_inertia(remove_delay(contact, late), settings.mass)
+    contact = replace(contact, prepared=done)
     low, high = settings.window or (None, None)
     return contact if low is None and high is None else contact.window(low, high)
 

@@ -79,6 +79,7 @@ def prepare(
     tool_weight: float | None = None,
     payload: Payload | None = None,
     tip_offset: Sequence[float] | None = None,
+    mass: float | None = None,
     rate: float | None = None,
     no_time: bool = False,
     spot: float = RADIUS,
@@ -153,6 +154,8 @@ def prepare(
     tip_offset : sequence of float, optional
         From the origin of the pose, such as a flange, to the tip, in the axes of the pose, m.
         Default: the pose is that of the tip, or the tool does not turn in contact.
+    mass : float, optional
+        Mass between force sensor and material, kg; its inertia is subtracted from the force.
     rate : float, optional
         Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
@@ -464,6 +467,7 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
             key=attrgetter("standard_error"),
             default=None,
         ),
+        moving_mass=first.moving_mass,
         findings=tuple(
             replace(finding, message=f"{contact.source}: {finding.message}")
             for contact in contacts

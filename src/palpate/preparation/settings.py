@@ -46,6 +46,7 @@ class Preparation:
     tool_weight: float | None = None
     payload: Payload | None = None
     tip_offset: Sequence[float] | None = None
+    mass: float | None = None
     rate: float | None = None
     no_time: bool = False
     spot: float = RADIUS
@@ -90,10 +91,13 @@ class Preparation:
             check_choice("force_frame", self.force_frame, get_args(ForceFrame))
         if self.tool_weight is not None:
             number_in("tool_weight", self.tool_weight, 0.0, 1e6)
+        if self.mass is not None:
+            number_in("mass", self.mass, 0.0, 1e6)
         if self.payload is not None:
             instance("payload", self.payload, Payload)
             others = {
                 "tool_weight": self.tool_weight is not None,
+                "mass": self.mass is not None,
                 "an interval of tare": isinstance(self.tare, tuple),
                 "no_time": self.no_time,
                 "force_frame base": self.force_frame == "base",
@@ -105,8 +109,8 @@ class Preparation:
             vector_in("tip_offset", self.tip_offset, 10.0)
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
-        if self.no_time and (self.rate is not None or self.delay):
-            raise InvalidParameterError("no_time excludes rate and delay: leave one of them out")
+        if self.no_time and (self.rate is not None or self.delay or self.mass):
+            raise InvalidParameterError("no_time excludes rate, delay and mass: leave one out")
         number_in("spot", self.spot, 0.0, 1e6, open_low=True)
         if self.window is not None:
             low, high = self.window

@@ -19,6 +19,7 @@ from palpate.preparation.delay import remove_delay
 from palpate.preparation.flange_motion import INVERSE, WINDOW, FlangeMotion, motion_of
 from palpate.preparation.free_air import without_zeroings
 from palpate.preparation.held import find_fresh_samples
+from palpate.preparation.inertia import subtract_inertia
 from palpate.preparation.payload import Payload
 from palpate.preparation.payload_search import (
     SLOW,
@@ -194,9 +195,9 @@ def along_normal(
         places=tuple(places) if pieces[0][1] is not None else (),
     )
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
-    if compensated is not None and compensated.delay is not None:
-        contact = replace(contact, delay=compensated.delay)
-    return remove_delay(contact, late)
+    if compensated is not None:
+        contact = replace(contact, delay=compensated.delay, moving_mass=compensated.payload.mass)
+    return subtract_inertia(remove_delay(contact, late), settings.mass)
 
 
 def compensate_log(recording: Recording, settings: Preparation) -> "Compensated":
