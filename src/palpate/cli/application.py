@@ -21,7 +21,7 @@ from palpate.writing import write_text
 COMMANDS = {
     "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
-    "live": "live", "payload": "payload",
+    "live": "live", "payload": "payload", "skew": "skew",
 }  # fmt: skip
 _NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]

@@ -106,9 +106,8 @@ class ReadingOptions:
     delay: Annotated[Literal["find"] | str | None, _negative_number_parameter("find|DURATION")] = (
         None
     )
-    "Delay of the force behind the position, such as 5ms or 5ms+-0.2ms; find estimates it."
-    skew: Annotated[str | None, _negative_number_parameter("DURATION")] = None
-    "Standard error of the skew between force and position, such as 0.1ms (default: 1ms)."
+    """Delay of the force behind the position, such as 5ms, or 5ms+-0.2ms with its standard error;
+    find estimates it, palpate skew measures it (default: 0ms+-1ms)."""
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
     surface: Annotated[_Surface | str | None, _negative_number_parameter("DEPTH")] = None
@@ -219,12 +218,6 @@ class ReadingOptions:
             given["delay"] = (
                 self.delay if self.delay == "find" else _parse_duration_and_error(self.delay)
             )
-        if self.skew is not None:
-            if self.delay is not None:
-                raise InvalidParameterError(
-                    "--skew excludes --delay, which has a standard error of its own: 5ms+-0.2ms"
-                )
-            given["delay"] = (0.0, quantity("--skew", self.skew, "time"))
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
             given["payload"] = Payload.load(self.payload)
