@@ -153,7 +153,7 @@ def _combine(found: Sequence[Skew]) -> Skew:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
+class _Strokes:
     """Samples of the strokes, with the motion a whole number of samples earlier."""
 
     depth: Floats
@@ -271,7 +271,7 @@ class _Touch:
             "" if trusted else remedy,
         )
 
-    def _rows(self, shift: int) -> _Rows:
+    def _strokes(self, shift: int) -> _Strokes:
         """Return the samples whose motion, ``shift`` samples earlier, lies in a stroke."""
         contact = self.contact
         place = np.arange(len(contact)) - shift
@@ -284,7 +284,7 @@ class _Touch:
         used &= contact.penetration[there] > self.shallowest
         there = there[used]
         velocity = contact.velocity[there]
-        return _Rows(
+        return _Strokes(
             contact.penetration[there],
             velocity,
             contact.force[used],
@@ -298,7 +298,7 @@ class _Touch:
 
         P is a polynomial, x₀ the least depth, and δ that of the stroke's speed.
         """
-        rows = self._rows(shift)
+        rows = self._strokes(shift)
         scaled = rows.depth / self.range
         powers = scaled[:, None] ** np.arange(DEGREE + 1)
         lowest = (self.shallowest / self.range) ** np.arange(DEGREE + 1)
