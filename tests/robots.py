@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from probing import BALL, NOISE, Floats, Motion, tapping
 
-from palpate import HuntCrossley, Recording
+from palpate import ForceLaw, Recording
 
 NORMAL = np.array([0.48, -0.36, 0.8])  # of length 1
 ORIGIN = np.array([0.41, -0.12, 0.233])  # m, on the surface
@@ -26,7 +26,7 @@ class Hand:
 
 def hand(
     seconds: float = 6.0,
-    law: HuntCrossley = BALL,
+    law: ForceLaw = BALL,
     *,
     seed: int = 0,
     normal: Floats = NORMAL,
@@ -37,14 +37,14 @@ def hand(
     """Taps along a normal, felt with white noise on each axis and the sensor's bias."""
     moved = tapping(seconds) if motion is None else motion
     noise = np.random.default_rng(seed)
-    pressed = law.force(moved.x, moved.v)
+    pressed = law.force_along(moved.x, moved.v, np.full(len(moved), 1e-3))
     force = pressed[:, None] * normal + bias + NOISE * noise.standard_normal((len(moved), 3))
     position = origin - moved.x[:, None] * normal
     position = position + POSITION_NOISE * noise.standard_normal(position.shape)
     return Hand(moved.time, position, force, moved)
 
 
-def travelling(*places: tuple[HuntCrossley, Motion]) -> Hand:
+def travelling(*places: tuple[ForceLaw, Motion]) -> Hand:
     """Two places that are 30 mm apart, each of a law and a motion, with a lift between."""
     lifted = Motion(np.full(400, -5e-3), np.zeros(400))
     along = np.array([0.6, 0.8, 0.0])

@@ -129,8 +129,10 @@ class Contact:
     velocity_filter : VelocityFilter, optional
         How the velocity was computed from the penetration. None: it was recorded.
     stated_units : set of str
-        Channels whose unit was stated by an option, or in the recording as a unit other than SI;
-        the diagnosis does not question these units.
+        Channels whose unit was stated by an option, or in the recording: in a row of units, in
+        brackets, as an attribute, or as a unit other than SI. The diagnosis does not question them.
+    assumed_units : set of str
+        Channels of a file that states their unit nowhere, not even in their name: SI is assumed.
     timeless : bool
         Whether no time was recorded, and ``time`` counts the samples. Default: False.
 
@@ -154,6 +156,7 @@ class Contact:
     prepared: Any
     velocity_filter: VelocityFilter | None
     stated_units: frozenset[str]
+    assumed_units: frozenset[str]
     timeless: bool
 
     def __init__(
@@ -173,6 +176,7 @@ class Contact:
         prepared: Any = None,
         velocity_filter: VelocityFilter | None = None,
         stated_units: Iterable[str] = (),
+        assumed_units: Iterable[str] = (),
         timeless: bool = False,
     ) -> None:
         t, x, v, f = signals(time=time, penetration=penetration, velocity=velocity, force=force)
@@ -180,7 +184,8 @@ class Contact:
         _check_time(t, labels)
         own = t, x, v, f, labels, source, dict(provenance or {})
         rest = tare_deviation, surface_deviation, delay, tuple(findings), prepared
-        about = velocity_filter, frozenset(stated_units), bool(timeless)
+        units = frozenset(stated_units), frozenset(assumed_units)
+        about = velocity_filter, *units, bool(timeless)
         for each, value in zip(fields(self), (*own, *rest, *about), strict=True):
             object.__setattr__(self, each.name, value)
         for name in ("tare_deviation", "surface_deviation"):

@@ -106,7 +106,7 @@ class Check(StrEnum):
     CONTACT_POINT = "contact point", "geometry", CAPS | TIMELESS
     TIP_SHAPE = "tip shape", "geometry", CAPS | TIMELESS
     INDENTATION = "indentation", "geometry", CAPS | TIMELESS
-    EXCITATION = "excitation", "motion", CAPS
+    EXCITATION = "excitation", "motion", CAPS | TIMELESS
     ONE_WAY = "one way", "motion", CAPS | TIMELESS
     DEPTH = "depth", "motion", CAPS | TIMELESS
     WEAK_PRIOR = "weak prior", "motion", CAPS
@@ -123,7 +123,6 @@ class Check(StrEnum):
     STANDARD_ERRORS = "standard errors", "fit"
     CONDITION_10 = "condition 10", "fit"
     GUARD = "guard", "fit", TIMELESS
-    GATE = "gate", "fit"
     WHICH_LAW = "which law", "fit"
     UNSETTLED_LAW = "unsettled law", "fit"
     CORRELATED_RESIDUALS = "correlated residuals", "fit"

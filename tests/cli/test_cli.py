@@ -86,9 +86,9 @@ def test_json_says_beyond_that_only_how_the_numbers_were_made(identified):
     """So that a field that goes, comes or changes its name is noticed."""
     whole = identified()
     assert sorted(whole) == [
-        "delay", "file", "findings", "gate", "palpate_version", "provenance", "results", "samples",
-        "scale", "schema_version", "stated_units", "surface_deviation", "tare_deviation",
-        "timeless", "touches", "velocity_filter",
+        "assumed_units", "delay", "file", "findings", "gate", "palpate_version", "provenance",
+        "results", "samples", "scale", "schema_version", "stated_units", "surface_deviation",
+        "tare_deviation", "timeless", "touches", "velocity_filter",
     ]  # fmt: skip
     assert sorted(whole["gate"]) == ["break_force", "make_force", "minimum_penetration"]
     assert sorted(whole["scale"]) == ["force", "penetration", "velocity"]

@@ -41,7 +41,7 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     assert same == found.as_dict()
     assert [each["verdict"]["overall"] for each in printed["episodes"]] == ["trust", "trust"]
     assert list(printed["verdict"]) == ["stiffness", "damping", "overall"]
-    assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping"]
+    assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping", "speed"]
     assert list(printed["findings"][0]) == [
         "check", "message", "remedy", "severity", "z", "stiffness", "damping",
         "moves_stiffness_percent", "moves_damping_percent", "brief",

@@ -386,6 +386,44 @@ def test_a_stated_unit_is_not_guessed(units, depth, force):
     assert Data(palpate.prepare(**arrays, units={"force": "N"})).findings == ()
 
 
+def written(folder, header: str, depth: float, force: float, step: float = 1e-3):
+    """A touch of this depth and force as a text, with a header of one line or two."""
+    f = force * np.maximum(X / X.max(), 0.0) ** 1.5
+    f += 1e-3 * force * np.random.default_rng(1).standard_normal(X.size)
+    rows = np.column_stack([step / 1e-3 * TIME, X * depth / X.max(), f])
+    path = folder / "touch.csv"
+    np.savetxt(path, rows, fmt="%.8g", delimiter=",", header=header, comments="")
+    return path
+
+
+@pytest.mark.parametrize(
+    "header, trusted",
+    [
+        ("Time,Travel,Load\ns,m,N", True),
+        ("time [s],depth (m),load (N)", True),
+        ('"t/s","Weg in m","F/N"', True),
+        ("time_s,depth_m,load_N", False),
+    ],
+)
+def test_an_si_unit_that_a_file_states_is_trusted_and_a_suffix_is_not(tmp_path, header, trusted):
+    found = palpate.diagnose(written(tmp_path, header, 7e-3, 2e4, step=0.5))
+    assert (found.verdict.stiffness == "trust") is trusted
+    units = {each.check for each in found.findings if str(each.check).endswith(" unit")}
+    assert units == (set() if trusted else {"force unit", "time unit"})
+
+
+def test_a_file_without_units_is_asked_for_both_and_not_trusted_until_both_are_given(tmp_path):
+    path = written(tmp_path, "time_s,depth,load", 4.0, 250.0)
+    for units in ({}, {"penetration": "mm"}, {"force": "gf"}):
+        found = palpate.diagnose(palpate.prepare(path, units=units))
+        assert found.verdict.stiffness == "do-not-trust"
+        assert found.remedy.endswith("such as --unit penetration=mm,force=gf")
+    both = palpate.prepare(path, units={"penetration": "mm", "force": "gf"})
+    assert palpate.diagnose(both).verdict.stiffness == "trust"
+    named = written(tmp_path, "time_s,depth,load (gf)", 4.0, 250.0)
+    assert "both" not in palpate.diagnose(named).remedy
+
+
 def test_the_unit_of_one_channel_does_not_answer_for_another():
     x = pressed({}, 5.0, 20.0)  # millimetres in a column of metres
     told = palpate.prepare(x, units={"force": "N"})

@@ -229,15 +229,31 @@ def approach(**given) -> palpate.Identification:
     return palpate.identify(contact, **given)
 
 
-def test_one_way_gives_no_damping_and_a_stiffness_only_where_the_exponent_is_known():
+def test_at_one_speed_the_stiffness_is_the_slope_at_this_speed_and_no_damping_is_given():
     free, known = approach(), approach(estimator=palpate.VariableProjection(exponent=2.0))
-    for result, mark in ((free, "do-not-trust"), (known, "trust")):
+    for result in (free, known):
         diagnosis = result.diagnosis
         there, verdict = diagnosis.working_depth, diagnosis.verdict
-        assert "one way" in [finding.check for finding in diagnosis.findings]
+        [said] = [each for each in diagnosis.findings if each.check == "one way"]
+        assert "the stiffness holds at 10 mm/s" in said.message
+        assert "10 mm/s" in result.summary()
+        assert there.speed == pytest.approx(10e-3, rel=0.01)
+        true = palpate.HuntCrossley(2e6, 4e5, 2.0).stiffness_at(there.depth, there.speed)
+        assert abs(there.stiffness.value - true) < 3.0 * there.stiffness.whole_error
         assert math.isnan(there.damping.value)
-        assert (verdict.stiffness, verdict.damping) == (mark, "do-not-trust")
-        assert verdict.overall == mark  # a damping that is not given has no say
+        assert (verdict.stiffness, verdict.damping) == ("trust", "do-not-trust")
+        assert verdict.overall == "trust"  # a damping that is not given has no say
+
+
+def test_one_way_at_several_speeds_gives_no_stiffness_to_trust():
+    time = np.arange(600) * 1e-3
+    x = -1e-3 + 5e-3 * time + 10e-3 * time**2
+    law = palpate.HuntCrossley(2e6, 4e5, 2.0)
+    force = faults.noisy(faults.pushed(x, np.gradient(x, time), law))
+    found = palpate.diagnose(palpate.prepare(time=time, penetration=x, force=force))
+    assert math.isnan(found.working_depth.damping.value)
+    assert found.working_depth.speed == 0.0
+    assert found.verdict.stiffness == "do-not-trust"
 
 
 # The law that answers, and the frequency it answers at.

@@ -40,11 +40,11 @@ def test_without_time_the_refusal_names_the_option_and_no_rate():
 
 
 def test_the_stiffness_is_that_of_the_same_curve_with_time(result):
-    timed = palpate.identify(time=faults.TIME, **CURVE).diagnosis.working_depth
     there = result.diagnosis.working_depth
     true = faults.LAW.stiffness_at(there.depth)
     assert abs(there.stiffness.value - true) < 3.0 * there.stiffness.whole_error
-    assert there.stiffness.whole_error < 3.0 * timed.stiffness.whole_error
+    # Without a damper the loop of press and release is a misfit, which widens the bar.
+    assert there.stiffness.whole_error < 0.1 * true
     marks = result.diagnosis.verdict
     assert (marks.stiffness, marks.damping, marks.overall) == ("trust", "do-not-trust", "trust")
     assert result.diagnosis.findings[0].check == "no time"
@@ -59,12 +59,23 @@ def test_files_frames_and_arrays_agree_and_a_time_that_is_there_is_ignored(resul
         assert found.law.parameters == pytest.approx(result.law.parameters, rel=1e-9)
 
 
-def test_a_press_one_way_gives_its_stiffness():
-    first = slice(0, int(np.argmax(faults.X[:2000])))
-    found = palpate.identify(penetration=faults.X[first], force=NOISY[first], no_time=True)
+@pytest.mark.parametrize("exponent", [1.0, 1.5, 2.0])
+@pytest.mark.parametrize("release", [False, True])
+@pytest.mark.parametrize("noise", [2e-3, 1e-2])
+def test_rows_of_a_press_give_the_stiffness_and_no_damping(exponent, release, noise):
+    """100 rows with a tenth of free air, as switches and static curves are published."""
+    x = np.linspace(-1e-3, 9e-3, 100)
+    x = np.concatenate([x, x[::-1]]) if release else x
+    force = 10.0 * np.maximum(x / 9e-3, 0.0) ** exponent
+    force += 10.0 * noise * np.random.default_rng(3).standard_normal(x.size)
+    table = pandas.DataFrame({"position_mm": 12.0 + 1e3 * x, "force_N": force})
+    found = palpate.identify(table, no_time=True)
     there = found.diagnosis.working_depth
     assert math.isnan(there.damping.value)
-    assert there.stiffness.value == pytest.approx(faults.LAW.stiffness_at(there.depth), rel=0.1)
+    assert found.diagnosis.verdict.stiffness == "trust"
+    depth = there.depth + found.contact.prepared.surface.position - 12e-3
+    true = 10.0 / 9e-3 * exponent * (depth / 9e-3) ** (exponent - 1.0)
+    assert abs(there.stiffness.value - true) < 3.0 * there.stiffness.whole_error
 
 
 def test_no_number_of_a_damping_is_given(result, tmp_path):

@@ -270,16 +270,6 @@ def test_laws_with_memory_that_do_not_compete_yet_are_said_to_be_missing():
     assert not any("laws with memory" in flag for flag in learned(pressed(MEMORY)).verdict().flags)
 
 
-def test_a_gate_that_noise_opens_is_said_to_bias_the_stiffness():
-    x, v, force = pressed(law_of("hunt-crossley"))
-    noisy = force + 1.0 * np.random.default_rng(8).standard_normal(force.size)
-    for gate, samples, warned in (
-        (None, noisy, True), (None, force, False), (ContactGate(5e-3), noisy, False)
-    ):  # fmt: skip
-        flags = learned((x, v, samples), gate=gate).verdict().flags
-        assert any("within the noise" in flag for flag in flags) == warned
-
-
 def test_a_smooth_residual_is_not_taken_for_white_noise():
     x, v, force = pressed(MEMORY)
     verdict = learned((x, v, force), memory="none").verdict()

@@ -166,29 +166,72 @@ SPECTRUM = GeneralisedHuntCrossley(
 )
 
 
-def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_frequency():
-    spectrum = palpate.RelaxationSpectrum((0.1, 0.5), (2000.0, 1000.0))
+def relaxing_result(motion, *branches):
+    """Identification of a law with these relaxation times and stiffnesses along a motion."""
+    spectrum = palpate.RelaxationSpectrum(*branches)
     law = GeneralisedHuntCrossley(8000.0, 1.4, 0.0, 1.4, relaxation=spectrum)
-    motion = exciting(law, seconds=6.0)
-    steps = np.full(len(motion.time), motion.time[1] - motion.time[0])
-    force = law.force_along(motion.penetration, motion.velocity, steps)
+    force = law.force_along(motion.penetration, motion.velocity, np.full(len(motion.time), 1e-3))
     force += np.random.default_rng(4).normal(0.0, 0.02, force.size)
     contact = palpate.Contact(
         motion.time, penetration=motion.penetration, velocity=motion.velocity, force=force
     )
-    result = palpate.identify(contact, trace=False)
+    return palpate.identify(contact, trace=False)
+
+
+def strokes():
+    """8 s of presses from free air at 0.8 and 3 Hz."""
+    time = 1e-3 * np.arange(8000)
+    slow, fast = 1.6 * np.pi * time, 6.0 * np.pi * time
+    depth = 6e-3 - 7e-3 * np.cos(slow) + 1.5e-3 * np.sin(fast)
+    return SimpleNamespace(time=time, penetration=depth, velocity=np.gradient(depth, time))
+
+
+def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_frequency():
+    motion = exciting(PVC_LAW, seconds=6.0)
+    result = relaxing_result(motion, (0.1, 0.5), (2000.0, 1000.0))
     assert result.law.remembers
     source = ExportedLaw.of(result)
     depth, frequency, stiffness, damping = source.response
     there = result.diagnosis.working_depth
     assert (depth, frequency) == (there.depth, result.frequency)
     assert (stiffness, damping) == pytest.approx((there.stiffness.value, there.damping.value))
-    plain = palpate.identify(contact, "variable-projection", trace=False)
+    plain = palpate.identify(result.contact, "variable-projection", trace=False)
     assert source.law == plain.law
     statement = export(result, "usd", mass=1.0, allow=True, replay=False).statement
     [words] = [each for each in statement.warnings if "the material relaxes" in each]
     assert format_hertz(frequency) in words
     assert "K′ = " in words
+
+
+@pytest.mark.parametrize("relaxing, large", [(8000.0, True), (500.0, False)])
+def test_a_law_that_relaxes_is_refused_by_its_distance_from_the_identified_law(
+    relaxing, large, toy, tmp_path
+):
+    """Whether the engine has the exported law exactly makes no difference."""
+    toy(factor=1.0)
+    result = relaxing_result(strokes(), (0.4,), (relaxing,))
+    assert result.law.remembers
+    statement = exports.export(result, "toy", mass=1.0, allow=True).statement
+    plain = palpate.identify(result.contact, "variable-projection", trace=False)
+    taken, force = plain.trace.taken, result.contact.force
+
+    def percent(residual):
+        measured = force - plain.estimate.offset
+        return 100.0 * np.linalg.norm(residual[taken]) / np.linalg.norm(measured[taken])
+
+    found = statement.as_dict()["error_percent"]
+    apart = percent(plain.fitted_force - result.fitted_force)
+    assert found["against_law"] == pytest.approx(apart, rel=1e-3)
+    assert found["law_leaves"] == pytest.approx(percent(force - result.fitted_force), rel=1e-3)
+    assert found["against_measured"] == pytest.approx(percent(force - plain.fitted_force), rel=1e-3)
+    assert (apart > 5.0) == large
+    shares = [each for each in statement.refusals if "no engine has its memory" in each]
+    assert len(shares) == large
+    assert all("of the recorded force" in each and "palpate lab" in each for each in shares)
+    assert "the identified law with its memory" in statement.claim
+    result.save(tmp_path)
+    saved = ExportedLaw.of(palpate.load_result(tmp_path))
+    np.testing.assert_allclose(saved.answer, statement.source.answer, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("law", [TISSUE.law, SPECTRUM])

@@ -4,10 +4,11 @@ import re
 
 import numpy as np
 import pyarrow as pa
+import pytest
 from dataset_files import episodes, write_lerobot_2, write_lerobot_3, write_robomimic
 from fleets import rows
 
-from palpate.fleet.card import card_of
+from palpate.fleet.card import card_of, find_groups
 from palpate.fleet.files import list_sources, read_results
 from palpate.fleet.rows import table_of_rows
 from palpate.fleet.running import identify_batch
@@ -95,6 +96,68 @@ def test_the_card_states_how_late_the_force_is(tmp_path):
     assert abs(late - 12.0) < 1.0
     assert error < 1.0
     assert any(each.startswith("The force is ") for each in card.cautions)
+
+
+ONE_HEAP = {
+    "normal": lambda random, n: random.normal(size=n),
+    "uniform": lambda random, n: random.uniform(size=n),
+    "skewed": lambda random, n: random.lognormal(0.0, 1.0, n),
+    "heavy-tailed": lambda random, n: random.standard_t(2.0, n),
+    "rounded": lambda random, n: np.round(2.0 * random.normal(size=n)),
+    "alike": lambda random, n: np.full(n, 30.0),
+}
+
+
+@pytest.mark.parametrize("heap", ONE_HEAP)
+@pytest.mark.parametrize("count", [1, 20, 100, 1000, 10_000])
+def test_one_heap_of_values_is_never_split(heap, count):
+    for seed in range(20):
+        values = ONE_HEAP[heap](np.random.default_rng(seed), count)
+        assert len(find_groups(values)) == 1
+
+
+@pytest.mark.parametrize("count, share", [(20, 0.5), (40, 0.25), (100, 0.1), (10_000, 0.25)])
+def test_two_heaps_of_values_are_told_apart_with_their_outliers(count, share):
+    """12 deviations apart; a value in fifty is wild or missing."""
+    lower = round(share * count)
+    for seed in range(10):
+        values = np.random.default_rng(seed).normal(size=count)
+        values[lower:] += 12.0
+        truth = values < 6.0
+        wild = np.arange(0, count // 100) * 7 % count
+        values[wild] = np.where(wild % 2 == 0, 1e4, np.nan)
+        low, high = (np.delete(group, wild) for group in find_groups(values))
+        assert (low == np.delete(truth, wild)).all()
+        assert (high == ~low).all()
+
+
+def test_the_card_gives_a_median_and_a_share_for_each_of_two_groups():
+    count, random = 1000, np.random.default_rng(1)
+    late = 0.3e-3 + 1e-3 * random.normal(size=count)
+    late[:250] += 12e-3
+    rate = np.where(np.arange(count) % 2, 30.0, 60.0)
+    table = rows(
+        np.full(count, 1000.0),
+        np.full(count, 10.0),
+        source=["set"] * count,
+        index=list(range(count)),
+        damping_at_depth=[10.0] * count,
+        rate=rate.tolist(),
+        force_delay=late.tolist(),
+        force_delay_standard_error=[1e-3] * count,
+    )
+    card = card_of(table)
+    numbers = dict(card.numbers)
+    words = numbers["force against position"]
+    pattern = r"([\d.]+) ± ([\d.]+) ms late in (\d+) % "
+    (first, one, most), (second, other, rest) = re.findall(pattern, words)
+    assert (most, rest) == ("75", "25")
+    assert abs(float(first) - 0.3) < 3.0 * float(one)
+    assert abs(float(second) - 12.3) < 3.0 * float(other)
+    assert numbers["sample rate"].startswith("median 30 Hz in 50 % and 60 Hz in 50 %, 5–95 %")
+    [caution] = [each for each in card.cautions if each.startswith("The force is ")]
+    assert "in 75 % and" in caution
+    assert "a --delay for each group" in caution
 
 
 def judged():

@@ -9,7 +9,16 @@ from probing import BALL, NOISE, PVC, SPONGE, Motion, tapping, three_sines
 from robots import BIAS, NORMAL, ORIGIN, hand, table_of, topics_of, travelling
 
 import palpate
-from palpate import FlatPunch, HuntCrossley, Recording, RecordingError, identify, prepare
+from palpate import (
+    FlatPunch,
+    FlatSpectrum,
+    GeneralisedHuntCrossley,
+    HuntCrossley,
+    Recording,
+    RecordingError,
+    identify,
+    prepare,
+)
 from palpate.digits import with_error
 from palpate.preparation.settings import (
     largest_turn,
@@ -214,6 +223,26 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert [modulus["tip"]["kind"] for modulus in moduli] == ["punch", "punch"]
     assert moduli[0]["value"] > 4.0 * moduli[1]["value"]  # a ball and a sponge, both of n = 1
     assert prepare(recorded, spot=1.0).prepared.places == ()
+
+
+def test_the_fit_of_a_probe_that_travels_is_that_of_the_law_of_each_place():
+    """Laws that relax, each with the state in which its place began, not the place before."""
+    relaxing = [
+        GeneralisedHuntCrossley(k, 1.2, 0.0, 1.2, k, FlatSpectrum(0.05, 5.0))
+        for k in (800.0, 400.0)
+    ]
+    felt = travelling(*((law, tapping(4.0)) for law in relaxing))
+    result = identify(prepare(table_of(felt))).by_place()
+    assert len(result.segments) == 2
+    pairs = [(part.contact.force, part.fitted_force, part.trace) for part in result.segments]
+    off = np.concatenate([(f - fitted)[trace.taken] for f, fitted, trace in pairs])
+    force = np.concatenate([f[trace.taken] for f, _, trace in pairs])
+    fit = 100.0 * math.sqrt(np.sum(off**2) / np.sum(force**2))
+    assert result.fit_rmse_percent == pytest.approx(fit)
+    assert result.as_dict()["fit_rmse_percent"] == pytest.approx(fit)
+    assert fit < 1.5 * 100.0 * NOISE / math.sqrt(np.mean(force**2))  # the noise, and little more
+    own = result.contact.force - result.fitted_force
+    assert np.nanstd(own[result.trace.taken]) == pytest.approx(np.std(off), rel=0.05)
 
 
 def test_a_place_where_no_force_exceeds_the_noise_takes_the_normal_of_the_others():

@@ -411,6 +411,7 @@ KINDS = {
     "Displacement_mm Displacement_V Load_N": ("Displacement_mm", "Load_N"),
     "Weg_mm Kraft_N": ("Weg_mm", "Kraft_N"),
     "posición_mm fuerza_N": ("posición_mm", "fuerza_N"),
+    "pos_z contact_normal_z force_n force_t1": ("pos_z", "force_n"),
 }
 
 
@@ -484,6 +485,32 @@ def test_a_unit_that_is_not_known_is_the_reason():
     table = {"Zeit [s]": touch()[0], "Weg [mm]": touch()[1], "Kraft [p]": touch()[2]}
     with pytest.raises(RecordingError, match="cannot convert the unit p of the force"):
         prepare(Recording(table))
+
+
+POSE = *(f"/tcp/pose/position/{a}" for a in "xyz"), *(f"/tcp/pose/orientation/{a}" for a in "xyzw")
+WRENCHES = {
+    "/ft/wrench/force/{}": "/ft/wrench/torque/{}",
+    "robot.ft.force.{}": "robot.ft.torque.{}",
+    "observation.effort.F{}": "observation.effort.M{}",
+    "observation.effort.f_{}": "observation.effort.torque_{}",
+}
+
+
+@pytest.mark.parametrize("force, torque", WRENCHES.items(), ids=WRENCHES)
+def test_the_torque_is_that_of_the_sensor_of_the_force(force, torque):
+    wrench = [form.format(axis) for form in (force, torque) for axis in "xyz"]
+    others = [f"/joints/torque/{axis}" for axis in "xyz"]
+    roles = choose_roles(recording("t", *POSE, *others, *wrench))
+    assert (*roles.force, *roles.torque) == (*wrench,)
+
+
+def test_a_force_and_torque_in_one_array_are_a_wrench():
+    for name in ("observation.force_torque[{}]", "ft_raw_wrench[{}]", "forceTorque[{}]"):
+        wrench = tuple(name.format(k) for k in range(6))
+        read = recording("t", *POSE, *(f"actual_TCP_pose[{k}]" for k in range(3, 6)), *wrench)
+        roles = choose_roles(read)
+        assert (roles.force, roles.torque) == (wrench[:3], wrench[3:])
+        assert build_signals(read, roles).force.shape == (5, 3)  # and no raw counts
 
 
 RAW = ("{} (counts)", "{} [ADC]", "{} raw", "adc_{}", "raw_{}")

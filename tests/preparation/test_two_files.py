@@ -102,6 +102,19 @@ def test_with_half_space_damping_the_error_of_the_offset_is_that_of_the_damping(
         assert result.diagnosis.remedy == "record position and force by one clock"
 
 
+@pytest.mark.parametrize("offset, moved", [(0.2e-3, False), (37e-3, True)])
+def test_clocks_that_both_show_the_date_are_moved_only_by_a_significant_offset(offset, moved):
+    at, depth, later, force = touched("half-space", pose=50.0, push=100.0, offset=offset)
+    stamps = [(1.7e18 + 1e9 * each).astype(np.int64) for each in (at, later)]
+    pose = Recording({"t": stamps[0], "penetration_m": depth}, {"t": "ns"}, "pose.csv")
+    push = Recording({"t": stamps[1], "Fz_N": force}, {"t": "ns"}, "ft.csv")
+    contact = palpate.prepare(pose, companion=push)
+    shift = stamps[1] - contact.prepared.recording.channels["ft.csv/t"]
+    assert (abs(float(np.median(shift))) > 10e6) is moved
+    assert ("not applied" in contact.provenance["clocks"]) is not moved
+    assert (contact.delay is not None) is moved
+
+
 def test_a_drift_of_the_clock_is_reported_with_a_remedy_and_widens_the_bar():
     [steady, drifting] = (touched(drift=drift) for drift in (0.0, 1e-3))
     results = [

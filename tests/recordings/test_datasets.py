@@ -128,9 +128,12 @@ LABELS = ["x", "y", "z", "roll", "pitch", "yaw", "gripper", "gripper"]
 LABELS += ["fx", "fy", "fz", "tx", "ty", "tz"]
 FLAT = [*(f"pose_{a}.pos" for a in "xyz"), "a.quat", "b.quat", "c.quat", "gripper.pos", "on"]
 FLAT += [f"wrench_{a}.{kind}" for kind in ("force", "torque") for a in "xyz"]
+NESTED = {"pose": {"position": ["x", "y", "z"], "turn": ["r", "p", "y"]}, "hand": ["open", "on"]}
+NESTED |= {"wrench": [["fx", "fy", "fz"], ["tx", "ty", "tz"]]}
+NAMES = {"list": LABELS, "dict": {"motors": LABELS}, "flat": FLAT, "nested": NESTED}
 
 
-@pytest.mark.parametrize("labels", [LABELS, {"motors": LABELS}, FLAT], ids=("list", "dict", "flat"))
+@pytest.mark.parametrize("labels", NAMES.values(), ids=NAMES)
 def test_a_state_has_the_names_of_its_description(tmp_path, labels):
     names = [("observation.state", labels)]
     write_lerobot_2(tmp_path / "named", SIX[:2], state=state_with_names, names=names)
@@ -143,6 +146,17 @@ def test_a_commanded_pose_is_no_position(tmp_path):
         palpate.prepare(tmp_path / "set")
     commanded = palpate.prepare(tmp_path / "set", columns=Columns(position="action"))
     check_law(commanded, SIX[0], mark="with-care")
+
+
+def test_a_command_that_was_followed_exactly_drops_no_measured_channel(tmp_path):
+    def state(each):
+        pose, wrench = pose_and_wrench(each).values()
+        whole = np.hstack([pose, np.ones((each.samples, 2))])
+        return {"observation.state": whole, "action.position": pose[:, :3], "wrench": wrench}
+
+    names = [("observation.state", [*"xyz", "roll", "pitch", "yaw", "gripper", "on"])]
+    write_lerobot_2(tmp_path / "set", SIX[:1], state=state, names=names)
+    check_law(open_recording(tmp_path / "set", episode=0), SIX[0])
 
 
 def test_a_copy_without_all_files_loses_only_their_episodes(tmp_path):

@@ -86,7 +86,9 @@ def _parts(
     fit: Fit, causes: CauseAssessment, findings: Sequence[Finding], skew: float
 ) -> Iterator[SystematicPart]:
     undetected = "by friction or a delay that the recording cannot exclude"
-    yield SystematicPart(causes.undetected, undetected, "press along the surface normal")
+    # At one speed they shift the force or the depth, and not the slope.
+    changes = (0.0, 0.0) if fit.steady_speed else causes.undetected
+    yield SystematicPart(changes, undetected, "press along the surface normal")
     damping, scale = abs(fit.damping(fit.solution.law)), float(fit.reference_scales[1])
     # A skew τ changes the damping by S τ.
     per_second, applied = abs(fit.stiffness(fit.solution.law)) / scale, fit.data.contact.delay
@@ -180,8 +182,10 @@ def unknown_working_depth(fit: Fit) -> WorkingDepth:
 
 def _working_depth(fit: Fit, errors: Floats, wrong: Floats) -> WorkingDepth:
     known = math.isfinite(fit.depth)
-    values = fit.estimate.law.at_rest(fit.depth) if known else [math.nan] * 3
-    return WorkingDepth(fit.depth, *map(Quantity, values, errors.tolist(), wrong.tolist()))
+    speed = fit.steady_speed
+    values = fit.estimate.law.at_speed(fit.depth, speed) if known else [math.nan] * 3
+    quantities = map(Quantity, values, errors.tolist(), wrong.tolist())
+    return WorkingDepth(fit.depth, *quantities, speed=speed)
 
 
 def _law_spread(fit: Fit) -> Floats:
@@ -213,7 +217,10 @@ def _add_surface_error(fit: Fit, errors: Floats) -> Floats:
     deviation = min(fit.data.contact.surface_deviation or 0.0, 0.5 * depth)
     if not deviation > 0.0:
         return errors
-    change = np.subtract(law.at_rest(depth + deviation), law.at_rest(depth - deviation))
+    ends = (
+        law.at_speed(place, fit.steady_speed) for place in (depth + deviation, depth - deviation)
+    )
+    change = np.subtract(*ends)
     wider: Floats = np.hypot(errors, 0.5 * change)
     return wider
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from palpate.diagnosis.fit import Fit
 from palpate.digits import format_quantity, rounded
-from palpate.estimators.law_verdicts import ONE_WAY, one_way
+from palpate.estimators.law_verdicts import ONE_WAY, one_speed, one_way
 from palpate.findings import Check, Finding, Mark
 
 FEWEST_SAMPLES = 60
@@ -49,6 +49,8 @@ def check_one_way(fit: Fit) -> Finding | None:
     v = fit.data.velocity[fit.inside]
     if not abs(float(v.mean())) > ONE_WAY * fit.speed:
         return None
+    if fit.steady_speed:
+        return one_speed(format_quantity(fit.steady_speed, "m/s", digits=2))
     known = "exponent" in fit.estimate.fixed
     return one_way("trust" if known else "do-not-trust", "do-not-trust")
 

@@ -22,6 +22,7 @@ from palpate.diagnosis.windows import (
     windows_over,
 )
 from palpate.estimators.estimate import Estimate, Trace
+from palpate.estimators.law_verdicts import ONE_WAY
 from palpate.estimators.least_squares import least_squares, robust_covariance
 from palpate.estimators.oscillation import Oscillation
 from palpate.force_laws import ForceLaw
@@ -129,6 +130,21 @@ class FitInput:
     frequency: float = math.nan
 
 
+#: Largest deviation of the mean speed of an eighth of the samples, as a fraction.
+STEADY, PARTS = 0.1, 8
+
+
+def find_steady_speed(velocity: Floats) -> float:
+    """Return the mean velocity of a motion one way at nearly one speed, m/s; 0 for any other.
+
+    There K xⁿ + B v xⁿ is one power of the depth, K and B are open, and its slope is well known.
+    """
+    mean = float(velocity.mean()) if velocity.size >= PARTS else 0.0
+    means = np.array([part.mean() for part in np.array_split(velocity, PARTS)]) if mean else mean
+    steady = bool(np.all(np.abs(means - mean) <= STEADY * abs(mean)))
+    return mean if steady and abs(mean) > ONE_WAY * float(np.sqrt(np.mean(velocity**2))) else 0.0
+
+
 def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
     """Return max(|value|, 0.1 F/by), the scale for relative changes of a stiffness or damping."""
     return np.maximum(np.abs(value), 0.1 * np.abs(force) / by)
@@ -153,7 +169,6 @@ class Fit:
         data, trace, estimate = given.data, given.trace, given.estimate
         self.given, self.laws, self.method = given, given.laws, given.method
         self.frequency, moves = given.frequency, given.frequency > 0.0
-        self.response = given.response if moves else None
         #: The equivalent Hunt–Crossley law; None unless the law relaxes.
         self.equivalent: EquivalentEstimate | None = None
         self._force = force
@@ -185,6 +200,10 @@ class Fit:
         self.reference, self.deep = depths[1:3]
         self.depth = self.reference if depth is None else depth
         self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
+        #: Velocity at which stiffness and force hold, m/s: the motion's if it is one, else 0.
+        self.steady_speed = 0.0 if given.estimate.law.relaxes else find_steady_speed(v)
+        # At one speed all laws fit as well, and their spread says nothing of the slope.
+        self.response = given.response if moves and not self.steady_speed else None
         self.period = 2.0 * math.pi * float(np.std(x)) / self.speed
         scaled = self.reference, self.speed
         self.units = Units(*scaled) if estimate.law.power_law else Units(1.0, 1.0)
@@ -283,15 +302,20 @@ class Fit:
 
     def stiffness(self, law: ForceLaw) -> float:
         """∂F/∂x at the working depth of a law in local units, N/m."""
-        return float(law.stiffness_at(self.depth / self.units.depth)) / self.units.depth
+        return law.stiffness_at(*self._place) / self.units.depth
 
     def damping(self, law: ForceLaw) -> float:
         """∂F/∂v at the working depth of a law in local units, N·s/m."""
         return float(law.damping_at(self.depth / self.units.depth)) / self.units.speed
 
     def force_at_depth(self, law: ForceLaw) -> float:
-        """Force at the working depth and at rest of a law in local units, N."""
-        return float(law.force(self.depth / self.units.depth, 0.0))
+        """Force at the working depth of a law in local units, N."""
+        return float(law.force(*self._place))
+
+    @property
+    def _place(self) -> tuple[float, float]:
+        """Working depth and the velocity at which the numbers hold, local units."""
+        return self.depth / self.units.depth, self.steady_speed / self.units.speed
 
     def force_stiffness_damping(self, law: ForceLaw) -> Floats:
         """Force, stiffness and damping at the working depth of a law in local units, shape (3,)."""

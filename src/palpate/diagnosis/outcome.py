@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -79,7 +79,7 @@ UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 
 @dataclass(frozen=True, slots=True)
 class WorkingDepth(Plain):
-    """Force, stiffness and damping of the law at one depth and at rest, SI.
+    """Force, stiffness and damping of the law at one depth, SI.
 
     Attributes
     ----------
@@ -91,20 +91,25 @@ class WorkingDepth(Plain):
         ∂F/∂x, N/m.
     damping : Quantity
         ∂F/∂v, N·s/m.
+    speed : float
+        Velocity at which force and stiffness hold, m/s: 0, at rest, unless the probe moves one way
+        at nearly one speed.
     """
 
     depth: float
     force: Quantity
     stiffness: Quantity
     damping: Quantity
+    speed: float = field(default=0.0, kw_only=True)
 
 
 def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
     """Combine the numbers at several depths into arrays of a shape; floats for ()."""
-    rows = [(at.depth, *np.ravel(astuple(at)[1:])) for at in depths]
-    table = np.array(rows).T.reshape(10, *shape)
-    depth, *numbers = table if shape else table.tolist()
-    return WorkingDepth(depth, *(Quantity(*numbers[k : k + 3]) for k in (0, 3, 6)))
+    rows = [(at.depth, *np.ravel(astuple(at)[1:4]), at.speed) for at in depths]
+    table = np.array(rows).T.reshape(11, *shape)
+    depth, *numbers, speed = table if shape else table.tolist()
+    quantities = (Quantity(*numbers[k : k + 3]) for k in (0, 3, 6))
+    return WorkingDepth(depth, *quantities, speed=speed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -327,12 +327,14 @@ def check_penetration_unit(data: Data) -> Finding | None:
         return None
     touched = data.penetration > 0.0
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
-    if depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth:
+    words = _half_stated(data.contact, "penetration")
+    plausible = depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth
+    if plausible and not words:
         return None
+    size = f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N"
     return Check.PENETRATION_UNIT.finding(
-        f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N: it may be in "
-        "millimetres, or swapped with another column",
-        _unit_remedy("penetration", "mm", "m"),
+        words or f"{size}: it may be in millimetres, or swapped with another column",
+        _unit_remedy(data.contact, "penetration", "mm"),
         mark="do-not-trust",
     )
 
@@ -342,12 +344,13 @@ def check_force_unit(data: Data) -> Finding | None:
     depth, force = data.peak_penetration, data.peak_force
     if depth <= 0.0 or "force" in data.contact.stated_units:
         return None
-    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth:
+    words = _half_stated(data.contact, "force")
+    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth and not words:
         return None
+    size = f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm"
     return Check.FORCE_UNIT.finding(
-        f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm: it may be in "
-        "millinewtons",
-        _unit_remedy("force", "mN", "N"),
+        words or f"{size}: it may be in millinewtons",
+        _unit_remedy(data.contact, "force", "mN"),
         mark="do-not-trust",
     )
 
@@ -364,14 +367,29 @@ def check_time_unit(data: Data) -> Finding | None:
     words = f"there is a sample every {step} s: the times may be in milliseconds"
     others = check_penetration_unit(data) or check_force_unit(data)
     mark: Mark = "trust" if others is None else "do-not-trust"
-    remedy = _unit_remedy("time", "ms", "s")
+    remedy = _unit_remedy(contact, "time", "ms")
     return Check.TIME_UNIT.finding(words, remedy, stiffness=mark, damping="do-not-trust")
 
 
-def _unit_remedy(channel: str, guess: str, si: str) -> str:
-    """Remedy for a suspected unit: state the suspected unit, or confirm the one that was used."""
+def _half_stated(contact: Contact, channel: str) -> str:
+    """The sentence if an option states only the other unit, and the file none; else empty."""
+    missing = contact.assumed_units - contact.stated_units
+    if not contact.assumed_units >= POSITION_AND_FORCE or missing != {channel}:
+        return ""
+    return f"the file states no unit: palpate assumes that the {channel} is in {SI[channel]}"
+
+
+POSITION_AND_FORCE = frozenset(("penetration", "force"))
+BOTH_UNITS = "--unit penetration=mm,force=gf"
+SI = {"time": "s", "penetration": "m", "force": "N"}
+
+
+def _unit_remedy(contact: Contact, channel: str, guess: str) -> str:
+    """Remedy for a suspected unit: state it, or confirm the one that was used; both without any."""
+    if channel in POSITION_AND_FORCE <= contact.assumed_units:
+        return f"run again with both units, of which the file states none, such as {BOTH_UNITS}"
     option = f"--unit {channel}="
-    return f"run again with {option}{guess}, or with {option}{si} if it is right"
+    return f"run again with {option}{guess}, or with {option}{SI[channel]} if it is right"
 
 
 VELOCITY_NONE = "differentiate the penetration instead: --velocity none"

@@ -1,8 +1,8 @@
 """Estimates and diagnoses of a curve that was recorded without time.
 
-The samples are assumed to be one second apart. A damper in these units is fitted together with the
-spring, so that the difference of loading and unloading does not bias the spring. Its value is then
-dropped, because it depends on the clock.
+The contact is at rest at every sample, so that no damper is fitted: numbers of rows are no time,
+and in a press one way a damper would be collinear with the spring. The difference of loading and
+unloading stays in the residual and widens the error bars.
 """
 
 import math
@@ -47,7 +47,7 @@ class SpringEstimate(Estimate):
 
     @property
     def covariance(self) -> Floats:
-        """Joint covariance of K and n; it includes the uncertainty due to the damper."""
+        """Joint covariance of K and n."""
         part: Floats = super().covariance[np.ix_(_SPRING, _SPRING)]
         return part
 

@@ -9,7 +9,7 @@ import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Check, Finding, Mark
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw
 from palpate.validation import Plain, finite_or_none, or_nan
 
 # In the order of the compiled enumerations.
@@ -259,8 +259,6 @@ class Evidence(NamedTuple):
         The competing laws, one bit each.
     longest : float
         The longest relaxation time of the candidates, s.
-    shallowest : float, optional
-        The gate's minimum penetration, m; None if the gate has a force threshold too.
     """
 
     rows: Sequence[Sequence[float]]
@@ -273,7 +271,6 @@ class Evidence(NamedTuple):
     one_way: float
     offered: int
     longest: float
-    shallowest: float | None
 
     @property
     def laws(self) -> tuple[Candidate, ...]:
@@ -285,9 +282,6 @@ class Evidence(NamedTuple):
 
 #: A motion is one-way above this ratio of mean to rms velocity.
 ONE_WAY: float = _core.defaults["ViscoelasticContact"]["one_way"]
-# Residual as a fraction of the force at mean depth. 1 % biases Hunt–Crossley's K′ by 0.8 standard
-# errors, 3 % by 3 and 10 % by 7 (20 seeds, three sines from free air to 13 mm).
-_NOISY = 0.02
 
 
 def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
@@ -307,9 +301,18 @@ def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
     )
 
 
-def _law_findings(
-    evidence: Evidence, model_ranking: tuple[RankedModel, ...], law: GeneralisedHuntCrossley
-) -> Iterator[Finding]:
+def one_speed(speed: str) -> Finding:
+    """Report a motion at one speed, at which the stiffness holds."""
+    return Check.ONE_WAY.finding(
+        f"the probe moves one way at nearly one speed: the stiffness holds at {speed}, and the "
+        "damping is part of it",
+        "for the damping, press and release, at several speeds",
+        damping="do-not-trust",
+        brief="the probe moves one way at nearly one speed",
+    )
+
+
+def _law_findings(evidence: Evidence, model_ranking: tuple[RankedModel, ...]) -> Iterator[Finding]:
     """Findings on open questions about the law; none before the first verdict."""
     if not model_ranking:
         return
@@ -332,22 +335,6 @@ def _law_findings(
         )
     if abs(evidence.one_way) > ONE_WAY:
         yield one_way()
-    # Light samples are selected by their own force. If noise makes it negative, they count as out
-    # of contact: the mean of the others is too high, E(F | F > 0) > F, and the stiffness too low.
-    depth, shallowest = evidence.depth, evidence.shallowest
-    if shallowest is None or not (depth > 0.0 and law.stiffness > 0.0):
-        return
-    n, noise = law.exponent, model_ranking[0].rms_error
-    force = law.stiffness * depth**n
-    # At a force of two standard deviations the gate excludes one sample in forty.
-    if noise > _NOISY * force and force * (shallowest / depth) ** n < 2.0 * noise:
-        # At this depth the force is three times the noise.
-        needed = depth * (3.0 * noise / force) ** (1.0 / n)
-        yield Check.GATE.finding(
-            f"at depths below {format_quantity(needed, 'm', digits=2)} the contact gate selects "
-            "samples by a force within the noise, so K′ and K are too low",
-            "raise the least penetration in contact to that depth",
-        )
 
 
 def judge_evidence(evidence: Evidence, estimate: Estimate) -> LawVerdict:
@@ -360,6 +347,6 @@ def judge_evidence(evidence: Evidence, estimate: Estimate) -> LawVerdict:
         RankedModel(CANDIDATES[int(index)], score - selected_score, math.sqrt(mean_square))
         for index, score, mean_square in ranked
     )
-    findings = tuple(_law_findings(evidence, model_ranking, estimate.law))
+    findings = tuple(_law_findings(evidence, model_ranking))
     numbers = {name: getattr(evidence, name) for name in _NUMBERS}
     return LawVerdict(CANDIDATES[evidence.chosen], model_ranking, **numbers, findings=findings)

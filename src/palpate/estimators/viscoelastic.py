@@ -196,10 +196,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     def evidence(self) -> Evidence:
         """Return the numbers of a verdict, in some microseconds, for use in another process."""
         offered = _candidate_bits(self._settings["damping"], self._settings["memory"])
-        gate = self._settings["gate"] or ContactGate()
-        shallowest = None if gate.make_force else gate.minimum_penetration
         longest = float(self._spectrum()[3][-1][1])
-        return Evidence(*self._evidence(), offered, longest, shallowest)
+        return Evidence(*self._evidence(), offered, longest)
 
     def verdict(self) -> LawVerdict:
         """Return the selected law, with the evidence for all competing laws."""

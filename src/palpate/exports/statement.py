@@ -11,6 +11,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from palpate._core import __version__
 from palpate.diagnosis import Data, Diagnosis, Verdict
 from palpate.digits import parameter, rounded
@@ -71,6 +73,9 @@ class ExportedLaw:
         Of an identified law that relaxes: the working depth, m, the motion's frequency ω, rad/s,
         and K′, N/m, and B′, N·s/m, there. ``law`` is then Hunt and Crossley's by variable
         projection, the law without memory that is nearest to the recorded force.
+    answer : numpy.ndarray, shape (k,), optional
+        Of an identified law that relaxes: its force along ``motion`` with its memory, N. It has
+        the offset of ``law``, which a recording without free air does not tell from the force.
     """
 
     law: ForceLaw
@@ -82,6 +87,7 @@ class ExportedLaw:
     flags: tuple[str, ...] = ()
     tip_radius: float | None = None
     response: tuple[float, float, float, float] | None = None
+    answer: Floats | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, result: Exportable) -> "ExportedLaw":
@@ -122,9 +128,10 @@ class ExportedLaw:
                 exponent = result.law.exponent if "exponent" in result.fixed else None
                 plain = VariableProjection(exponent=exponent)
                 fitted = Identification.of(Data(result.contact), plain, trace=False)
+            motion = ProbeMotion.recorded(fitted)
             return cls(
                 law=fitted.law,
-                motion=ProbeMotion.recorded(fitted),
+                motion=motion,
                 name=Path(result.contact.source).name or "a contact",
                 standard_errors=fitted.standard_errors,
                 verdict=judged.verdict,
@@ -132,6 +139,7 @@ class ExportedLaw:
                 flags=tuple(map(str, flags)),
                 tip_radius=radius,
                 response=response,
+                answer=None if response is None else _force_of_answer(motion, result),
             )
         except (RecordingError, InvalidParameterError):
             raise
@@ -260,7 +268,8 @@ def compare_errors(
     whole = source.motion
     motion = whole.firm(fragment.most_samples)
     # A law with relaxation depends on the whole motion, not only on the firm samples.
-    law = whole.force_by(source.law)[whole.firm_places(fragment.most_samples)]
+    reference = whole.force_by(source.law) if source.answer is None else source.answer
+    law = reference[whole.firm_places(fragment.most_samples)]
     predicted = fragment.predict_force(motion)
     ran, fails = None, ""
     try:
@@ -381,6 +390,7 @@ class Statement:
             result += make_refusals(
                 f"the force error of the engine is {percent(found.percent)} "
                 f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
+                f"{self._describe_shares()}"
             )
         if abs(found.restitution_percent) > REBOUND_PERCENT:
             result += make_warnings(
@@ -467,7 +477,7 @@ class Statement:
                 if not self.engine.version():
                     why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
             how = f"Not replayed ({why}): the errors of the engine are predicted."
-        three = f"Rms force error: {percent(found.percent)} against the law"
+        three = f"Rms force error: {percent(found.percent)} against {self._reference}"
         if measured is not None and leaves is not None:
             three += f", {percent(measured)} against the measured force"
             three += f" (the law itself: {percent(leaves)})"
@@ -578,7 +588,27 @@ class Statement:
         if self.exact:
             return "exact according to the engine's documentation (not replayed)"
         how = "replayed" if self.compared.replayed else "predicted, not replayed"
-        return f"within {percent(self.compared.percent)} of the law's force ({how})"
+        force = "the law's force"
+        if self.source.answer is not None:
+            force = f"the force of {self._reference}"
+        return f"within {percent(self.compared.percent)} of {force} ({how})"
+
+    @property
+    def _reference(self) -> str:
+        """What the engine's force is compared with."""
+        return "the law" if self.source.answer is None else "the identified law with its memory"
+
+    def _describe_shares(self) -> str:
+        """Describe what a law without memory leaves of the recording, and what to do."""
+        found = self.compared
+        leaves, left = found.against_measured_percent, found.law_leaves_percent
+        if self.source.answer is None or leaves is None or left is None:
+            return ""
+        return (
+            ": the material relaxes, and no engine has its memory. The engine leaves "
+            f"{percent(leaves)} of the recorded force, {self._reference} {percent(left)}. Simulate "
+            "it by palpate lab or GeneralisedHuntCrossley.step, which have the memory"
+        )
 
     def _describe_restitution(self) -> str:
         found = self.compared
@@ -607,6 +637,16 @@ def _response(
         return None
     whole = complex(result.law.dynamic_stiffness(there.depth, omega))
     return there.depth, omega, whole.real, whole.imag / omega
+
+
+def _force_of_answer(motion: ProbeMotion, result: "Identification | SavedResult") -> Floats:
+    """Return the force that a result fits to the measured force of a motion, N."""
+    contact = result.contact
+    order = np.argsort(contact.time, kind="stable")  # joined recordings may begin at one time
+    same = order[np.searchsorted(contact.time, motion.time, sorter=order)]
+    assert motion.force is not None
+    fitted: Floats = motion.force - (contact.force - result.fitted_force)[same]
+    return fitted
 
 
 def _because(source: ExportedLaw) -> str:

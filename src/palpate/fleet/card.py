@@ -2,13 +2,14 @@
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from html import escape
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.digits import rounded, with_error
 from palpate.errors import MissingExtraError
@@ -137,8 +138,8 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
         words = _span(value, AT_DEPTH[quantity])
         if np.isfinite(value).any():
             with np.errstate(all="ignore"):
-                relative = float(np.median(np.abs(error / value)[np.isfinite(value)]))
-            words += f"; standard error {_percent(relative)} of each (median)"
+                relative = np.abs(error / value)[np.isfinite(value)]
+            words += f"; standard error {_middle(relative, _percent)} of each (median)"
         yield f"{quantity} at depth", words
         marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
         words = ", ".join(f"{spoken(mark)} {marks[mark]}" for mark in _MARKS)
@@ -157,14 +158,64 @@ def _span(values: Floats, unit: str, named: Table | None = None) -> str:
     known = values[np.isfinite(values)]
     if not known.size:
         return "unknown"
-    low, middle, high = (rounded(each, 3) for each in np.percentile(known, (5, 50, 95)).tolist())
-    words = (
-        f"{middle} {unit}" if low == high else f"median {middle} {unit}, 5–95 %: {low} to {high}"
-    )
+    low, high = (rounded(each, 3) for each in np.percentile(known, (5, 95)).tolist())
+    words = _middle(known, lambda middle: f"{rounded(middle, 3)} {unit}")
+    if low != high:
+        words = f"median {words}, 5–95 %: {low} to {high}"
     if named is not None and known.size > 1:
         largest = int(np.nanargmax(values))
         words += f"; largest {rounded(float(values[largest]), 3)} in {_names(named)[largest]}"
     return words
+
+
+def _middle(values: Floats, describe: Callable[[float], str]) -> str:
+    """The median of values as text; of two groups, that of each and its share."""
+    groups = find_groups(values)
+    medians = [describe(middle) for middle in _medians(values)]
+    if len(groups) == 1:
+        return medians[0]
+    known = sum(map(np.count_nonzero, groups))
+    shares = [f"in {_percent(np.count_nonzero(group) / known)}" for group in groups]
+    return " and ".join(map(" ".join, zip(medians, shares, strict=True)))
+
+
+def _medians(values: Floats) -> list[float]:
+    """The median of values, or of each of two groups; NaN without values."""
+    if not np.isfinite(values).any():
+        return [math.nan]
+    return [float(np.median(values[group])) for group in find_groups(values)]
+
+
+def find_groups(values: Floats) -> list[NDArray[np.bool_]]:
+    """Return the masks of two groups of values that are clearly apart, else one of all, finite.
+
+    Two groups, with the distance d between their medians, are apart if the third of d in the middle
+    holds at most a tenth of what a third of d about either median holds. In a density with a single
+    peak the middle holds no less than one of them, however skewed or heavy its tails. Each group
+    has 5 % of the values, seven about its median, and 90 % of itself within d/2 of it.
+    """
+    finite = np.isfinite(values)
+    ordered = np.sort(values[finite])
+    count = ordered.size
+    below = np.arange(1, count)  # number of values in the lower group
+    low = 0.5 * (ordered[(below - 1) // 2] + ordered[below // 2])
+    high = 0.5 * (ordered[(below + count - 1) // 2] + ordered[(below + count) // 2])
+    distance = high - low
+
+    def near(centre: Floats, reach: Floats) -> NDArray[np.intp]:
+        first = np.searchsorted(ordered, centre - reach, side="left")
+        return np.searchsorted(ordered, centre + reach, side="right") - first
+
+    heaps = np.minimum(near(low, distance / 6.0), near(high, distance / 6.0))
+    valley = near(0.5 * (low + high), distance / 6.0)
+    apart = (heaps >= 7) & (10 * valley <= heaps)
+    apart &= np.minimum(below, count - below) >= 0.05 * count
+    apart &= near(low, 0.5 * distance) >= 0.9 * below
+    apart &= near(high, 0.5 * distance) >= 0.9 * (count - below)
+    if not apart.any():
+        return [finite]
+    border = ordered[1 + int(np.argmax(np.where(apart, np.diff(ordered), -1.0)))]
+    return [finite & (values < border), finite & (values >= border)]
 
 
 def _names(table: Table) -> list[str]:
@@ -179,14 +230,23 @@ def _lateness(table: Table) -> str:
     touching = int(np.isfinite(maps.numbers(table, "stiffness_at_depth")).sum())
     if not known.any():
         return f"unknown: the delay was found in none of {touching} contacts"
-    ms = 1e3 * delays[known]
-    middle = float(np.median(ms))
-    spread = 1.4826 * float(np.median(np.abs(ms - middle)))
-    error = max(spread, 1e3 * float(np.median(errors[known]))) * 1.2533 / math.sqrt(ms.size)
-    way = "late" if middle > 0.0 else "early"
-    size = with_error(abs(middle), error, unit="ms")
-    of = f"median of {ms.size} of {touching} contacts, scatter {rounded(spread, 2)} ms"
-    return f"{size} {way} ({of}), if the materials follow Hunt–Crossley"
+    ms, error_ms = 1e3 * delays[known], 1e3 * errors[known]
+    groups = find_groups(ms)
+    words = []
+    for group in groups:
+        middle = float(np.median(ms[group]))
+        spread = 1.4826 * float(np.median(np.abs(ms[group] - middle)))
+        count = int(np.count_nonzero(group))
+        error = max(spread, float(np.median(error_ms[group]))) * 1.2533 / math.sqrt(count)
+        size = with_error(abs(middle), error, unit="ms")
+        share = f" in {_percent(count / ms.size)}" * (len(groups) > 1)
+        of = f"median of {count} of {touching} contacts, scatter {rounded(spread, 2)} ms"
+        words.append(f"{size} {_late_or_early(middle)}{share} ({of})")
+    return f"{' and '.join(words)}, if the materials follow Hunt–Crossley"
+
+
+def _late_or_early(delay: float) -> str:
+    return "late" if delay > 0.0 else "early"
 
 
 def _percent(share: float) -> str:
@@ -203,11 +263,13 @@ def _cautions(table: Table) -> Iterator[str]:
         return
     step = 1.0 / float(np.min(rate[known]))
     with np.errstate(all="ignore"):
-        share = float(np.median(np.abs(stiffness / damping / rate)[known]))
-        samples = float(np.nanmedian((rate / turns)[known]))
+        shares = np.abs(stiffness / damping / rate)[known]
+        samples = (rate / turns)[known]
     rated = f"{rounded(1.0 / step, 3)} Hz"
-    if _LARGE < share < math.inf:
-        change = "more than itself" if share > 1.0 else _percent(share)
+    if _LARGE < max(_medians(shares)) < math.inf:
+        change = _middle(
+            shares, lambda share: "more than itself" if share > 1.0 else _percent(share)
+        )
         yield (
             f"Damping at {rated}: a force that is one sample ({rounded(1e3 * step, 3)} ms) late or "
             f"early changes it by {change} (median). Its standard errors hold where force and "
@@ -217,18 +279,20 @@ def _cautions(table: Table) -> Iterator[str]:
         f"Touches shorter than {rounded(4e3 * step, 3)} ms have fewer than four samples: their "
         "peak forces are too low, and impacts are not resolved."
     )
-    if samples < _SAMPLES_PER_PERIOD:
+    if min(_medians(samples)) < _SAMPLES_PER_PERIOD:
+        per_period = _middle(samples, lambda middle: f"{rounded(middle, 2)} samples per period")
         yield (
-            f"The motion in contact has {rounded(samples, 2)} samples per period (median): below "
+            f"The motion in contact has {per_period} (median): below "
             "ten the motion is smoothed, and stiffness and damping come out too small."
         )
     delays = maps.numbers(table, "force_delay")
-    late = float(np.median(delays[np.isfinite(delays)])) if np.isfinite(delays).any() else 0.0
-    if abs(late) > 0.25 * step:
-        yield (
-            f"The force is {rounded(1e3 * abs(late), 2)} ms {'late' if late > 0.0 else 'early'}: "
-            f"repeat with --delay {rounded(1e3 * late, 2)}ms after you have measured it."
-        )
+    late = _medians(1e3 * delays)
+    if max(map(abs, late)) > 250.0 * step:
+        when = _middle(1e3 * delays, lambda ms: f"{rounded(abs(ms), 2)} ms {_late_or_early(ms)}")
+        again = f"repeat with --delay {rounded(late[0], 2)}ms after you have measured it"
+        if len(late) > 1:
+            again = "the episodes need a --delay for each group, after you have measured it"
+        yield f"The force is {when}: {again}."
     for quantity in maps.JUDGED:
         marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
         if doubted := marks["do-not-trust"]:

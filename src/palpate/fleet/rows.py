@@ -317,6 +317,9 @@ def values_for_depth(
 
     For a law that relaxes stiffness and damping are K′ and B′ at a frequency ω, rad/s.
     """
+    if isinstance(law, GeneralisedHuntCrossley) and not law.remembers:
+        # Its M is 0, but has an error if the law relaxes once the surface moves by its deviation.
+        covariance = np.pad(covariance[:-1, :-1], (0, 1))
     estimate = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
 
     def response(law: ForceLaw) -> tuple[float, ...]:

@@ -194,7 +194,12 @@ class ForceLaw:
 
     def at_rest(self, depth: float) -> tuple[float, float, float]:
         """Force [N], stiffness [N/m] and damping [N·s/m] at a depth > 0 [m] and at rest."""
-        return float(self.force(depth, 0.0)), self.stiffness_at(depth), self.damping_at(depth)
+        return self.at_speed(depth, 0.0)
+
+    def at_speed(self, depth: float, velocity: float) -> tuple[float, float, float]:
+        """Force [N], stiffness [N/m], damping [N·s/m] at a depth > 0 [m] and a velocity [m/s]."""
+        force, stiffness = self.force(depth, velocity), self.stiffness_at(depth, velocity)
+        return float(force), stiffness, self.damping_at(depth)
 
 
 def _typical_value(unit: str, own: dict[str, float]) -> float:

@@ -6,7 +6,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, Self, TypeAlias
 
 import numpy as np
@@ -196,8 +195,7 @@ class Identified:
         if answer is None:
             return self
         bounded, finding = answer
-        findings = findings_without_time([finding]) if self.contact.timeless else (finding,)
-        return replace(self, bounded=bounded, findings=(*self.findings, *findings))
+        return replace(self, bounded=bounded, findings=(*self.findings, finding))
 
     @cached_property
     def diagnosis(self) -> Diagnosis:
@@ -514,22 +512,29 @@ class Identified:
 
     @property
     def fit_rmse_percent(self) -> float:
-        """RMSE% of the final law, and offset if estimated, over every sample taken."""
-        taken = self.trace.taken
-        return rmse_percent(self.contact.force[taken], self.fitted_force[taken])
+        """RMSE% of the final law, and offset if estimated, over every sample taken.
+
+        With segments, it is that of the law of each segment over the samples it was taken from.
+        """
+        parts = self.segments or (self,)
+        measured = [part.contact.force[part.trace.taken] for part in parts]
+        fitted = [part.fitted_force[part.trace.taken] for part in parts]
+        return rmse_percent(np.concatenate(measured), np.concatenate(fitted))
 
     @property
     def fitted_force(self) -> Floats:
         """Force of the final law, and offset if estimated, at every sample, N.
 
-        With segments, it is the force of the segment that began last.
+        With segments, it is the force of each segment along its own samples, with its own
+        relaxation state, and NaN at samples between them.
         """
-        contact, parts = self.contact, self.segments
-        fitted = (parts[0] if parts else self).predicted_force(contact)
-        for before, part in pairwise(parts):
-            border = 0.5 * (before.contact.time[-1] + part.contact.time[0])
-            begun = contact.time >= border
-            fitted[begun] = part.predicted_force(contact)[begun]
+        if not self.segments:
+            return self.predicted_force(self.contact)
+        time, fitted = self.contact.time, np.full(len(self.contact), np.nan)
+        order = np.argsort(time, kind="stable")  # joined recordings may begin at one time
+        for part in self.segments:
+            samples = order[np.searchsorted(time, part.contact.time, sorter=order)]
+            fitted[samples] = part.fitted_force
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:

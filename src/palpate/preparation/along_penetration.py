@@ -75,15 +75,23 @@ def contact_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> 
             add(made, channel, f"in {unit}")
     findings = () if settings.strict else _settle_arrays(values)
     contact = _prepare_channels(None, values, made, settings)
+    if settings.no_time:
+        contact = drop_velocity(contact)
     usual = Columns()
     raw = Recording({getattr(usual, name): np.asarray(each) for name, each in given.items()})
     return replace(
         contact,
         prepared=replace(contact.prepared, recording=raw),
         findings=(*findings, *contact.findings),
-        stated_units=frozenset(settings.units),
-        timeless=settings.no_time,
+        stated_units=frozenset(settings.units) | ({"time"} if settings.rate else frozenset()),
     )
+
+
+def drop_velocity(contact: Contact) -> Contact:
+    """Return the contact of a curve without time: at rest everywhere, so that no damping fits."""
+    words = {name: note for name, note in contact.provenance.items() if name != "velocity"}
+    still = np.zeros_like(contact.velocity)
+    return replace(contact, velocity=still, velocity_filter=None, provenance=words, timeless=True)
 
 
 def _settle_arrays(values: dict[str, ArrayLike]) -> tuple[Finding, ...]:

@@ -1,9 +1,9 @@
 """The quantity of a channel, from its unit and the words of its name."""
 
 import re
-import unicodedata
 
 from palpate.recordings import Recording
+from palpate.recordings.names import split_name
 from palpate.recordings.opening import within
 from palpate.recordings.recording import UNITS, find_unit, plain_unit
 
@@ -40,31 +40,32 @@ WORDS: dict[str, tuple[str, ...]] = {
     "strain": ("strain", "dehnung"),
     "nothing": (
         "covariance", "effort", "current", "voltage", "temperature", "magnetometer", "static",
+        "normal", "normals",
     ),
 }  # fmt: skip
 # The strongest words of a name count: "force_z", "f_tcp" and "force_t" are forces.
 _WEAK = {
     "h": -1,
     **dict.fromkeys("xyzst", 0),
-    **dict.fromkeys(("tip", "tcp", "ee"), 1),
+    **dict.fromkeys(("tip", "tcp", "ee", "normal", "normals", "effort"), 1),
     **dict.fromkeys((*"fpqv", "vx", "vy", "vz"), 2),
 }
 # "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
 _DOMINANT = frozenset(
     (*WORDS["angle"], "acceleration", "accelerations", "accel", "covariance", "static")
 )
+_CAMERA = frozenset(("camera", "cam", "image", "images", "rgb", "rgbd", "realsense", "pixel"))
+# A sensor of both: its first three numbers are the force.
+_FORCE_AND_TORQUE = re.compile(r"forces?[ _/-]*(?:and)?[ _/-]*(?:torque|moment)s?", re.I)
 JOINTS = "sensor_msgs/msg/JointState"
 # A joint that slides has a position in metres.
 SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
 _KIND = {word: kind for kind, words in WORDS.items() for word in words}
-#: Words for commanded, not measured, channels.
-WANTED = frozenset(
-    ("command", "commands", "commanded", "cmd", "desired", "des", "target", "targets", "setpoint",
-     "reference", "ref", "goal", "goals", "action", "actions", "planned", "demand", "demanded")
-)  # fmt: skip
-# libfranka's names of desired and commanded values.
-_DESIRED = re.compile(r"O_d?d?[TP]_EE_[cd](?![^\W\d_])", re.I)
-TIP = frozenset(("tip", "tcp", "probe"))
+# Words of the channel to prefer: the tip touches the material, and pushes along the normal.
+PREFERRED = {
+    "position": frozenset(("tip", "tcp", "probe")),
+    "force": frozenset(("normal", "fn", "n")),
+}
 _OF_UNIT = {
     **dict.fromkeys(UNITS["time"], ("time",)),
     **dict.fromkeys(UNITS["force"], ("force",)),
@@ -76,7 +77,6 @@ _OF_UNIT = {
 }
 #: Words for readings that nobody has converted to a quantity.
 _RAW = frozenset(("adc", "raw", "count", "counts", "ticks", "lsb"))
-_WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|[^\W\d_]+")
 
 
 def channel_kind(name: str, unit: str | None = None) -> str | None:
@@ -91,7 +91,10 @@ def channel_kind(name: str, unit: str | None = None) -> str | None:
     """
     unit = plain_unit(unit) if unit else find_unit(name)
     possible = _OF_UNIT.get(unit or "")
-    words = [word for word in split_name(name) if word in _KIND and word != unit]
+    words = split_name(_FORCE_AND_TORQUE.sub("wrench", name))
+    if "depth" in words and not _CAMERA.isdisjoint(words):
+        return "nothing"
+    words = [word for word in words if word in _KIND and word != unit]
     kinds = [_KIND[word] for word in sorted(words, key=lambda word: _WEAK.get(word, 3))]
     if possible is not None:
         return next((kind for kind in reversed(kinds) if kind in possible), possible[-1])
@@ -101,27 +104,12 @@ def channel_kind(name: str, unit: str | None = None) -> str | None:
     return kind
 
 
-def is_wanted(name: str) -> bool:
-    """Whether the name suggests a commanded, not a measured, channel."""
-    return not WANTED.isdisjoint(split_name(name)) or bool(_DESIRED.search(name))
-
-
 def is_raw(recording: Recording, name: str) -> bool:
-    """Whether the name of a channel without a unit suggests raw counts; messages are in SI."""
+    """Whether the name of a channel without a unit suggests raw counts; messages are in SI.
+
+    A raw wrench is one that nobody has tared: UR's ``ft_raw_wrench`` is in N and N·m.
+    """
     own = re.split(r"[/.]", name)[-1]
     stated = recording.unit_of(name) or any(within(name, topic) for topic in recording.types)
-    return not stated and not _RAW.isdisjoint(split_name(own))
-
-
-def split_name(name: str) -> list[str]:
-    """The words of a name in lower case, without its unit and accents: ``Fz [mN]`` is fz."""
-    bare = unicodedata.normalize("NFKD", divide_unit(name)[0])
-    return [word.lower() for word in _WORD.findall(re.sub(r"[\u0300-\u036f]", "", bare))]
-
-
-def divide_unit(name: str) -> tuple[str, str | None]:
-    """The name without the unit at its end, and this unit."""
-    unit = find_unit(name)
-    if unit is not None:
-        name = re.sub(rf"[\[(_/, ]*{re.escape(unit)}[\])\s]*$", "", name, flags=re.IGNORECASE)
-    return name, unit
+    words = split_name(own)
+    return not stated and "wrench" not in words and not _RAW.isdisjoint(words)

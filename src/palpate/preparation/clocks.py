@@ -334,7 +334,7 @@ class Signals:
         How each channel was obtained, as text.
     findings : tuple of Finding
         Reports of skipped samples and of assumptions.
-    stated_units : frozenset of str
+    stated_units, assumed_units : frozenset of str
         As in :class:`~palpate.Contact`.
     """
 
@@ -350,6 +350,7 @@ class Signals:
     made: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     stated_units: frozenset[str] = frozenset()
+    assumed_units: frozenset[str] = frozenset()
 
     def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
         """Return the selected samples."""
@@ -448,6 +449,7 @@ class _Taking:
     made: dict[str, str] = field(default_factory=dict)
     findings: list[Finding] = field(default_factory=list)
     stated: set[str] = field(default_factory=set)
+    assumed: set[str] = field(default_factory=set)
 
     def signals(self, roles: Roles, rate: float | None) -> Signals:
         """Convert the channels of the roles."""
@@ -480,8 +482,10 @@ class _Taking:
                 made = f"column {listed}" if len(names) == 1 else f"columns {listed}"
                 in_si = own[0] == next(iter(UNITS[kind]))
                 self.made[kind] = made if in_si else f"{made}, in {own[0]}"
-                if given or not in_si:
+                if given or not in_si or all(map(self.recording.states_unit, names)):
                     self.stated.add(kind)
+                if self.recording.assumes_unit(names[0]):
+                    self.assumed.add(kind)
                 if not given and own[0] in WEIGHTS:
                     words = f"{listed} is in {own[0]}, a mass: palpate multiplies it by {GRAVITY}"
                     remedy = "pass --unit force=N if the values are forces in N"
@@ -560,6 +564,7 @@ class _Taking:
     def _stream(self, clock: str | None, values: Channels, rate: float | None) -> Stream:
         recording, lengths = self.recording, {role: len(each) for role, each in values.items()}
         if clock is None:
+            self.stated.add("time")  # as a rate in Hz
             rate = rate or self._find_stated_rate()
             if rate is None:
                 raise RecordingError.of(
@@ -583,7 +588,7 @@ class _Taking:
         self._check_lengths("channels on one clock", {clock: len(time), **lengths}, remedy)
         given = "ns" if dated else self.units.get("time")
         unit = given or self._choose_unit(clock, "time")
-        if given or unit != next(iter(UNITS["time"])):
+        if given or unit != next(iter(UNITS["time"])) or self.recording.states_unit(clock):
             self.stated.add("time")
         return Stream(clock, time, unit, values)
 
@@ -668,8 +673,13 @@ class _Taking:
                 for role in ("depth", "orientation", "force", "torque"):
                     if role in channels:
                         known["clocks"][role] = own, np.asarray(channels[role], float)
-        stated = frozenset(self.stated)
-        return Signals(time, **known, findings=tuple(self.findings), stated_units=stated)
+        return Signals(
+            time,
+            **known,
+            findings=tuple(self.findings),
+            stated_units=frozenset(self.stated),
+            assumed_units=frozenset(self.assumed),
+        )
 
     def _interpolate_streams(self, streams: list[Stream]) -> Signals:
         """The samples of the slowest clock, with the others interpolated at its times."""

@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
-from palpate.preparation.along_penetration import along_penetration, contact_of_arrays
-from palpate.preparation.channel_kinds import is_wanted
+from palpate.preparation.along_penetration import (
+    along_penetration,
+    contact_of_arrays,
+    drop_velocity,
+)
 from palpate.preparation.clocks import build_signals
 from palpate.preparation.payload import Payload
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
@@ -23,6 +26,7 @@ from palpate.preparation.spatial import along_normal
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
+from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
 from palpate.recordings.times import iso_nanoseconds, past_midnight
 from palpate.stages import stage
@@ -257,6 +261,8 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         way = along_penetration if pressing else along_normal
         with stage(_LOGGER, f"prepared {'the penetration' if pressing else 'a position'}"):
             contact = way(recording, roles, signals, settings)
+        if settings.no_time:
+            contact = drop_velocity(contact)
     done = contact.provenance
     for channel, words in done.items():
         _LOGGER.info("%s: %s", channel, words)
@@ -271,7 +277,7 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         provenance={**notes, **done},
         velocity_filter=used,
         stated_units=signals.stated_units,
-        timeless=settings.no_time,
+        assumed_units=signals.assumed_units,
         findings=(
             *(
                 each
@@ -459,6 +465,7 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
         prepared=None,
         velocity_filter=max(filters, key=attrgetter("degree", "samples"), default=None),
         stated_units=frozenset.intersection(*(contact.stated_units for contact in contacts)),
+        assumed_units=frozenset.union(*(contact.assumed_units for contact in contacts)),
         timeless=any(contact.timeless for contact in contacts),
     )
 

@@ -4,20 +4,24 @@ import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
+from os.path import commonprefix
 
 from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import (
     _OF_UNIT,
     JOINTS,
+    PREFERRED,
     SLIDES,
-    TIP,
     channel_kind,
-    divide_unit,
-    is_wanted,
-    split_name,
 )
+from palpate.preparation.contact_rows import (
+    is_contact_table,
+    refuse_several_contacts,
+    state_penetration,
+)
+from palpate.preparation.joined_rows import separate_topics
 from palpate.preparation.vectors import (
     COUNTED,
     ONE_OF_MANY,
@@ -26,6 +30,7 @@ from palpate.preparation.vectors import (
     find_vectors,
 )
 from palpate.recordings import Recording
+from palpate.recordings.names import divide_unit, is_wanted, split_name
 from palpate.recordings.opening import within
 from palpate.recordings.poses import IN_BASE, Step, Transforms, chain_in_use, frames_in, state_poses
 from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
@@ -221,6 +226,8 @@ class _Choosing:
     def __post_init__(self) -> None:
         self.kinds: dict[str, str | None] = {}
         self.recording, self.replaced = state_poses(self.recording)
+        self.recording, self.penetrations = state_penetration(self.recording)
+        self.kinds |= dict.fromkeys(self.penetrations.values(), "penetration")
         self.transforms = Transforms(self.recording)
         self.chains: dict[tuple[str, ...], list[Step]] = {}  # keys: channels of the position
         self.findings: list[Finding] = []
@@ -289,9 +296,13 @@ class _Choosing:
         time = self._given("time")
         if not time and not self.recording.clocks:
             time = self._time(depth)
+        contacts = depth[0] in self.penetrations.values() or is_contact_table(self.recording)
+        if is_penetration and contacts:
+            own = self.recording.clocks.get(depth[0])
+            refuse_several_contacts(self.recording, next(iter(time), own))
         orientation, frame = self._orientation(depth, force)
         findings = *self._assumptions(depth, force), *self._chain_findings(depth, frame)
-        return Roles(
+        roles = Roles(
             depth,
             is_penetration,
             force,
@@ -305,6 +316,7 @@ class _Choosing:
             (*findings, *self._inconvertible()),
             recording=self.recording,
         )
+        return _with_clock_of_each_topic(roles)
 
     def uses(self) -> tuple[dict[str, tuple[str, str]], str]:
         """Return each channel's role (empty without one) and the reason, and the error if any."""
@@ -335,6 +347,8 @@ class _Choosing:
             return "a clock"
         if is_wanted(name):
             return "commanded"
+        if name in self.penetrations:
+            return "its negative is the penetration"
         if kind in (*UNITS, "position") and not self._convertible(name, kind):
             return f"in {self.recording.unit_of(name)}, no {_quantity(kind)}"
         if kind in ("position", "force") and not self._moves((name,)):
@@ -361,9 +375,12 @@ class _Choosing:
         if self.columns.position is not None:
             return False, [self._find_named_channels("position", self.columns.position)]
         given = self._given("penetration")
-        if found := [given] if given else self._candidates("penetration", 1):
-            return True, found
-        return False, self._candidates("position", 3) or self._candidates("position", 1)
+        positions = self._candidates("position", 3) or self._candidates("position", 1)
+        found = [given] if given else self._candidates("penetration", 1)
+        arrays = {names[0].rpartition("[")[0] for names in found}
+        one_array = len(arrays) == 1 and arrays != {""}
+        picture = one_array and len(found) > max(len(self.forces(1)), 1)  # no runs side by side
+        return (False, positions) if (picture and positions) or not found else (True, found)
 
     def forces(self, size: int) -> list[tuple[str, ...]]:
         """Return the channels or vectors that could be the force, if possible of the same size."""
@@ -429,20 +446,23 @@ class _Choosing:
                 return channels, steps[-1].child
         found, pose = self._candidates("orientation", 4), depth[0].rsplit(".", 2)[0]
         near = [names for names in found if within(names[0], pose)]
-        group = [names for names in found if _group(names[0]) == _group(depth[0])]
+        group = [names for names in found if _share_source(names[0], depth[0])]
         return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
 
     def _torque(self, force: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the torque: the named one, else the only one of the sensor of the force."""
+        """Return the torque: the named one, else that with the name nearest to the force's."""
         if self.columns.torque is not None:
             return self._find_named_channels("torque", self.columns.torque)
         clock = self.recording.clocks.get(force[0])
         found = [
             names
             for names in self._candidates("torque", 3)
-            if _group(names[0]) == _group(force[0]) and self.recording.clocks.get(names[0]) == clock
+            if _share_source(names[0], force[0]) and self.recording.clocks.get(names[0]) == clock
         ]
-        return found[0] if len(found) == 1 else ()
+        # The first letters that the names share: ``wrench[3]`` and ``wrench[0]``.
+        shared = [len(commonprefix((names[0], force[0]))) for names in found]  # noqa: RUF071
+        nearest = [n for n, size in zip(found, shared, strict=True) if size == max(shared)]
+        return nearest[0] if len(nearest) == 1 else ()
 
     def _chain_findings(self, depth: tuple[str, ...], frame: str | None) -> Iterable[Finding]:
         """Report the chains of transforms in use and the rows excluded from them."""
@@ -597,9 +617,9 @@ class _Choosing:
             measured = fitting or measured
         if kind in ("position", "force"):  # a constant is a fixed frame, or not measured
             measured = [names for names in measured if self._moves(names)] or measured
-        if kind == "position":  # the tip is the body that touches the material
-            tips = [names for names in measured if not TIP.isdisjoint(split_name(names[0]))]
-            measured = tips or measured
+        words = PREFERRED.get(kind, frozenset())
+        measured = [n for n in measured if not words.isdisjoint(split_name(n[0]))] or measured
+        if kind == "position":
             measured = [names for names in measured if names in self.chains] or measured
         commanded = found if recording.episode is None else []  # actions are in every data set
         return measured or commanded
@@ -652,9 +672,10 @@ class _Choosing:
 
     def _vector_kind(self, vector: Vector) -> str | None:
         if vector.second:
-            if len(vector) == 4 and channel_kind(vector.stem) == "angle":
-                return "angle"  # seven joints are no pose
-            return "orientation" if len(vector) == 4 else "torque"
+            first = channel_kind(vector.stem)
+            if len(vector) == 4:
+                return "angle" if first == "angle" else "orientation"  # seven joints are no pose
+            return "angle" if first == "position" else "torque"
         name = vector.components[0]
         if channel_kind(name) == "torque":  # the stem of tx, ty and tz is that of a time
             return "torque"
@@ -687,15 +708,34 @@ class _Choosing:
         self.reasons.setdefault(role, words)
 
 
+def _with_clock_of_each_topic(roles: Roles) -> Roles:
+    """The same roles, with a clock for each topic if the rows were joined from several topics."""
+    position = (*roles.depth, roles.segment) if roles.segment else roles.depth
+    velocity = () if roles.velocity is None else (roles.velocity,)
+    topics = position, roles.force, roles.orientation, roles.torque, velocity
+    own = roles.recording.clocks
+    clocks = {roles.time or own.get(name) for names in topics for name in names}
+    [time, *others] = clocks
+    if time is None or others:
+        return roles
+    recording = separate_topics(roles.recording, time, topics)
+    return roles if recording is None else replace(roles, time=None, recording=recording)
+
+
 def _quantity(kind: str) -> str:
     """The quantity that the units of a role measure."""
     return "length" if kind in ("penetration", "position") else kind
 
 
-def _group(name: str) -> str:
-    """The topic of a message channel, or the group of an array."""
-    topic, dot, _ = name.partition(".")
-    return topic if dot else name.rpartition("/")[0]
+def _share_source(one: str, other: str) -> bool:
+    """Whether two channels are of one topic of messages, or of vectors in one group."""
+    topic, dot, _ = one.partition(".")
+    if dot and topic == other.partition(".")[0]:
+        return True
+    # ``/ft/wrench/force/x`` and ``/ft/wrench/torque/x`` differ only in the name of the vector.
+    vectors = [re.sub(r"[/.][xyzw]$", "", name, flags=re.I) for name in (one, other)]
+    groups = [name.rpartition("/")[0] for name in vectors]
+    return groups[0] == groups[1]
 
 
 def _numbers(names: Sequence[str]) -> list[str]:

@@ -330,9 +330,12 @@ def normal_found(force: Floats, position: Floats, source: str = "") -> Normal:
         The forces have no common direction, or too few samples.
     """
     known = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
+    if not known.any():
+        words = "no sample has both a position and a force; if the rows join several topics, name "
+        raise RecordingError.of(source, f"{words}the column of their times with --time")
     f, p = force[known], position[known]
     size = np.linalg.norm(f, axis=1)
-    noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T)) if len(f) else 0.0
+    noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T))
     firm = size > NOISES * noise
     if not firm.any():
         if depends_on_position(f, p):

@@ -250,7 +250,8 @@ NOISES_OF_CONTACT = 6.0  # σ
 # below 3 %.
 LIGHTEST, HEAVIEST = 0.03, 0.4
 FEWEST_LIGHT = 8  # samples of the light branch
-FEWEST_FREE = 20  # samples in free air for a search of the surface
+# Samples in free air for a search of the surface: 20, in a short recording a tenth, at least 8.
+MOST_NEEDED, SHARE_NEEDED, LEAST_NEEDED = 20, 0.1, 8
 MOST_FITTED = 4000  # samples
 # Standard deviations of the baseline rule; a fit that ends beyond does not fit the light branch.
 FARTHEST = 4.0
@@ -334,7 +335,8 @@ def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRu
     peak = float(np.percentile(f, 99.0)) if f.size else 0.0
     least = max(NOISES_OF_CONTACT * noise_of(f), LIGHTEST * peak)
     free = f < least
-    if np.count_nonzero(free) < FEWEST_FREE or not least < HEAVIEST * peak:
+    fewest = min(MOST_NEEDED, max(SHARE_NEEDED * x.size, LEAST_NEEDED))
+    if np.count_nonzero(free) < fewest or not least < HEAVIEST * peak:
         return _assume_surface(x)
     going_in = v > 0.0
     if rule == "threshold":

@@ -30,6 +30,7 @@ Value = TypeVar("Value")
 
 MOST_ROUNDS = 5  # the surface depends on the offset, and the offset on the surface
 SETTLED = 0.3  # standard errors; a smaller correction is the last
+SIGNIFICANT = 2.0  # standard errors; a smaller offset of clocks that both show the date is none
 USUAL_ERROR = 1e-3  # s, of an offset that is passed without a standard error
 
 
@@ -62,6 +63,11 @@ class FilePair:
         """Origins of the two clocks, s."""
         first, second = (float(origin_of(s)) * unit_size("time", s.unit) for s in self.streams)
         return first, second
+
+    @property
+    def dated(self) -> bool:
+        """Whether both clocks count from 1970."""
+        return min(self.origins) > SINCE_LONG_AGO
 
     def signals(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """Times since the clock's origin [s] and values, of position and of force."""
@@ -180,12 +186,17 @@ def align(
     else:
         late, error = given if isinstance(given, tuple) else (given, USUAL_ERROR)
         lag, offset = late - apart, Delay(late, error)
+    insignificant = abs(offset.seconds) < SIGNIFICANT * offset.standard_error
+    if pair.dated and offset.found and insignificant and not drift:
+        finding = _describe_one_clock(offset)
+        lag, error = -apart, 0.0
+    else:
+        finding = _describe(pair.names[1], offset, drift)
+        error = math.hypot(offset.standard_error, drift / math.sqrt(12.0))
     recording = pair.moved(lag)
-    finding = _describe(pair.names[1], offset, drift)
-    error = math.hypot(offset.standard_error, drift / math.sqrt(12.0))
     notes = {**recording.notes, "clocks": finding.message}
     recording = replace(recording, notes=notes, findings=(*recording.findings, finding))
-    return recording, replace(settings, delay=(0.0, error))
+    return recording, replace(settings, delay=(0.0, error) if error else 0.0)
 
 
 def _find_lag(
@@ -196,7 +207,7 @@ def _find_lag(
 ) -> tuple[float, Delay, float]:
     """Find the lag of the force's clock after the origins, the offset, and the drift."""
     motion, push = pair.signals()
-    lag = rough_offset(motion, push, -apart if min(pair.origins) > SINCE_LONG_AGO else None)
+    lag = rough_offset(motion, push, -apart if pair.dated else None)
     if lag is None:
         raise RecordingError(
             f"{pair.recording.source}: palpate cannot find the offset of the two clocks: the "
@@ -212,6 +223,13 @@ def _find_lag(
         if abs(rest.seconds) < SETTLED * rest.standard_error:
             break
     return lag, replace(rest, seconds=lag + apart), drift
+
+
+def _describe_one_clock(offset: Delay) -> Finding:
+    """Report that two clocks that count from 1970 are taken for one."""
+    size = with_error(1e3 * offset.seconds, 1e3 * offset.standard_error, unit="ms")
+    words = f"both clocks count from 1970: the offset found, {size}, is not significant and was "
+    return Check.CLOCK_OFFSET.finding(f"{words}not applied")
 
 
 def _describe(name: str, offset: Delay, drift: float) -> Finding:

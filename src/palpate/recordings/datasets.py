@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
+from palpate.recordings.names import is_wanted
 from palpate.recordings.nested import Findings
 from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
 from palpate.recordings.recording import Recording, printable
@@ -190,12 +191,14 @@ def _episode(data: DataSet, number: int, request: Request) -> Recording:
 def _without_repeats(channels: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Leave out columns that another array repeats: ``ee_states`` begins with ``ee_pos``.
 
-    The smaller array remains, because its name says more. Constant columns do not count.
+    The smaller array remains, because its name says more. Constant columns do not count, nor do
+    commands: a command that was followed exactly repeats what was measured.
     """
-    sizes = Counter(_stem(name) for name in channels)
+    measured = [name for name in channels if not is_wanted(name)]
+    sizes = Counter(_stem(name) for name in measured)
     first: dict[bytes, str] = {}
     repeated = set()
-    for name in sorted(channels, key=lambda name: sizes[_stem(name)]):
+    for name in sorted(measured, key=lambda name: sizes[_stem(name)]):
         values = channels[name]
         if values.dtype.kind == "f" and (values != values[:1]).any():
             earlier = first.setdefault(values.astype(np.float64).tobytes(), name)
@@ -325,11 +328,25 @@ class _LeRobot:
     def _label(self, channel: str) -> str:
         """The name of a column of a vector: ``observation.state.x`` for the first one."""
         stem, _, place = channel.removesuffix("]").rpartition("[")
-        names = self._features.get(stem, {}).get("names")
-        if isinstance(names, dict) and len(names) == 1:  # {"motors": [...]}, {"axes": [...]}
-            [names] = names.values()
-        label = names[int(place)] if isinstance(names, list) and int(place) < len(names) else None
-        return channel if label is None or names.count(label) > 1 else f"{stem}.{label}"
+        feature = self._features.get(stem, {})
+        labels = _leaves(feature.get("names"))
+        if not stem or len(labels) != math.prod(feature.get("shape") or [len(labels)]):
+            return channel
+        label = labels[int(place)]
+        return channel if labels.count(label) > 1 else f"{stem}.{label}"
+
+
+def _leaves(names: Any, above: str = "") -> list[str]:
+    """The names of columns in a nested description; the only key of a mapping is no part of them.
+
+    ``{"motors": ["x", "y"]}`` gives x and y, ``{"pos": ["x"], "ft": ["x"]}`` pos.x and ft.x.
+    """
+    if isinstance(names, dict):
+        inner = {f"{above}{key}." if len(names) > 1 else above: each for key, each in names.items()}
+        return [leaf for key, each in inner.items() for leaf in _leaves(each, key)]
+    if isinstance(names, list):
+        return [leaf for each in names for leaf in _leaves(each, above)]
+    return [f"{above}{names}"] if isinstance(names, str) else [above.removesuffix(".")]
 
 
 # robomimic and LIBERO: HDF5 with a group for each demonstration.

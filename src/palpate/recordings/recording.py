@@ -167,8 +167,22 @@ class Recording:
         Brackets in the name of an element of a message contain a joint or a frame, not a unit.
         """
         own = self.units.get(name)
-        is_element = name.endswith("]") and any(name.startswith(topic) for topic in self.types)
+        is_element = name.endswith("]") and self._is_in_topic(name)
         return plain_unit(own) if own else None if is_element else find_unit(name)
+
+    def states_unit(self, name: str) -> bool:
+        """Whether the file states the unit: in a row, an attribute or brackets, not as a suffix."""
+        if self._is_in_topic(name):  # the type of a message only says which unit is usual
+            return False
+        own, (unit, stated) = self.units.get(name), find_unit_in_name(name)
+        return stated or (own is not None and plain_unit(own) != unit)  # text lists suffixes too
+
+    def assumes_unit(self, name: str) -> bool:
+        """Whether this is a file that states the unit nowhere; messages and arrays are in SI."""
+        return bool(self.source) and self.unit_of(name) is None and not self._is_in_topic(name)
+
+    def _is_in_topic(self, name: str) -> bool:
+        return any(name.startswith(topic) for topic in self.types)
 
     def numbers(self, name: str, *, strict: bool = False) -> Floats:
         """Return a channel as numbers.
@@ -365,22 +379,27 @@ def find_unit(name: str) -> str | None:
 
     In brackets any text counts; without them only a text that is unlikely to be part of the name.
     """
+    return find_unit_in_name(name)[0]
+
+
+def find_unit_in_name(name: str) -> tuple[str | None, bool]:
+    """Return the unit as :func:`find_unit`, and whether it is stated, not a suffix like ``_N``."""
     while bracketed := _BRACKETED.fullmatch(name):
         unit = plain_unit(bracketed[2] or bracketed[3] or "")
         if not _NO_UNIT.fullmatch(unit):
-            return _lower_time_unit(name, unit)
+            return _lower_time_unit(name, unit), True
         name = bracketed[1]
     if (behind := _AFTER_A_COMMA.fullmatch(name)) and plain_unit(behind[1]) in _BARE:
-        return _lower_time_unit(name, plain_unit(behind[1]))  # ``Fz, gf``, ``Kraft in N``
+        return _lower_time_unit(name, plain_unit(behind[1])), True  # ``Fz, gf``, ``Kraft in N``
     words = re.split(r"[_\s]+", name)
     for count in (2, 1):  # velocity_m_s before any other that ends with _s
         unit = _lower_time_unit(name, plain_unit("/".join(words[-count:])))
         is_word = unit == "in" and words[-2:][0].lower() not in _LENGTHS
         if len(words) > count and unit in _BARE and not is_word:
-            return unit
+            return unit, False
     divided = _AFTER_A_SLASH.fullmatch(name)
     unit = plain_unit(divided[1]) if divided else ""
-    return unit if unit in _BARE and unit != "in" else None
+    return (unit, True) if unit in _BARE and unit != "in" else (None, False)
 
 
 def _lower_time_unit(name: str, unit: str) -> str:

@@ -193,5 +193,5 @@ def detect_epoch_unit(values: NDArray[Any]) -> str | None:
 
 
 def _matches(name: str) -> list[re.Match[str] | None]:
-    own = re.split(r"[/.]", name)[-1].strip()
+    own = re.split(r"[/.]", name)[-1].strip(" _")  # PlotJuggler writes __time
     return [form.match(own) for form in _PATTERNS]

@@ -132,7 +132,7 @@ def contact_and_trace(
 
 
 #: Fields of a contact that ``result.json`` contains unchanged.
-_STATED = ("provenance", "tare_deviation", "surface_deviation", "stated_units", "timeless")
+_STATED = ("provenance", "tare_deviation", "surface_deviation", "timeless")
 
 
 def _status_names() -> NDArray[np.str_]:
@@ -169,6 +169,7 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
         "touches": [touch.as_dict() for touch in find_touches(contact)],
         **{name: plain(getattr(contact, name)) for name in _STATED},
         "stated_units": sorted(contact.stated_units),
+        "assumed_units": sorted(contact.assumed_units),
         "findings": plain(contact.findings),
         "velocity_filter": plain(contact.velocity_filter),
         "delay": contact.delay and asdict(contact.delay),
@@ -279,6 +280,8 @@ class SavedResult:
         The identified contact; :func:`palpate.identify` accepts it again.
     trace : Trace
         Every sample, with the estimates that were saved.
+    fitted_force : numpy.ndarray, shape (k,)
+        Force of the final law, and offset if estimated, at every sample, N.
     fixed : tuple of str
         Parameters of the law that were fixed, and not identified.
     frequency : float
@@ -301,6 +304,7 @@ class SavedResult:
     working_depths: tuple[WorkingDepth, ...]
     contact: Contact = field(repr=False)
     trace: Trace = field(repr=False)
+    fitted_force: Floats = field(repr=False)
     fixed: tuple[str, ...]
     frequency: float
     relaxed_stiffness: Quantity | None
@@ -355,6 +359,7 @@ def load_result(path: str | Path) -> SavedResult:
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=contact,
             trace=trace,
+            fitted_force=recording.numbers("fitted_force"),
             fixed=tuple(map(str, found.get("fixed", ()))),
             frequency=or_nan(found["frequency"]),
             relaxed_stiffness=None if relaxed is None else _quantity(relaxed),
@@ -412,7 +417,7 @@ def _verdict(words: Mapping[str, Any]) -> Verdict:
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
     quantities = (_quantity(words[name]) for name in ("force", "stiffness", "damping"))
-    return WorkingDepth(or_nan(words["depth"]), *quantities)
+    return WorkingDepth(or_nan(words["depth"]), *quantities, speed=words.get("speed", 0.0))
 
 
 def _quantity(words: Mapping[str, Any]) -> Quantity:

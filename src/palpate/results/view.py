@@ -213,10 +213,11 @@ class NumberLine(NamedTuple):
         return f"{words} ({': '.join(filter(None, (spoken(self.mark), why)))})"
 
 
-def describe_place(depth: float, frequency: float = math.nan) -> str:
+def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0) -> str:
     """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
     often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
-    return f"at {format_quantity(depth, 'm')}{often}"
+    fast = f", {format_quantity(speed, 'm/s', digits=2)}" if speed else ""
+    return f"at {format_quantity(depth, 'm')}{often}{fast}"
 
 
 def number_lines(result: "Identified") -> list[NumberLine]:
@@ -230,7 +231,8 @@ def number_lines(result: "Identified") -> list[NumberLine]:
         if k and math.isnan(quantity.value):
             lines.append(NumberLine(name, f"not given: {reasons[k]}", "", None))
             continue
-        at = describe_place(at_depth.depth, frequency if k or result.law.remembers else math.nan)
+        often = frequency if k or result.law.remembers else math.nan
+        at = describe_place(at_depth.depth, often, at_depth.speed)
         value, skew = f"{format_number(quantity)} {unit}", _describe_skew(at_depth) if k else ""
         same = k and reasons[k] and reasons[k] == reasons[0]
         reason = "for the same reason" if same else reasons[k]
@@ -347,7 +349,8 @@ def _describe_fit(result: "Identified") -> str:
         parts.append(f"method {result.method}")
     if rejected := int(np.count_nonzero(result.trace.rejected)):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
-    for part in (*parts, *_describe_settings(estimate)):
+    settings = () if result.segments else _describe_settings(estimate)  # of one law for all parts
+    for part in (*parts, *settings):
         if len(longer := f"{words}; {part}") <= _FOLD[1]:
             words = longer
     return words
