@@ -2,6 +2,7 @@
 
 import gc
 import os
+import random
 import signal
 import sys
 from contextlib import contextmanager
@@ -30,9 +31,27 @@ if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
 # looking through them for garbage again and again.
 gc.set_threshold(100_000)
 
-# The same examples in every run, and no clock: a slow machine is not a defect.
+# The same examples in every run, and no clock: a slow machine is not a defect. Another seed and ten
+# times as many with --hypothesis-profile=long; the seed is in the header, and on failure again.
 hypothesis.settings.register_profile("palpate", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("long", deadline=None, max_examples=1000, print_blob=True)
 hypothesis.settings.load_profile("palpate")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config):
+    if config.option.hypothesis_profile == "long" and config.option.hypothesis_seed is None:
+        config.option.hypothesis_seed = random.SystemRandom().randrange(1 << 30)
+
+
+def pytest_report_header(config):
+    return f"seed: {config.option.hypothesis_seed or 'the same in every run'}"
+
+
+@pytest.fixture
+def seed(request):
+    """Of tests that draw their own examples: 7, or that of --hypothesis-profile=long."""
+    return int(request.config.option.hypothesis_seed or 7)
 
 
 def pytest_addoption(parser):

@@ -55,6 +55,8 @@ class Setup:
     speed: float = 1.0
     sign: float = 1.0
     zeroed: float | None = None  # fraction of the log after which the sensor is zeroed once
+    free_height: float = 0.12  # m, of the turns in free air; below 0.1 at one place
+    pivot: float = 0.0  # degrees, of the tool about its tip in each touch
     filtered: float = 0.03  # s, by which the robot smooths its path
 
 
@@ -173,6 +175,18 @@ def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     return Log(recording, mount, normal, depth, end)
 
 
+def on_one_clock(log: Log) -> dict[str, Floats]:
+    """Return the columns of a table, on the clock of the wrench: it states no frame."""
+    channels = dict(log.recording.channels)
+    poses, clock = channels.pop("pose.time"), channels.pop("wrench.time")
+    inside = (clock > poses[0]) & (clock < poses[-1])
+    columns = {"time_s": clock[inside]}
+    for name, values in channels.items():
+        even = np.interp(clock, poses, values) if name.startswith("/pose") else values
+        columns[name.removeprefix("/")] = even[inside]
+    return columns
+
+
 def _path(
     setup: Setup, normal: Floats, point: Floats, g: np.random.Generator
 ) -> tuple[Floats, Rotation]:
@@ -203,7 +217,8 @@ def _path(
         turn = about(angle, 0.0) if setup.axes == 1 or k % 2 == 0 else about(0.0, angle)
         if setup.axes == 2:
             turn = turn * about(0.0, 0.0, setup.turns * g.uniform(-0.5, 0.5))
-        to = point + 0.12 * normal + 0.03 * g.normal(size=3)
+        aside = 0.03 * g.normal(size=3)
+        to = point + setup.free_height * normal + (setup.free_height > 0.1) * aside
         move(to, upright * turn if setup.axes else upright, 1.5, None)
         move(to, upright * turn if setup.axes else upright, 0.4, None)
     for k in range(setup.presses):
@@ -220,6 +235,7 @@ def _path(
         def dip(s: Floats, cycles: float = cycles, swing: float = swing) -> Floats:
             return swing * np.sin(2.0 * np.pi * cycles * s) * np.minimum(1.0, 10.0 * s * (1.0 - s))
 
+        turn = turn * about(setup.pivot, 0.0)
         move(deep, turn, 2.0, dip)
         if setup.hold:
             move(deep, turn, setup.hold, None)
@@ -305,4 +321,5 @@ FAULTS: dict[str, dict[str, Any]] = {
     "twice as quick": IDEAL | {"speed": 2.0},
     "zeroed in contact": IDEAL | {"zeroed": 0.62},
     "zeroed in free air": IDEAL | {"zeroed": 0.2},
+    "zeroed in one touch": IDEAL | {"presses": 1, "zeroed": 0.86},
 }

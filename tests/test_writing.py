@@ -2,13 +2,18 @@
 
 import errno
 import os
+import re
 import stat
 import threading
 from pathlib import Path
 
 import pytest
+from payloads import PAYLOAD
+from ruamel.yaml import YAML
 
 from palpate import RecordingError, writing
+from palpate.exports.ros_parameters import ros_parameters
+from palpate.fleet.card import Card
 from palpate.writing import check_outputs, check_writable, make_folder, write_bytes, write_text
 
 OLD, NEW = b"old", b"new" * 100_000
@@ -183,3 +188,18 @@ def test_only_this_module_opens_files_to_write():
         code = path.read_text(encoding="utf-8")
         for name in (".write_text(", ".write_bytes(", 'open("w', "mkstemp(", "NamedTemporaryFile("):
             assert name not in code, path
+
+
+def test_a_name_in_a_text_is_shown_and_neither_obeyed_nor_rendered(tmp_path):
+    name = "<img src=x>|[a](b) `c` \x1b[2J\x9b1m \u202egnp"
+    card = Card(name, (("source", name),), (name,), ((name, "failed", name),), name)
+    writing.write_text(tmp_path / "card.md", card.markdown)
+    text = (tmp_path / "card.md").read_text("utf-8")
+    assert all(sign.isprintable() for sign in text.replace("\n", ""))
+    assert not re.search(r"(?<!\\)[<\[`]", text)
+    [row] = [line for line in text.splitlines() if "failed" in line]
+    assert len(re.findall(r"(?<!\\)\|", row)) == 4
+    frame = 'a: {b}\n# "c"\x1b \U0001f600'
+    parameters = YAML(typ="safe").load(ros_parameters(PAYLOAD, sensor_frame=frame))
+    chain = parameters["/**"]["ros__parameters"]["sensor_filter_chain"]
+    assert chain["filter1"]["params"]["sensor_frame"] == frame

@@ -62,6 +62,9 @@ class ChangeDetector {
   explicit ChangeDetector(const Settings& settings) noexcept : settings_(settings) {}
 
   ChangeDetector* watcher() noexcept { return this; }
+  const Settings& settings() const noexcept { return settings_; }
+  // Whether a restored state is within its arrays.
+  bool sound() const noexcept { return correlation_.sound(); }
 
   // Contact was lost: the next error does not continue the last one.
   void interrupt() noexcept { correlation_.interrupt(); }

@@ -119,6 +119,9 @@ class Autoregression {
     return evidence.of_change(variance, 2);
   }
 
+  // Whether a restored state is within its arrays.
+  bool sound() const noexcept { return used_ <= order; }
+
   // The next error does not continue the last one: the errors before it are unknown.
   void interrupt() noexcept { following_ = 0; }
   bool knows_past() const noexcept { return following_ > order; }

@@ -150,6 +150,8 @@ class HaarLevels {
   }
 
   std::size_t used() const noexcept { return used_; }
+  // Whether a restored state is within its arrays.
+  bool sound() const noexcept { return used_ <= most; }
   const HaarLevel<Size, Number>& operator[](std::size_t k) const noexcept { return levels_[k]; }
   HaarLevel<Size, Number>& operator[](std::size_t k) noexcept { return levels_[k]; }
 

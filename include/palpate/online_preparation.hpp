@@ -134,6 +134,8 @@ class VelocityFilter {
   double delay() const noexcept { return delay_; }
   double longest_gap() const noexcept { return longest_gap_; }
   const Settings& settings() const noexcept { return settings_; }
+  // Whether a restored state is within its window.
+  bool sound() const noexcept { return half_ == settings_.samples / 2; }
 
   void reset() noexcept { *this = VelocityFilter(settings_); }
 

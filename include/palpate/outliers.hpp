@@ -182,6 +182,9 @@ class OutlierRejection {
   OutlierRejection* watcher() noexcept { return this; }
   const OutlierRejection* watcher() const noexcept { return this; }
 
+  // Whether a restored state is within the samples that a method can withdraw.
+  bool sound() const noexcept { return withdrawn_ <= most_withdrawn; }
+
   // Contact ends: the next sample does not continue the last one.
   void interrupt() noexcept { following_ = false; }
 

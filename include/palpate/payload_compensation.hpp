@@ -1,7 +1,7 @@
 // Subtracts a tool's weight and inertia from the wrench of its sensor, one sample at a time:
 //
-//   f = s f_raw − m g + (α× + ω×ω×)(m c + m d) − b_f
-//   τ = s τ_raw − m c × g + (I α + ω × I ω) − b_τ,   g = Rᵀ(g₀ − p̈)
+//   f = s f_raw − m g + (α× + ω×ω×) m c − b_f
+//   τ = s τ_raw − m c × g + (I α + ω × I ω) − b_τ,   g = Rᵀ(g₀ − p̈) − (α× + ω×ω×) d
 //
 // in the axes of the sensor: mass m, centre of mass c from the sensor's origin, inertia I about it,
 // lever d from the origin of the pose to it, sign s, bias b; position p, rotation R of the sensor.
@@ -174,6 +174,12 @@ class PayloadCompensation {
 
   const Vector<6>& bias() const noexcept { return bias_; }
   const Settings& settings() const noexcept { return settings_; }
+  // Whether a restored state is within its window, and its clock at its newest sample.
+  bool sound() const noexcept {
+    const double now = origin_ + static_cast<double>(steps_) * settings_.sample_time;
+    return half_ == settings_.samples / 2 &&
+           (count_ == 0 || std::abs(now - latest_.time) <= longest_gap * settings_.sample_time);
+  }
   void reset() noexcept { *this = PayloadCompensation(settings_); }
 
  private:
@@ -276,19 +282,24 @@ class PayloadCompensation {
     const Vector<3> w = {twice * spin[0], twice * spin[1], twice * spin[2]};
     const Vector<3> a = {twice * bend[0], twice * bend[1], twice * bend[2]};
     const Vector<3> g = rotate(inverse, {-second[0], -second[1], -standard_gravity - second[2]});
-    Vector<3> h{}, arm{};
+    const auto swing = [&](const Vector<3>& arm) {  // (α× + ω×ω×) arm
+      const Vector<3> tangential = cross(a, arm), centripetal = cross(w, cross(w, arm));
+      return Vector<3>{tangential[0] + centripetal[0], tangential[1] + centripetal[1],
+                       tangential[2] + centripetal[2]};
+    };
+    const Vector<3> swung = swing(settings_.lever);
+    Vector<3> h{}, at_sensor{};
     for (std::size_t i = 0; i < 3; ++i) {
       h[i] = settings_.mass * settings_.centre[i];
-      arm[i] = h[i] + settings_.mass * settings_.lever[i];
+      at_sensor[i] = g[i] - swung[i];
     }
-    const Vector<3> moment = cross(h, g), tangential = cross(a, arm),
-                    centripetal = cross(w, cross(w, arm)),
+    const Vector<3> moment = cross(h, at_sensor), by_centre = swing(h),
                     inertial = detail::multiply(settings_.inertia, a),
                     gyroscopic = cross(w, detail::multiply(settings_.inertia, w));
     const Vector<6>&recent = ago(wrench_age_).wrench, &older = ago(wrench_age_ + 1).wrench;
     Vector<6> load{}, rest{};
     for (std::size_t i = 0; i < 3; ++i) {
-      load[i] = settings_.mass * g[i] - tangential[i] - centripetal[i];
+      load[i] = settings_.mass * at_sensor[i] - by_centre[i];
       load[i + 3] = moment[i] - inertial[i] - gyroscopic[i];
     }
     for (std::size_t i = 0; i < 6; ++i) {

@@ -122,6 +122,15 @@ class Recursion {
   double last_velocity() const noexcept { return velocity_; }
   const Units& units() const noexcept { return units_; }
 
+  // Whether a restored state is within its ranges.
+  bool sound() const noexcept {
+    if constexpr (requires { method_.sound(); }) {
+      if (!method_.sound()) return false;
+    }
+    return gate_.phase() <= ContactGate::Phase::held &&
+           static_cast<std::size_t>(status_) < status_count;
+  }
+
   // The method itself, for θ and P in scaled units.
   const M& method() const noexcept { return method_; }
 

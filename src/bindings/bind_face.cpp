@@ -152,6 +152,10 @@ void check_settings(bool same) {
   throw nb::value_error("state must be of an estimator with the same settings");
 }
 
+void check_ranges(bool sound) {
+  if (!sound) throw nb::value_error("state is damaged: a number in it is out of its range");
+}
+
 void Face::wait_until_free() {
   int process;
   while ((process = replaying_.load(std::memory_order_acquire)) != 0) {

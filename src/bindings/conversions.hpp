@@ -64,21 +64,31 @@ nb::bytes saved(const std::string& name, std::span<const Memory> parts);
 Memory opened(const std::string& name, const nb::bytes& state, std::span<const Memory> present);
 
 void check_settings(bool same);
+void check_ranges(bool sound);
 
-// The bytes of an optional part.
+// The bytes of an optional part. Its padding becomes zero where the compiler can do so, so that
+// equal objects have equal states; no part is declared const.
 template <class Part>
 Memory memory_of(const Part* part) noexcept {
   static_assert(std::is_trivially_copyable_v<Part>);
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_clear_padding)
+  if (part) __builtin_clear_padding(const_cast<Part*>(part));
+#endif
+#endif
   return part ? Memory(reinterpret_cast<const char*>(part), sizeof(Part)) : Memory();
 }
 
-// Removes a part from the front.
+// Removes a part from the front. A checksum can be right by intent, so a part with indices checks
+// them.
 template <class Part>
-Part taken(Memory& memory) noexcept {
+Part taken(Memory& memory) {
   std::array<std::byte, sizeof(Part)> bytes;
   std::memcpy(bytes.data(), memory.data(), sizeof(Part));
   memory.remove_prefix(sizeof(Part));
-  return std::bit_cast<Part>(bytes);
+  const Part part = std::bit_cast<Part>(bytes);
+  if constexpr (requires { part.sound(); }) check_ranges(part.sound());
+  return part;
 }
 
 template <class Core>

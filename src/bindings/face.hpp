@@ -147,9 +147,15 @@ class CoreOf final : public Core, public Zeroed {
   void restore(const nb::bytes& state) override {
     Memory memory = opened(name_, state, parts());
     check_settings(taken<Settings>(memory) == estimator.settings());
-    recursion() = taken<Recursion<typename Usual::Method>>(memory);
-    if (auto* changes = estimator.changes()) *changes = taken<ChangeDetector>(memory);
-    if (auto* outliers = estimator.outliers()) *outliers = taken<OutlierRejection>(memory);
+    // All parts are checked before one is replaced.
+    const auto restored = taken<Recursion<typename Usual::Method>>(memory);
+    auto* changes = estimator.changes();
+    auto* outliers = estimator.outliers();
+    const auto detector = changes ? std::optional(taken<ChangeDetector>(memory)) : std::nullopt;
+    if (detector) check_settings(detector->settings() == changes->settings());
+    if (outliers) *outliers = taken<OutlierRejection>(memory);
+    if (detector) *changes = *detector;
+    recursion() = restored;
   }
 
   Estimator estimator;

@@ -266,6 +266,19 @@ inline double largest_of(Channel channel, double* spare) noexcept {
   return all.count > 0 ? percentile(all, 99.9 / 100.0) : 0.0;
 }
 
+// Whether one of the two samples at an end is a spike: as in the middle, but twice as far off,
+// since nothing beyond it shows that the channel comes back.
+inline bool ends_with_spike(const double* five, std::size_t place, double limit) noexcept {
+  std::array<double, 5> turned;
+  std::copy_n(five, 5, turned.begin());
+  std::swap(turned[place], turned[2]);
+  std::array<double, 5> sorted = turned;
+  std::sort(sorted.begin(), sorted.end());
+  const double away = std::abs(turned[2] - sorted[2]);
+  const auto [low, high] = std::minmax({turned[0], turned[1], turned[3], turned[4]});
+  return away > 2.0 * limit && away > 3.0 * (high - low);
+}
+
 // Writes 1 to `marks` where a finite sample is a spike among the finite ones. `spare` has three
 // times the channel's size.
 inline void mark_spikes(Channel channel, std::uint8_t* marks, double* spare) noexcept {
@@ -279,8 +292,13 @@ inline void mark_spikes(Channel channel, std::uint8_t* marks, double* spare) noe
   for (std::size_t k = 0; k < channel.count; ++k) {
     if (!std::isfinite(channel.data[k])) continue;
     const std::size_t own = place++;
-    if (own < 2 || own + 2 >= all.count) continue;
-    if (palpate::detail::is_spike(all.data + own - 2, limit)) marks[k] = 1;
+    const std::size_t last = all.count - 5, first = own > 2 ? std::min(own - 2, last) : 0;
+    const bool inner = own == first + 2;
+    const double* const five = all.data + first;
+    if (inner ? palpate::detail::is_spike(five, limit)
+              : ends_with_spike(five, own - first, limit)) {
+      marks[k] = 1;
+    }
   }
 }
 

@@ -43,7 +43,7 @@ class Check(StrEnum):
     EPISODES = "episodes", "recording", TIMELESS
     FILE = "file", "recording", CAPS
     OPTIONS = "options", "recording", TIMELESS
-    ROWS = "rows", "recording", TIMELESS
+    ROWS = "rows", "recording", CAPS | TIMELESS
     REJECTED_SAMPLES = "rejected samples", "recording", TIMELESS
     TRANSFORMS = "transforms", "recording", TIMELESS
     VECTORS = "vectors", "recording", CAPS | TIMELESS

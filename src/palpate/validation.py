@@ -134,6 +134,18 @@ def pair_in(name: str, pair: Any, low: float, high: float) -> tuple[float, float
     return number_in(name, first, low, high), number_in(name, second, low, high)
 
 
+def vector_in(name: str, vector: Any, limit: float) -> None:
+    """Raise unless ``vector`` is three numbers within ± ``limit``."""
+    try:
+        three = list(vector)
+    except Exception:  # an object's own __iter__ may raise anything
+        three = []
+    if len(three) != 3 or isinstance(vector, str):
+        raise InvalidParameterError(f"{name} must be three numbers, not {shown(vector)}")
+    for each in three:
+        number_in(name, each, -limit, limit)
+
+
 def check_choice(name: str, value: Any, allowed: Iterable[str]) -> None:
     """Raise unless ``value`` is one of the allowed words."""
     words = list(allowed)

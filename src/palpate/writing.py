@@ -19,8 +19,28 @@ from typing import IO, Any
 from palpate.errors import RecordingError
 
 _MOST_NAMES = 100_000
-# TOML forbids control characters, even in a comment, but a file name or a note may contain them.
-_CONTROL = re.compile(r"[\x00-\x08\x0a-\x1f\x7f]")
+#: The begin of files that palpate may replace.
+MADE = "# made by palpate"
+# Identities of the files and folders that the running command reads.
+_protected: set[object] = set()
+# Control characters and signs that turn the direction of text: a file name or a note may contain
+# them, TOML forbids some even in a comment, and a terminal or an editor would obey them.
+_UNPRINTABLE = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]"
+)
+#: Signs with which Markdown begins a tag, a cell, a link or code.
+_MARKDOWN = str.maketrans({sign: f"\\{sign}" for sign in "\\<|[`"})
+
+
+@contextmanager
+def protect(inputs: Iterable[Path]) -> Iterator[None]:
+    """Refuse, inside the block, each output that is one of these files or lies in such a folder."""
+    added = _identities(inputs) - _protected
+    _protected.update(added)
+    try:
+        yield
+    finally:
+        _protected.difference_update(added)
 
 
 def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None:
@@ -33,7 +53,7 @@ def write_bytes(path: Path, content: bytes, inputs: Sequence[Path] = ()) -> None
     content : bytes
         The complete content.
     inputs : sequence of Path
-        Files that must not be overwritten.
+        Files that must not be overwritten, and folders that must not be written into.
 
     Raises
     ------
@@ -85,9 +105,9 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     comments : iterable of str
         One line each.
     """
-    lines = [f"{name} = {_toml_value(value)}" for name, value in options.items()]
-    lines += [""] if lines else []
-    lines += [f"# {_CONTROL.sub('?', ' '.join(each.split()))}" for each in comments]
+    lines = [MADE, *(f"{name} = {_toml_value(value)}" for name, value in options.items())]
+    lines += [""] if options else []
+    lines += [f"# {_escape_signs(' '.join(each.split()))}" for each in comments]
     return "\n".join(lines) + "\n"
 
 
@@ -100,18 +120,36 @@ def _toml_value(value: Any) -> str:
         return f"[{', '.join(_toml_value(each) for each in value)}]"
     if isinstance(value, int | float):
         return repr(value)
-    # JSON's escapes are valid TOML, except escapes of characters beyond 16 bits, which are written
-    # unescaped. JSON does not escape one control character, U+007F.
-    return json.dumps(str(value), ensure_ascii=False).replace("\x7f", "\\u007f")
+    return quote(str(value))
+
+
+def quote(text: str) -> str:
+    """Return text in quotation marks, as JSON, TOML and YAML read it."""
+    # JSON's escapes are valid in all three, except those of characters beyond 16 bits.
+    return _escape_signs(json.dumps(text, ensure_ascii=False))
+
+
+def escape_markdown(words: str) -> str:
+    """Return a line that Markdown shows as it is, without tags, cells, links or code."""
+    return " ".join(words.split()).translate(_MARKDOWN)
 
 
 def encode_text(text: str) -> bytes:
-    """The bytes that :func:`write_text` writes."""
+    """The bytes that :func:`write_text` writes: unprintable signs are escaped."""
     # A file name that is not UTF-8 contains surrogates; JSON has the same escapes.
-    return text.encode("utf-8", "backslashreplace")
+    return _escape_signs(text).encode("utf-8", "backslashreplace")
 
 
-def check_own(folder: Path, names: Iterable[str], own: Callable[[Path], bool]) -> None:
+def _escape_signs(text: str) -> str:
+    return _UNPRINTABLE.sub(lambda sign: f"\\u{ord(sign[0]):04x}", text)
+
+
+def check_own(
+    folder: Path,
+    names: Iterable[str],
+    own: Callable[[Path], bool],
+    remedy: str = "choose another name or folder (-o)",
+) -> None:
     """Check that palpate wrote each file that it would replace in a folder.
 
     Raises
@@ -122,9 +160,25 @@ def check_own(folder: Path, names: Iterable[str], own: Callable[[Path], bool]) -
     for path in (folder / name for name in names):
         if path.is_file() and not own(path):
             raise RecordingError(
-                f"{path}: palpate did not write this file, or it was changed since; choose "
-                "another name or folder (-o)"
+                f"{path}: palpate did not write this file, or it was changed since; {remedy}"
             )
+
+
+def check_marked(path: Path, mark: str = MADE) -> None:
+    """Check that a file can be written, and that it is new, empty or begins with palpate's mark.
+
+    Raises
+    ------
+    RecordingError
+        It cannot be written, or palpate did not write it.
+    """
+
+    def own(former: Path) -> bool:
+        with former.open("rb") as file:
+            return file.read(len(mark)) in (b"", mark.encode())
+
+    check_writable(path)
+    check_own(path.parent, [path.name], own, "choose another name")
 
 
 def check_writable(path: Path, inputs: Sequence[Path] = ()) -> None:
@@ -195,6 +249,7 @@ def make_folder(path: Path) -> None:
         The folder cannot be created or written to.
     """
     with _os_errors_as_recording_errors(path):
+        _refuse_inputs(path, ())
         try:
             path.mkdir(parents=True, exist_ok=True)
         except FileExistsError:
@@ -311,8 +366,25 @@ def _status(path: Path) -> os.stat_result | None:
 
 
 def _refuse_inputs(path: Path, inputs: Sequence[Path]) -> None:
-    if any(_same_file(path, each) for each in inputs):
+    taken = _protected | _identities(inputs)
+    target = Path(os.path.realpath(path))
+    if _identities([target]) & taken:
         raise RecordingError(f"{path}: this is an input file; choose another name for the output")
+    if _identities(target.parents) & taken:
+        raise RecordingError(f"{path}: this is inside an input folder; choose another folder")
+
+
+def _identities(paths: Iterable[Path]) -> set[object]:
+    """Return device and inode of files and folders, the same for all links; else their names."""
+    found: set[object] = set()
+    for path in paths:
+        with suppress(OSError, ValueError):  # not a file name: opening it raises the error
+            status = _status(path)
+            if status is None:
+                found.add(os.path.realpath(path))
+            elif stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode):
+                found.add((status.st_dev, status.st_ino))
+    return found
 
 
 def _same_file(one: Path, other: Path) -> bool:

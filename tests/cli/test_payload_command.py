@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from payloads import PAYLOAD
-from robot_logs import Setup, simulate
+from robot_logs import Setup, on_one_clock, simulate
 from ruamel.yaml import YAML
 
 from palpate import Payload
@@ -23,14 +23,7 @@ def log(tmp_path_factory):
 
 
 def written_log(setup, path):
-    recording = simulate(setup).recording
-    channels = dict(recording.channels)
-    poses, clock = channels.pop("pose.time"), channels.pop("wrench.time")
-    inside = (clock > poses[0]) & (clock < poses[-1])
-    columns = {"time_s": clock[inside]}
-    for name, values in channels.items():
-        even = np.interp(clock, poses, values) if name.startswith("/pose") else values
-        columns[name.removeprefix("/")] = even[inside]
+    columns = on_one_clock(simulate(setup))
     header = ",".join(columns)
     rows = np.column_stack(list(columns.values()))[::2]
     np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.9g")
@@ -77,13 +70,6 @@ def test_a_dark_figure_in_a_column_is_drawn(log, printed, tmp_path):
     assert "#16181c" in path.read_text("utf-8")
 
 
-@pytest.mark.parametrize("option", ["--save-config", "--ros-parameters"])
-def test_the_log_is_never_overwritten(log, refused, option):
-    before = log.read_bytes()
-    assert "this is an input file" in refused("payload", log, option, log)
-    assert log.read_bytes() == before
-
-
 def test_two_outputs_of_one_name_and_logs_without_a_pose_are_refused(log, refused, tmp_path, good):
     path = tmp_path / "tool"
     words = refused("payload", log, "--save-config", path, "--ros-parameters", path)
@@ -99,6 +85,7 @@ def test_findings_are_short_without_v_and_name_no_option_that_the_command_lacks(
     assert "palpate reversed its sign" in out
     assert "--flip-force" not in out
     assert "1 more with -v" in out
+    assert "palpate reversed" not in printed("payload", reversed_log, "--flip-force")
     assert "next:" not in out
     still = written_log(replace(SETUP, turns=0.0, touch_tilt=0.0), tmp_path / "still.csv")
     assert "next: turn the tool by 30° about two axes" in printed("payload", still)
@@ -117,6 +104,12 @@ def test_a_log_without_a_torque_leaves_the_centre_of_mass_unknown(log, printed, 
     assert "unknown: the log has no torque" in out
     assert "mN·m" not in out
     assert re.search(r"mass +0\.(39|40)\d+ ± \S+ kg +trust", out)
+
+
+def test_a_force_in_the_axes_of_the_position_has_no_payload(log, printed, refused):
+    words = refused("payload", log, "--force-frame", "base")
+    assert "pass --force-frame tool if it is" in words
+    assert printed("payload", log, "--force-frame", "tool") == printed("payload", log)
 
 
 def test_the_file_serves_identify_also_by_a_file_of_options(log, printed, refused, tmp_path):

@@ -79,3 +79,15 @@ def test_a_spike_is_found_beside_samples_that_are_not_there():
         found = spikes_of_rows(rows, screened=screened, threads=2)
         assert np.argwhere(found).tolist() == [[0, 100]]
     assert np.flatnonzero(find_spikes(values)).tolist() == [100]
+
+
+@pytest.mark.parametrize("place", [0, 1, -2, -1])
+def test_a_spike_at_an_end_is_found_and_a_motion_that_begins_or_stops_is_none(place):
+    random = np.random.default_rng(4)
+    values = np.sin(np.arange(500) / 40.0) + 1e-3 * random.standard_normal(500)
+    assert not find_spikes(values).any()
+    assert not find_spikes(np.cumsum(np.abs(values))).any()
+    values[place] += 0.5
+    for screened in (True, False):
+        found = spikes_of_rows(values[None], screened=screened)[0]
+        assert np.flatnonzero(found).tolist() == [place % 500]

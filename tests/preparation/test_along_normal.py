@@ -20,8 +20,8 @@ from palpate import (
     prepare,
 )
 from palpate.digits import with_error
+from palpate.preparation.readings import largest_turn
 from palpate.preparation.settings import (
-    largest_turn,
     never_touches,
     normal_found,
     normal_given,
@@ -37,7 +37,7 @@ def turn(axis, angle) -> np.ndarray:
 
 def with_turns(felt, turns, **more) -> Recording:
     """With the orientation of the tool."""
-    return table_of(felt, **{f"q{k}": turns[:, k] for k in range(4)}, **more)
+    return table_of(felt, **{f"q{axis}": turns[:, k] for k, axis in enumerate("xyzw")}, **more)
 
 
 BACK = np.array([-1, -1, -1, 1])
@@ -109,8 +109,9 @@ def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():
     contact = prepare(recorded, force_frame="tool")
     assert contact.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
     assert off(identify(contact), BALL) < 4.0
-    assumed = prepare(recorded)  # wrong, and said to be assumed
-    assert any("--force-frame tool" in (finding.remedy or "") for finding in assumed.findings)
+    found = prepare(recorded)  # in contact the force points along the motion
+    assert found.prepared.normal.vector == pytest.approx(NORMAL, abs=2e-3)
+    assert any("--force-frame base" in (finding.remedy or "") for finding in found.findings)
 
 
 def test_frames_that_the_recording_names_decide():
@@ -142,7 +143,12 @@ def turning(reach: float, *, weight: float = 3.0) -> Recording:
 
 
 @pytest.mark.parametrize(
-    "reach, settings", [(0.5, {}), (0.5, {"tare": (0.0, 0.03)}), (0.001, {"force_frame": "tool"})]
+    "reach, settings",
+    [
+        (0.5, {"force_frame": "base"}),
+        (0.5, {"force_frame": "base", "tare": (0.0, 0.03)}),
+        (0.001, {"force_frame": "tool"}),
+    ],
 )
 def test_a_tools_weight_that_changes_nothing_is_refused(reach, settings):
     with pytest.raises(RecordingError, match="--tool-weight 3N has no effect: in the frame"):
@@ -194,6 +200,20 @@ def test_a_surface_is_found_within_its_deviation(law, rule):
         assert abs(found.position - 0.3) < 3.0 * found.deviation
         # Of strokes to 10 mm. By a threshold the soft sponge is known 2.5 mm late.
         assert found.deviation < (1.5e-3 if rule == "baseline" else 3e-3)
+
+
+@pytest.mark.parametrize("rule", ["baseline", "fit"])
+def test_pushes_on_a_hovering_probe_do_not_move_the_surface(rule):
+    """A cable pushes by 10 % of the peak force, 20 mm above the material and 1 mm above it."""
+    motion, hover = tapping(6.0), np.linspace(-1.0, 1.0, 400)
+    push = 0.1 * BALL.force(motion.x, motion.v).max() * np.cos(0.5 * np.pi * hover) ** 2
+    x, v, force = motion.x, motion.v, BALL.force(motion.x, motion.v)
+    for height in (20e-3, 1e-3):
+        x = np.concatenate([1e-3 * hover - height, x])
+        v, force = np.concatenate([0.0 * hover + 1e-3, v]), np.concatenate([push, force])
+    force += NOISE * np.random.default_rng(1).standard_normal(len(force))
+    found = find_surface(0.3 + x, v, force, rule)
+    assert abs(found.position - 0.3) < 3.0 * found.deviation < 3e-3
 
 
 # That a force of the probe's is turned is tested above, of one place.

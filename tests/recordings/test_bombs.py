@@ -1,16 +1,28 @@
 """Files that state, or unpack to, far more than they hold; and good files that compress as well."""
 
 import gzip
+import json
+import os
+import pickle
 import shutil
 import sqlite3
 import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+from contextlib import suppress
 
+import h5py
 import message_files as files
 import numpy as np
+import openpyxl
 import pyarrow as pa
+import pyarrow.parquet as parquet
 import pytest
 import zstandard
 from containers import COLUMNS, write_feather, write_hdf5, write_mat5, write_parquet
+from dataset_files import episodes, write_robomimic
 from mcap.writer import CompressionType, Writer
 
 from palpate import open_recording
@@ -158,3 +170,184 @@ def test_a_chunk_of_endless_descriptions_ends(tmp_path):
     assert path.stat().st_size < 20_000
     with pytest.raises(RecordingError):
         open_recording(path)
+
+
+def zarr_array(folder, shape, chunk=b"", **changed):
+    about = {"zarr_format": 2, "shape": shape, "chunks": shape, "dtype": "<f8", "order": "C"}
+    about |= {"fill_value": 0, "compressor": None, "filters": None, **changed}
+    folder.mkdir(parents=True)
+    (folder / ".zarray").write_text(json.dumps(about))
+    if chunk:
+        (folder / ".".join("0" for _ in shape)).write_bytes(chunk)
+
+
+def replay_buffer(path, force=(), ends=(100,), **changed):
+    """A data set in Zarr with an episode, whose arrays have this shape, chunk and description."""
+    for folder in ("", "data", "meta"):
+        (path / folder).mkdir(parents=True)
+        (path / folder / ".zgroup").write_text('{"zarr_format": 2}')
+    if isinstance(ends, dict):
+        zarr_array(path / "meta/episode_ends", **ends)
+    else:
+        zarr_array(path / "meta/episode_ends", [1], np.array(ends).tobytes(), dtype="<i8")
+        zarr_array(path / "data/force", [100], *force, **changed)
+    return path
+
+
+def deflated(size):
+    packer = zlib.compressobj(9)
+    return b"".join(packer.compress(bytes(1 << 20)) for _ in range(size >> 20)) + packer.flush()
+
+
+def episodes_of(path):
+    (path / "meta/episodes/chunk-000").mkdir(parents=True)
+    about = {"codebase_version": "v3.0", "fps": 30, "features": {}}
+    (path / "meta/info.json").write_text(json.dumps(about))
+    names = ("episode_index", "data/chunk_index", "data/file_index", "dataset_from_index", "length")
+    table = pa.table({name: np.zeros(10_000_000, np.int32) for name in names})
+    parquet.write_table(table, path / "meta/episodes/chunk-000/file-000.parquet")
+    return path
+
+
+def lines_of(path, *lines):
+    path.write_text("\n".join(lines))
+    return path
+
+
+def sheet_of(path, **cells):
+    book = openpyxl.Workbook()
+    for k in range(100):
+        book.active.append(["time_s", "force_N"] if k == 0 else [1e-3 * k, 1.0])
+    for place, value in cells.items():
+        book.active[place] = value
+        book.active[place].fill = openpyxl.styles.PatternFill("solid", fgColor="FF0000")
+    book.save(path)
+    return path
+
+
+def long_cell_of(path):
+    sheet_of(path.with_name("short.xlsx"))
+    with (
+        zipfile.ZipFile(path.with_name("short.xlsx")) as old,
+        zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as new,
+    ):
+        for name in old.namelist():
+            new.writestr(name, old.read(name).replace(b"time_s", b"a" * 30_000_000))
+
+
+def times_of(path):
+    np.savez_compressed(path, time=np.zeros(30_000_000, "M8[s]"))
+    return path
+
+
+def chunk_of_hdf5(path):
+    write_hdf5(path, column(1000), compression="gzip", chunks=(1000,), maxshape=(None,))
+    with h5py.File(path, "a") as file:
+        file["force_N"].id.write_direct_chunk((0,), deflated(256 << 20))
+    return path
+
+
+class Code:
+    def __reduce__(self):
+        return os.abort, ()
+
+
+PICKLE = {"filters": [{"id": "pickle", "protocol": 5}]}
+RAISED = "larger --max-size"
+HOSTILE = {
+    "pickle.zarr": (
+        {"ends": {"shape": [1], "chunk": pickle.dumps([Code()]), "dtype": "|O", **PICKLE}},
+        "not numbers",
+    ),
+    "codec.zarr": ({"force": [pickle.dumps(Code())], **PICKLE}, "does not run"),
+    "shape.zarr": ({"ends": {"shape": [600_000_000], "dtype": "<i8"}}, RAISED),
+    "rows.zarr": ({"ends": [300_000_000]}, "no number for each sample"),
+    "zlib.zarr": ({"force": [deflated(256 << 20)], "compressor": {"id": "zlib"}}, RAISED),
+    "zstd.zarr": (
+        {"force": [zstandard.compress(bytes(256 << 20))], "compressor": {"id": "zstd"}},
+        RAISED,
+    ),
+    "lerobot": (episodes_of, RAISED),
+    "keys.jsonl": (lambda path: lines_of(path, *(f'{{"k{k}": 1}}' for k in range(9000))), RAISED),
+    "rows.jsonl": (
+        lambda path: lines_of(
+            path, json.dumps(dict.fromkeys(map(str, range(4000)), 1)), *["{}"] * 9999
+        ),
+        RAISED,
+    ),
+    "keys.json": (
+        lambda path: lines_of(path, json.dumps({str(k): [1, 2] for k in range(9000)})),
+        RAISED,
+    ),
+    "dates.npz": (times_of, RAISED),
+    "text.xlsx": (long_cell_of, RAISED),
+    "chunk.h5": (chunk_of_hdf5, "longer than they state"),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", HOSTILE)
+def test_a_small_file_that_needs_much_memory_or_runs_code_is_refused_in_a_line(name, tmp_path):
+    """The process of its own needs 90 MB to begin with."""
+    made, words = HOSTILE[name]
+    path = tmp_path / name
+    replay_buffer(path, **made) if isinstance(made, dict) else made(path)
+    program = (
+        "import resource, sys, palpate\n"
+        "try: print(palpate.open_recording(sys.argv[1]).losses)\n"
+        "except palpate.RecordingError as error: print(error)\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program, str(path)], capture_output=True, text=True, timeout=60,
+        check=True,
+    )  # fmt: skip
+    said, memory = done.stdout.splitlines()
+    assert words in said
+    assert int(memory) < 300_000  # KiB
+
+
+def test_a_coloured_cell_far_from_the_table_is_no_part_of_it(tmp_path):
+    found = open_recording(sheet_of(tmp_path / "a.xlsx", XFD5=None, A1048576=None))
+    assert {name: len(values) for name, values in found.channels.items()} == {
+        "time_s": 99,
+        "force_N": 99,
+    }
+
+
+@pytest.mark.parametrize("link", ["data", "data/demo_0", "data/demo_0/obs", "soft"])
+def test_a_data_set_does_not_follow_a_link_to_another_file(link, tmp_path):
+    other, path = tmp_path / "other.hdf5", tmp_path / "a.hdf5"
+    write_robomimic(other, episodes(1))
+    with h5py.File(path, "w") as file:
+        file["data/demo_1/obs/own"] = np.arange(300.0)
+        place = "data/demo_0/obs" if link == "soft" else link
+        if link == "data":
+            del file["data"]
+        file["out"] = h5py.ExternalLink("other.hdf5", "data/demo_0")
+        soft = h5py.SoftLink("/out/obs")
+        file[place] = soft if link == "soft" else h5py.ExternalLink("other.hdf5", place)
+    with pytest.raises(RecordingError, match="links to another file"):
+        open_recording(path)
+
+
+@pytest.mark.parametrize("end", [".npy", ".npz"])
+def test_an_array_with_bytes_inserted_is_refused(end, tmp_path):
+    """Wherever they are: seed 3."""
+    random, path = np.random.default_rng(3), tmp_path / f"a{end}"
+    table = np.random.default_rng(0).standard_normal((200, 3))
+    np.savez(path, table=table) if end == ".npz" else np.save(path, table)
+    whole = path.read_bytes()
+    for _ in range(100):
+        place = int(random.integers(len(whole)))
+        path.write_bytes(whole[:place] + random.bytes(int(random.integers(1, 65))) + whole[place:])
+        with suppress(RecordingError):
+            found = open_recording(path)
+            assert np.array_equal(np.column_stack(list(found.channels.values())), table)
+
+
+def test_arrays_saved_one_after_the_other_in_a_file_are_no_damage(tmp_path):
+    with (tmp_path / "a.npy").open("wb") as file:
+        np.save(file, np.arange(30.0))
+        np.save(file, np.arange(9.0))
+    assert len(open_recording(tmp_path / "a.npy").channels["column"]) == 30

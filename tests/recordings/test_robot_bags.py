@@ -53,12 +53,11 @@ def stream(topic, kind, times, make) -> list[files.Message]:
     return [(topic, kind, stamp, make(stamp, k)) for k, stamp in enumerate(stamps)]
 
 
-def wrenches(count=None) -> list[files.Message]:
-    time, _, force, _ = touch()
+def wrenches(count=None, frame="ft_sensor") -> list[files.Message]:
+    time, _, own, force = touch()
+    force = own if frame == "ft_sensor" else force
     rows = np.hstack([force, np.zeros_like(force)])
-    return stream(
-        "/ft", WRENCH, time[:count], lambda stamp, k: MAKER.wrench(stamp, rows[k], "ft_sensor")
-    )
+    return stream("/ft", WRENCH, time[:count], lambda stamp, k: MAKER.wrench(stamp, rows[k], frame))
 
 
 def transform(topic, parent, child, places, turns=None, times=(0.0,)) -> list[files.Message]:
@@ -73,6 +72,11 @@ def transform(topic, parent, child, places, turns=None, times=(0.0,)) -> list[fi
 def mounted() -> list[files.Message]:
     plate = transform("/tf_static", "flange", "plate", NONE)
     return plate + transform("/tf_static", "plate", "ft_sensor", LEVER, MOUNT.as_quat())
+
+
+def on_floor() -> list[files.Message]:
+    turned = turns_about(0, [0.5]).as_quat()
+    return transform("/tf_static", "world", "base", STAND, turned)
 
 
 def one_transform() -> list[files.Message]:
@@ -129,6 +133,9 @@ def bags(folder):
     return {
         "a pose, a wrench, joints and tf": bag(folder / "all", *every),
         "a chain of transforms and a wrench": bag(folder / "chain", wrenches(), arm(), mounted()),
+        "a chain and a wrench in the base": bag(
+            folder / "base", wrenches(frame="base"), arm(), mounted(), on_floor()
+        ),
         "one moving transform": bag(folder / "one", wrenches(), one_transform(), mounted()),
         "a table of a UR": table_of_ur(folder / "ur.csv"),
     }
@@ -153,6 +160,7 @@ CHAIN = "base > stand > shoulder > flange > plate > ft_sensor"
 SAID = {
     "a pose, a wrench, joints and tf": CHAIN,
     "a chain of transforms and a wrench": CHAIN,
+    "a chain and a wrench in the base": CHAIN,
     "one moving transform": "base > flange > plate > ft_sensor",
     "a table of a UR": None,
 }

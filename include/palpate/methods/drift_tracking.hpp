@@ -74,6 +74,8 @@ class DriftTrackingMethod {
   using Law = HuntCrossley;
   static constexpr std::size_t order = 3;
   using Start = VariableProjectionMethod<detail::ProjectionSolver>;
+
+  bool sound() const noexcept { return start_.sound(); }
   using Row = Start::Row;
 
   struct Settings {

@@ -156,6 +156,11 @@ class VariableProjectionMethod {
   }
 
   // Removes the latest samples, at most eight, which turned out to be outliers.
+  bool sound() const noexcept {
+    if constexpr (requires { solver_.sound(); }) return solver_.sound() && levels_.sound();
+    return levels_.sound();
+  }
+
   void withdraw(std::size_t count) noexcept {
     if constexpr (requires { solver_.withdraw(count); }) solver_.withdraw(count);
   }

@@ -162,6 +162,7 @@ class ViscoelasticMethod {
   }
 
   const viscoelastic::Solver& solver() const noexcept { return solver_; }
+  bool sound() const noexcept { return solver_.sound() && air_.sound(); }
 
   // Whether any contact began before its first sample.
   bool began_in_contact() const noexcept { return began_in_contact_; }

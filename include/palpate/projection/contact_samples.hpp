@@ -60,6 +60,9 @@ class ContactSamples {
     next.pulls = pulls;
   }
 
+  // Whether a restored state is within its arrays.
+  bool sound() const noexcept { return newest_ < entries_.size(); }
+
   Entry& ago(std::size_t age) noexcept { return entries_[place(age)]; }
   const Entry& ago(std::size_t age) const noexcept { return entries_[place(age)]; }
 
@@ -279,6 +282,7 @@ class FreeAir {
   }
 
   bool known() const noexcept { return weight_ >= static_cast<double>(fewest); }
+  bool sound() const noexcept { return levels_.sound(); }
   double mean() const noexcept { return known() ? mean_ : 0.0; }
 
   double variance() const noexcept {

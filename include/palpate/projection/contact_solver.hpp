@@ -118,6 +118,8 @@ class ContactSolver {
   }
 
   // Removes the latest samples, which have turned out to be outliers.
+  bool sound() const noexcept { return recent_.sound() && air_.sound(); }
+
   void withdraw(std::size_t count) noexcept {
     for (std::size_t age = 0; count > 0 && age <= ContactSamples::side; ++age) {
       ContactSamples::Entry& entry = recent_.ago(age);

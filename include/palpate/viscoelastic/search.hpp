@@ -273,6 +273,7 @@ class ResidualNoise {
   }
 
   void clear() noexcept { levels_.clear(); }
+  bool sound() const noexcept { return levels_.sound(); }
 
   // The best fit has changed, and the variance of its residual is `ratio` times the old one. The
   // correlation of its noise shows only in later errors. Until then it is assumed equal to that of

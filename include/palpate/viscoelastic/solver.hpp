@@ -108,6 +108,16 @@ class Solver {
     finishing_ = false;
   }
 
+  // Whether a restored state names candidates, steps and branches that exist.
+  bool sound() const noexcept {
+    const bool known =
+        priors_.exponent == 0.0 ||
+        detail::lies_in(priors_.exponent, Grid::lowest_exponent, Grid::highest_exponent);
+    return known && solution_.fit.candidate < count && closest_.candidate < count &&
+           chosen_ < count && next_ <= count && stage_ <= Stage::refining &&
+           samples_.ladder().open() <= rungs && noise_.sound();
+  }
+
   // Fits one candidate to all samples so far, with some of its parts excluded, or with damping of
   // any sign. The solver does not change.
   Beside beside(std::size_t candidate, PartSet left_out, bool free_damping) const noexcept {

@@ -26,6 +26,7 @@ import codecs
 import io
 import re
 import signal
+import warnings
 from contextlib import suppress
 
 from palpate.errors import PalpateError, printable
@@ -60,6 +61,8 @@ def main() -> None:
     """
     caught = _Interrupts()
     prepare_output()
+    # Of numpy and others about damaged numbers; whoever asks for warnings gets them all the same.
+    warnings.simplefilter("ignore", append=True)
     try:
         status = _run(sys.argv[1:])
         sys.stdout.flush()  # so that a write error is known before the end

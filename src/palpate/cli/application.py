@@ -4,8 +4,9 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -15,7 +16,7 @@ from cyclopts.config import Toml
 from palpate.cli.options import KEPT, WHAT, OutputFile
 from palpate.cli.printing import Terminal, say, say_path
 from palpate.errors import InvalidParameterError, printable
-from palpate.writing import write_text
+from palpate.writing import protect, write_text
 
 #: Command to module. The function of this name in the module imports slow libraries itself.
 COMMANDS = {
@@ -23,6 +24,10 @@ COMMANDS = {
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
     "live": "live", "payload": "payload", "skew": "skew",
 }  # fmt: skip
+#: Arguments that name what a command writes. Any other path is one that it reads.
+OUTPUTS = {"output", "figure", "picture", "record", "ros_parameters", "save_config"}
+_NAMES_OF_FILES = ("source", "material", "trajectory")  # or of something in palpate
+_RESULTS = ("result", "results")
 _NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
 _NARROWEST_HELP = 20  # rich folds frames forever if they have no room for a word
@@ -100,10 +105,32 @@ def application(words: Sequence[str] = ()) -> App:
         """
         if config is not None:
             app.config = OptionsFile(config, source=str(config), must_exist=True)
-        with _print_log(min(verbose, 2)):
-            return app(rest)
+        command, bound, _ = app.parse_args(rest)
+        inputs = inputs_of({"config": config, **bound.arguments})
+        with _print_log(min(verbose, 2)), protect(inputs):
+            return command(*bound.args, **bound.kwargs)
 
     return app
+
+
+def inputs_of(command: Mapping[str, Any]) -> Iterator[Path]:
+    """Return what a command reads: each path in its arguments that is not an output.
+
+    A folder counts with all that lies in it, except a folder of palpate's results, to which figures
+    and exports are added. The command ``fleet`` protects what it finds behind its ``sources``.
+    """
+    for name, value in command.items():
+        if is_dataclass(value):
+            yield from inputs_of(vars(value))
+            continue
+        for each in value if isinstance(value, tuple) else (value,):
+            if name in OUTPUTS or not (isinstance(each, Path) or name in _NAMES_OF_FILES):
+                continue
+            from palpate.recordings.opening import whole_recording
+
+            path = Path(each)
+            if not (name in _RESULTS and path.is_dir()):
+                yield whole_recording(path)
 
 
 def run(arguments: Sequence[str]) -> int:

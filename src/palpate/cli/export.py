@@ -81,7 +81,7 @@ def export(
     from palpate.results.saved import RESULT, TRACES, load_result
 
     saved = load_result(result)
-    inputs = [*(saved.folder / name for name in (RESULT, *TRACES)), *filter(None, [into.model])]
+    inputs = [saved.folder / name for name in (RESULT, *TRACES)]
     try:
         made = run(saved, to, allow=allow, replay=replay, **into.options())
     except ExportRefusedError as refused:

@@ -28,6 +28,7 @@ from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table,
 from palpate.cli.reading import ReadingOptions
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
+from palpate.writing import protect
 
 if TYPE_CHECKING:
     from palpate.fleet.running import Fleet
@@ -103,9 +104,10 @@ def fleet(
     as_json
         Print one JSON object instead of text.
     """
-    from palpate.fleet.files import list_sources
+    from palpate.fleet.files import disk_name, list_sources
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
+    from palpate.recordings.opening import whole_recording
 
     shape, ratio = parse_material(tip, poisson)
     listed = list_sources(sources, leave_out=output)
@@ -116,7 +118,8 @@ def fleet(
     if report:
         require_figures()
     try:
-        with bar("identifying") as progress:
+        inputs = (whole_recording(Path(disk_name(source.name))) for source in listed)
+        with bar("identifying") as progress, protect(inputs):
             found = run_fleet(sources, output, settings, **vars(running), progress=progress)
     except KeyboardInterrupt:
         complain(f"interrupted; finished rows are in {output}; repeat the command to continue")
@@ -145,7 +148,6 @@ def _settings(
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import AUTO, Settings
-    from palpate.recordings.opening import MAX_SIZE
 
     for option in ("save_config", "curve", "episode", "sheet", "companion"):
         if getattr(reading, option) is not None:
@@ -160,7 +162,7 @@ def _settings(
         diagnosis=diagnosis,
         minimum_penetration=reading.min_penetration,
         minimum_force=reading.min_force,
-        max_size=MAX_SIZE if reading.max_size is None else reading.max_size,
+        max_size=reading.max_size,
     )
 
 

@@ -76,7 +76,7 @@ def identify(
     from palpate.quantities.indentation import find_force_curve
 
     query, depth = deriving.query, judging.depth
-    drawing.check(list(files))
+    drawing.check()
     destination = None
     if output is not None:  # once it is known that it can be written there
         from palpate.reports.identification import Destination
@@ -93,7 +93,7 @@ def identify(
     if result.query.frequency is not None:  # refused before anything is written
         result.dynamic_stiffness(result.query.frequency)
     result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
-    drawing.save("palpate.figures.draw", result, list(files))
+    drawing.save("palpate.figures.draw", result)
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
@@ -209,11 +209,11 @@ def compare(
         raise InvalidParameterError(
             "--surface estimate works with palpate identify only: pass --surface fit here"
         )
-    drawing.check(list(files))
+    drawing.check()
     contact = reading.contact(files)
     results = reading.compared(contact)
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}
-    drawing.save("palpate.figures.draw_comparison", results, list(files))
+    drawing.save("palpate.figures.draw_comparison", results)
     print_identifications(files, list(results.values()), drawing.figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict for result in results.values()])

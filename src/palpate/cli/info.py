@@ -6,7 +6,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from palpate.cli.options import READ, SIZES, Dark, FigureFile, si_parameter
-from palpate.cli.printing import AsJson, open_with_progress, print_json
+from palpate.cli.printing import AsJson, Terminal, open_with_progress, print_json, say_path
 
 
 def info(
@@ -69,8 +69,8 @@ def info(
     if figure is not None:
         from palpate.figures import check_figure
 
-        check_figure(figure, inputs=[file])
-    data = None if episode is not None else describe_data_set(file)
+        check_figure(figure)
+    data = None if episode is not None else describe_data_set(file, max_size)
     if data is not None:
         episode = next(iter(data.lengths))
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
@@ -87,7 +87,7 @@ def info(
         from palpate import figures
         from palpate.figures.strips import draw_strips
 
-        figures.save(draw_strips(recording, surveyed, dark=dark), figure, inputs=[file])
+        figures.save(draw_strips(recording, surveyed, dark=dark), figure)
     if as_json:
         print_json(as_dict(file, recording, surveyed, data))
     else:
@@ -95,4 +95,4 @@ def info(
             print_episodes(data)
         print_recording(recording, surveyed)
         if figure is not None:
-            print(f"figure: {figure}")
+            say_path(Terminal(), f"figure: {figure}")

@@ -77,14 +77,14 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
 
 def print_curves(file: Path, max_size: float | None, *, as_json: bool) -> None:
     """Print a line for each of the first curves of a force map, or all curves as JSON."""
-    from palpate.recordings.opening import FORCE_CURVES, MAX_SIZE
+    from palpate.recordings.opening import FORCE_CURVES
 
     reader = FORCE_CURVES.reader()
     count = reader.count_curves(file)
     numbers = range(count if as_json else min(count, _MOST_CURVES))
     curves = [
         _describe_curve(number, curve)
-        for number, curve in enumerate(reader.read_curves(file, numbers, max_size or MAX_SIZE))
+        for number, curve in enumerate(reader.read_curves(file, numbers, max_size))
     ]
     if as_json:
         return print_json({"schema_version": SCHEMA_VERSION, "file": str(file), "curves": curves})
@@ -111,6 +111,9 @@ def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str,
 
     if isinstance(curve, RecordingError):
         return {"curve": number, "error": str(curve)}
+    lost = [name for name in ("tip position", "force") if not np.size(curve.channels.get(name, ()))]
+    if lost:
+        return {"curve": number, "error": "; ".join([f"no {lost[0]}", *curve.losses])}
     position, force = (np.asarray(curve.channels[name]) for name in ("tip position", "force"))
     return {
         "curve": number,

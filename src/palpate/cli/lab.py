@@ -10,14 +10,14 @@ from cyclopts import Group, Parameter
 from palpate.cli.options import OutputFile, names_in
 from palpate.cli.printing import Terminal, bar, say, say_path
 from palpate.errors import InvalidParameterError
-from palpate.writing import check_outputs, check_own, is_standard_output
+from palpate.writing import check_marked, check_outputs, is_standard_output
 
 if TYPE_CHECKING:
     from palpate.lab import Bench, Material, Measurement, Probe, Trajectory
 
 _MATERIALS = names_in("palpate.lab.MATERIALS", "palpate.force_laws.FORCE_LAWS")
 #: The begin of the files that it writes, and may replace.
-_MADE = b"# made by: palpate lab;"
+_MADE = "# made by: palpate lab;"
 _TRAJECTORIES = names_in("palpate.lab.TRAJECTORIES")
 
 
@@ -88,6 +88,8 @@ def lab(
     from palpate import lab as laboratory
     from palpate.recordings import write_contact
 
+    check_outputs([output, picture] if picture else [output])
+    check_marked(output, _MADE)
     ideal = instruments.probe == "ideal"
     probe: Probe = laboratory.IdealProbe()
     if not ideal:
@@ -104,10 +106,6 @@ def lab(
         check_figure(picture)
         if ideal:
             raise InvalidParameterError("--picture needs a robot: use --probe twin-pantograph")
-    inputs = [] if trajectory in laboratory.TRAJECTORIES else [Path(trajectory)]
-    inputs += [Path(material)] if _is_scene(material) else []
-    check_outputs([output, picture] if picture else [output], inputs)
-    check_own(output.parent, [output.name], _is_own)
     with bar(f"simulating a touch of {bench.material.name}") as progress:
         measurement = bench.run(
             seed, seconds=seconds, progress=lambda reached: progress(reached / seconds)
@@ -151,13 +149,6 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
         words += f", and optionally {_options(law.optional)}" if law.optional else ""
         raise InvalidParameterError(words)
     return Homogeneous(law_from({"kind": name, **given}), name)
-
-
-def _is_own(path: Path) -> bool:
-    """Whether ``palpate lab`` wrote a file, or it is empty."""
-    with path.open("rb") as file:
-        begin = file.read(len(_MADE))
-    return begin in (b"", _MADE)
 
 
 def _is_scene(name: str) -> bool:

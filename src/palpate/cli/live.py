@@ -87,7 +87,7 @@ class StreamOptions:
         from palpate.validation import number_in
 
         rate = None if self.rate is None else number_in("--rate", self.rate, 1e-3, 1e5)
-        named = {"position": self.position, "force": self.force}
+        named: dict[str, Any] = {"position": self.position, "force": self.force}
         reading: dict[str, Any] = {"units": parse_units("--unit", self.unit)}
         reading["columns"] = Columns(**{name: each for name, each in named.items() if each})
         recording = address.partition(":")[0] not in SOURCES
@@ -220,7 +220,10 @@ def live(
     from palpate.live.running import default_estimator, run
     from palpate.live.sources import Replay
     from palpate.validation import number_in
+    from palpate.writing import check_writable
 
+    if record is not None:
+        check_writable(record)
     if looping.seconds is not None:
         number_in("--seconds", looping.seconds, 0.0, 1e9)
     choosing = MethodOptions(law, method).choose_default_law(exponent)
@@ -258,10 +261,7 @@ def _sinks(
     from palpate.live.diagnosing import Diagnosing
     from palpate.live.recorder import Recorder
     from palpate.live.wires import open_publisher
-    from palpate.writing import check_writable
 
-    if record is not None:
-        check_writable(record)
     sinks: list[Sink] = [Console(quiet=not console), *map(open_publisher, publish)]
     if diagnosis:
         sinks.append(Diagnosing())

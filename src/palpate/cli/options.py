@@ -134,7 +134,7 @@ class FigureOptions:
     width: Annotated[str | None, Parameter(metavar="WIDTH")] = None
     "Printed width of the figure, 60mm to 400mm; a journal's column is 88mm."
 
-    def check(self, inputs: Sequence[Path] = ()) -> None:
+    def check(self) -> None:
         """Check before the work that the figure can be drawn after it."""
         if self.figure is None:
             if self.width is not None:
@@ -143,9 +143,9 @@ class FigureOptions:
         from palpate.figures import check_figure
 
         self._metres()
-        check_figure(self.figure, inputs=inputs)
+        check_figure(self.figure)
 
-    def save(self, draw: str, what: Any, inputs: Sequence[Path] = ()) -> None:
+    def save(self, draw: str, what: Any) -> None:
         """Draw with a function such as ``palpate.figures.draw``, if a figure is requested."""
         if self.figure is not None:
             from palpate.figures import save
@@ -154,7 +154,7 @@ class FigureOptions:
             rendered = getattr(import_module(module), name)(
                 what, dark=self.dark, width=self._metres()
             )
-            save(rendered, self.figure, inputs=inputs)
+            save(rendered, self.figure)
 
     def _metres(self) -> float | None:
         from palpate.figures.style import NARROWEST, WIDEST

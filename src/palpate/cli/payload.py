@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import cyclopts
 
@@ -49,13 +49,19 @@ class LogOptions:
     position: Annotated[Channels | None, _READ] = None
     "Position of the flange, x,y,z channels, or a topic (default: auto-detect)."
     orientation: Annotated[Channels | None, _READ] = None
-    "Orientation of the flange, quaternion channels x,y,z,w; or a topic (default: auto-detect)."
+    "Orientation of the flange, quaternion x,y,z,w or three angles; or a topic."
+    orientation_form: Annotated[Literal["rpy", "rotation-vector"] | None, _READ] = None
+    "Three angles: rpy (about the fixed axes x, y, z) or rotation-vector (default: by the names)."
     force: Annotated[Channels | None, _READ] = None
     "Force in the axes of the sensor, x,y,z channels, or a topic (default: auto-detect)."
     torque: Annotated[Channels | None, _READ] = None
     "Torque of the sensor, x,y,z channels, or a topic (default: that of the force's sensor)."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
     "Units, such as position=mm,force=mN (default: from the file or channel names, else SI)."
+    force_frame: Annotated[Literal["tool", "base"] | None, _READ] = None
+    "Frame of the force, which must be that of the tool (default: tool if free air fits it)."
+    flip_force: Annotated[bool, cyclopts.Parameter(group=READ, negative="")] = False
+    "Reverse the sign of the force, which the sensor reads on the material."
     start: Annotated[float | None, _READ] = None
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
@@ -68,12 +74,14 @@ class LogOptions:
         """Return the settings of the preparation."""
         from palpate.preparation import Columns
 
-        names = ("time", "position", "orientation", "force", "torque")
+        names = ("time", "position", "orientation", "orientation_form", "force", "torque")
         named = {name: getattr(self, name) for name in names}
         return {
             "columns": Columns(**{name: each for name, each in named.items() if each}),
             "units": parse_units("--unit", self.unit),
             "window": (self.start, self.stop),
+            "force_frame": self.force_frame,
+            "flip": ("force",) if self.flip_force else (),
         }
 
 
@@ -113,20 +121,22 @@ def payload(
     from palpate.preparation.payload_log import measure_payload
     from palpate.preparation.settings import Preparation
     from palpate.validation import plain
-    from palpate.writing import check_outputs, write_text
+    from palpate.writing import check_marked, check_outputs, write_text
 
     outputs = [path for path in (save_config, ros_parameters) if path is not None]
-    check_outputs(outputs, [log])
-    drawing.check([log, *outputs])
+    for output in outputs:
+        check_marked(output)
+    drawing.check()
+    check_outputs([*outputs, *filter(None, [drawing.figure])])
     recording = open_with_progress(log, None, max_size=reading.max_size)
     measured = measure_payload(recording, Preparation(**reading.preparation))
     found = measured.payload
     if save_config is not None:
-        found.save(save_config, [f"of {log}: {verdict_on(found)}"], [log])
+        found.save(save_config, [f"of {log}: {verdict_on(found)}"])
     if ros_parameters is not None:
         frame = measured.sensor_frame or "ft_sensor"
-        write_text(ros_parameters, parameters(found, sensor_frame=frame), [log])
-    drawing.save("palpate.figures.payload.draw_payload", measured, [log, *outputs])
+        write_text(ros_parameters, parameters(found, sensor_frame=frame))
+    drawing.save("palpate.figures.payload.draw_payload", measured)
     if as_json:
         fields = plain(found.as_dict())
         print_json({"file": str(log), "mark": found.mark, "verdict": verdict_on(found), **fields})

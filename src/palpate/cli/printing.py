@@ -175,11 +175,9 @@ def open_with_progress(
 ) -> "Recording":
     """Open a recording with options of :func:`palpate.open_recording`, and show a bar."""
     from palpate.recordings import open_recording
-    from palpate.recordings.opening import MAX_SIZE
 
-    most = MAX_SIZE if max_size is None else max_size
     with bar(f"reading {file}") as progress:
-        return open_recording(file, channels, progress=progress, max_size=most, **options)
+        return open_recording(file, channels, progress=progress, max_size=max_size, **options)
 
 
 @contextmanager

@@ -23,6 +23,7 @@ from palpate.cli.options import (
 )
 from palpate.cli.printing import open_with_progress
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
+from palpate.writing import as_toml, check_marked, write_text
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
@@ -65,7 +66,9 @@ class ReadingOptions:
     position: Annotated[Channels | None, _READ] = None
     "Position channel of the probe, instead of a penetration; or x,y,z channels, or a topic."
     orientation: Annotated[Channels | None, _READ] = None
-    "Orientation of the probe, quaternion channels x,y,z,w; or a topic."
+    "Orientation of the probe, quaternion channels x,y,z,w or three angles; or a topic."
+    orientation_form: Annotated[Literal["rpy", "rotation-vector"] | None, _READ] = None
+    "Three angles: rpy (about the fixed axes x, y, z) or rotation-vector (default: by the names)."
     torque: Annotated[Channels | None, _READ] = None
     "Torque of the sensor, x,y,z channels, or a topic (default: that of the force's sensor)."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
@@ -124,6 +127,8 @@ class ReadingOptions:
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
     "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
+    tip_offset: Annotated[str | None, negative_number_parameter("X,Y,Z")] = None
+    "Tip from the origin of a pose that is not its own, in the axes of the pose: 3mm,0,140mm."
     spot: Annotated[Literal["inf"] | str | None, negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
@@ -145,14 +150,15 @@ class ReadingOptions:
 
         if self.companion is not None and len(files) > 1:
             raise InvalidParameterError("--with joins a second file to one file: pass one")
+        if self.save_config is not None:
+            check_marked(self.save_config)
         contact = join_contacts([self._contact(file, tip) for file in files])
         if self.save_config is not None:
             from palpate.results.saved import how_made
-            from palpate.writing import as_toml, write_text
 
             options = {**(choice or {}), **self.options}
             text = as_toml(options, how_made(contact, files))
-            write_text(self.save_config, text, inputs=list(files))
+            write_text(self.save_config, text)
         return contact
 
     def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
@@ -205,7 +211,10 @@ class ReadingOptions:
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "strict")
         given: dict[str, Any] = {
-            "columns": Columns(**{name: getattr(self, name) for name in names}),
+            "columns": Columns(
+                orientation_form=self.orientation_form,
+                **{name: getattr(self, name) for name in names},
+            ),
             "units": parse_units("--unit", self.unit),
             "flip": channels_to_flip(self),
             "surface": self._surface,
@@ -219,6 +228,9 @@ class ReadingOptions:
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
             given["payload"] = Payload.load(self.payload)
+        if self.tip_offset is not None:
+            three = self.tip_offset.split(",")
+            given["tip_offset"] = [quantity("--tip-offset", x, "penetration") for x in three]
         if self.spot == "inf":
             return {**given, "spot": 1e6}
         return given | quantities(self, spot="penetration")

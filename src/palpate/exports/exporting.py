@@ -20,6 +20,7 @@ from palpate.writing import (
     check_own,
     check_writable,
     encode_text,
+    escape_markdown,
     make_folder,
     write_text,
 )
@@ -205,11 +206,13 @@ def _file_texts(
     statement: Statement, files: Mapping[str, str], earlier: Mapping[str, str], left: Sequence[str]
 ) -> dict[str, str]:
     """Return the text of all files, the two of the statement last."""
-    title = f"# {statement.source.name or 'A law'} in {statement.engine.title}"
+    name = escape_markdown(statement.source.name or "A law")
+    title = f"# {name} in {statement.engine.title}"
     listed = [f"- `{name}`" for name in files] or ["Nothing was exported."]
     if left:
         listed.append(f"\nFiles of an earlier export, not of this one: {', '.join(left)}.")
-    page = "\n\n".join([title, *statement.describe(), "\n".join(listed)])
+    described = map(escape_markdown, statement.describe())
+    page = "\n\n".join([title, *described, "\n".join(listed)])
     number, words = STATEMENT
     texts = {**files, words: page + "\n"}
     digests = {name: _digest(text) for name, text in texts.items()}

@@ -5,6 +5,7 @@ from typing import Any
 
 from palpate.preparation.payload import Payload
 from palpate.recordings.recording import GRAVITY
+from palpate.writing import MADE, quote
 
 
 def ros_parameters(
@@ -17,11 +18,12 @@ def ros_parameters(
     ``FtsGravCompPlugin``, in the development version of mujoco_ros2_control_plugins after 0.1.0.
     Both subtract the weight alone: neither bias nor inertia.
     """
-    centre = _yaml_list(payload.centre)
+    centre, world, sensor = _yaml_list(payload.centre), quote(world_frame), quote(sensor_frame)
     roll, pitch, yaw = roll_pitch_yaw(payload.mount)
     errors = ", ".join(f"{each:.2g}" for each in payload.centre_error)
     bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)
     return f"""\
+{MADE}
 # Tool of {payload.mass:.6g} kg. The filters subtract its weight, but neither inertia nor bias.
 # Standard errors: {payload.mass_error:.2g} kg; of the centre of mass {errors} m.
 # Bias of the sensor: {bias} N and N m.
@@ -35,8 +37,8 @@ def ros_parameters(
         name: gravity_compensation
         type: control_filters/GravityCompensationWrench
         params:
-          world_frame: {world_frame}
-          sensor_frame: {sensor_frame}
+          world_frame: {world}
+          sensor_frame: {sensor}
           tool:
             CoG: {centre}
             mass: {float(payload.mass)!r}
@@ -46,8 +48,8 @@ def ros_parameters(
     mujoco_plugins:
       fts_grav_comp_plugin:
         type: mujoco_ros2_control_plugins/FtsGravCompPlugin
-        {sensor_frame}:
-          frame_id: {sensor_frame}
+        {sensor}:
+          frame_id: {sensor}
           CoG:
             pos: {centre}
             mass: {float(payload.mass)!r}

@@ -19,7 +19,7 @@ from palpate.fleet.files import CARD, CARD_PAGE, read_manifest, read_results
 from palpate.fleet.rows import AT_DEPTH, touches_nothing
 from palpate.fleet.tasks import Table
 from palpate.validation import Floats
-from palpate.writing import write_text
+from palpate.writing import escape_markdown, write_text
 
 #: Most episodes that the card names.
 MOST_NAMED = 8
@@ -57,21 +57,19 @@ class Card:
     @property
     def markdown(self) -> str:
         """The card as Markdown, of at most 60 lines."""
-        lines = [f"# Data card: {self.title}", "", "| | |", "|---|---|"]
-        lines += [f"| {name} | {words} |" for name, words in self.numbers]
+        lines = [f"# Data card: {escape_markdown(self.title)}", "", "| | |", "|---|---|"]
+        lines += [f"| {name} | {escape_markdown(words)} |" for name, words in self.numbers]
         lines += ["", "## What cannot be trusted", ""]
-        lines += [f"- {words}" for words in self.cautions] or ["Nothing was found."]
+        lines += [f"- {escape_markdown(words)}" for words in self.cautions] or [
+            "Nothing was found."
+        ]
         lines += ["", "## Worst episodes", ""]
         if self.worst:
             lines += ["| episode | verdict | why |", "|---|---|---|"]
-            lines += [f"| {' | '.join(map(_cell, row))} |" for row in self.worst]
+            lines += [f"| {' | '.join(map(escape_markdown, row))} |" for row in self.worst]
         else:
             lines += ["Every episode that touches is to be trusted."]
-        return "\n".join([*lines, "", self.made, ""])
-
-
-def _cell(words: str) -> str:
-    return " ".join(words.replace("|", "\\|").split())
+        return "\n".join([*lines, "", escape_markdown(self.made), ""])
 
 
 def save_card(folder: Path) -> list[Path]:

@@ -18,7 +18,15 @@ from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
 from palpate.recordings.datasets import describe_data_set, is_dataset
-from palpate.recordings.opening import FORCE_CURVES, FORMATS, MAPS, first_line
+from palpate.recordings.opening import (
+    FORCE_CURVES,
+    FORMATS,
+    MAPS,
+    METADATA,
+    Request,
+    check_folder,
+    first_line,
+)
 from palpate.recordings.recording import UNITS, plain_unit, printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, write_bytes, write_text
@@ -130,9 +138,13 @@ def disk_name(name: str) -> str:
 
 
 def _open_group(name: str) -> Any:
-    zarr = needed("zarr", "an array of contacts")
+    groups = needed("palpate.recordings.zarr_groups", "an array of contacts")
+    path = Path(disk_name(name))
     try:
-        return zarr.open_group(disk_name(name), mode="r")
+        check_folder(path)
+        return groups.open_group(path, Request(name))
+    except RecordingError:
+        raise
     except Exception as error:
         raise RecordingError(
             f"{name}: cannot be opened as a Zarr group: {first_line(error)}"
@@ -388,7 +400,6 @@ def _check_empty(folder: Path) -> None:
 
 # In a folder of recordings a .json mostly holds settings or results.
 _ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
-_BAG = "metadata.yaml"
 
 
 def list_sources(
@@ -455,7 +466,7 @@ def _list_path(
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
         if named or readable:
             yield _file(name, path)
-    elif (path / _BAG).is_file():  # a bag of ROS 2 is a folder
+    elif (path / METADATA).is_file():  # a bag of ROS 2 is a folder
         yield _file(name, path)
     elif here not in outside and not (path / MANIFEST).is_file():
         for each in sorted(_names(path)):

@@ -181,6 +181,8 @@ LOOPBACK = "127.0.0.1"
 _GONE = ("failed", "closed")
 #: One thread per worker: threads of the numeric libraries would only compete for the same cores.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
+#: Of numpy and others about damaged numbers; the rows have palpate's own words.
+_NO_WARNINGS = {"PYTHONWARNINGS": "ignore"}
 
 
 @contextmanager
@@ -243,7 +245,7 @@ def _local(distributed: Any, workers: int, *, dashboard: bool) -> Iterator[Any]:
     # ends workers, because it runs each alone.
     settings = {
         "distributed.scheduler.dashboard.tasks.task-stream-length": 100,
-        "distributed.nanny.pre-spawn-environ": _ONE_THREAD,
+        "distributed.nanny.pre-spawn-environ": _ONE_THREAD | _NO_WARNINGS,
         "distributed.admin.log-format": "%(message)s",
         "distributed.deploy.lost-worker-timeout": "2 s",
         "distributed.scheduler.worker-saturation": 2.0,

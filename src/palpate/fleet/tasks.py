@@ -28,7 +28,6 @@ from palpate.preparation.gates import requested_gate
 from palpate.preparation.settings import Preparation
 from palpate.quantities.derived import QueryOptions
 from palpate.quantities.elastic_modulus import Tip
-from palpate.recordings.opening import MAX_SIZE
 from palpate.validation import shown
 
 #: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
@@ -250,8 +249,8 @@ class Settings:
         Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, assumed.
     minimum_penetration, minimum_force : float, optional
         Smallest penetration, m, and force, N, in contact. Default: chosen from the data.
-    max_size : float
-        Limit of :func:`palpate.open_recording`, bytes. Default: 4 GiB.
+    max_size : float, optional
+        Limit of :func:`palpate.open_recording`, bytes. Default: its default.
     version : str
         Version of palpate that made the settings; a worker with another version refuses them.
 
@@ -269,7 +268,7 @@ class Settings:
     poisson_ratio: float | None = None
     minimum_penetration: float | None = None
     minimum_force: float | None = None
-    max_size: float = MAX_SIZE
+    max_size: float | None = None
     version: str = dataclasses.field(default_factory=lambda: __version__)
 
     def __post_init__(self) -> None:

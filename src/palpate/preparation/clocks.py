@@ -31,6 +31,7 @@ from palpate.validation import Floats
 RESTART = 10  # samples in a row
 GAP = 10.0  # median steps
 MOST_SKIPPED = 0.02  # fraction of the samples; a larger one is a finding with care
+MOST_UNTIMED = 0.25
 MOST_BACKWARD = 0.1
 
 
@@ -626,6 +627,11 @@ class _Taking:
             listed = ", ".join(f"{count} {reason}" for count, reason in counts if count)
             words = f"palpate skipped {rows.skipped} of {rows.keep.size} {what}: {listed}"
             self._report_excluded(words, "the recorder's clock", rows.skipped, rows.keep.size)
+        if rows.untimed > MOST_UNTIMED * rows.keep.size:
+            words = f"{rows.untimed} of {rows.keep.size} {what} have no time: the file is damaged"
+            self.findings.append(
+                Check.ROWS.finding(words, "copy it again", severity="with-care", mark="with-care")
+            )
         if rows.restarts:
             times = "once" if rows.restarts == 1 else f"{rows.restarts} times"
             words = f"the recorder restarted {times}: contacts are separated there"

@@ -1,10 +1,11 @@
 """The motion of a flange: specific force, angular velocity and acceleration, from its pose."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.preparation.resolution import noise_of
 from palpate.recordings.poses import align_signs, interpolate_columns, multiply, rotate
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
@@ -30,12 +31,15 @@ class FlangeMotion:
         of velocity and acceleration, m/s and m/s²; and the direction of gravity.
     integral : numpy.ndarray, shape (k, 20)
         Integral of the values from the first time, in time steps.
+    noise : FlangeMotion or None
+        Motion by white noise of the pose alone, without gravity; None for a motion of noise.
     """
 
     start: float
     step: float
     values: Floats
     integral: Floats
+    noise: "FlangeMotion | None" = None
 
     @property
     def stop(self) -> float:
@@ -91,6 +95,16 @@ def motion_of(
     else:
         columns = interpolate_columns(even, time, columns)
     half = max(round(0.5 * window / step), 3)
+    noises = [noise_of(column) for column in columns.T]
+    noise = np.random.default_rng(0).normal(size=columns.shape) * noises
+    noise[:, 6] += 1.0  # around the identity
+    motion, blur = (_motion(float(even[0]), each, half, step) for each in (columns, noise))
+    blur.values[:, 2] += GRAVITY
+    return replace(motion, noise=replace(blur, integral=_integrate(blur.values)))
+
+
+def _motion(start: float, columns: Floats, half: int, step: float) -> FlangeMotion:
+    """Return the motion of positions and quaternions on an even clock."""
     smooth, first, second = (_slopes(columns, half, order, step) for order in range(3))
     length = np.linalg.norm(smooth[:, 3:], axis=1, keepdims=True)
     back = smooth[:, 3:] / length * INVERSE
@@ -101,9 +115,13 @@ def motion_of(
     products = np.column_stack([w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]])
     sizes = [np.linalg.norm(each[:, :3], axis=1) for each in (first, second)]
     values = np.hstack([g, w, a, products, np.column_stack(sizes), gravity])
+    return FlangeMotion(start, step, values, _integrate(values))
+
+
+def _integrate(values: Floats) -> Floats:
     integral = np.zeros_like(values)
     np.cumsum(0.5 * (values[1:] + values[:-1]), axis=0, out=integral[1:])
-    return FlangeMotion(float(even[0]), step, values, integral)
+    return integral
 
 
 def _slopes(columns: Floats, half: int, order: int, step: float) -> Floats:

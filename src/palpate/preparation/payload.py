@@ -36,10 +36,11 @@ class Payload:
     With the specific force g = Rᵀ(g₀ − p̈), the angular velocity ω and the angular acceleration α
     of the pose, turned to the axes of the sensor by the mount, the wrench in free air is
 
-        f = m g − (α× + ω×ω×)(m c + m d) + b_f,   τ = m c × g − (I α + ω × I ω) + b_τ
+        f = m g' − (α× + ω×ω×) m c + b_f,   τ = m c × g' − (I α + ω × I ω) + b_τ
 
-    with the mass m, the centre of mass c, the lever d, the inertia I and the bias b. ``sign`` times
-    the recorded wrench obeys it; the remainder is the force of the material on the tool.
+    with g' = g − (α× + ω×ω×) d at the sensor, the mass m, the centre of mass c, the lever d, the
+    inertia I and the bias b. ``sign`` times the recorded wrench obeys it; the remainder is the
+    force of the material on the tool.
 
     Attributes
     ----------
@@ -137,7 +138,7 @@ class Payload:
         """
         motion = specific_force, angular_velocity, angular_acceleration
         g, w, a = (np.asarray(each) @ self.mount for each in motion)
-        return load_of(self.parameters, g, w, a, w[:, :, None] * w[:, None])
+        return load_of(self.parameters, g, w, a, w[:, :, None] * w[:, None], self.lever)
 
     @property
     def parameters(self) -> Floats:
@@ -206,7 +207,9 @@ class Payload:
             raise RecordingError(f"{path}: not a payload in TOML: {error}; {remedy}") from None
 
 
-def load_of(parameters: Floats, g: Floats, w: Floats, a: Floats, products: Floats) -> Floats:
+def load_of(
+    parameters: Floats, g: Floats, w: Floats, a: Floats, products: Floats, lever: Floats
+) -> Floats:
     """Return the wrench of weight and inertia, shape (k, 6), in the axes of the sensor.
 
     Parameters
@@ -217,13 +220,20 @@ def load_of(parameters: Floats, g: Floats, w: Floats, a: Floats, products: Float
         Specific force, angular velocity and angular acceleration in these axes.
     products : numpy.ndarray, shape (k, 3, 3)
         ωωᵀ in these axes.
+    lever : numpy.ndarray, shape (3,)
+        d, m, so that the wrench is linear in the parameters.
     """
-    mass, moment, inertia, lever = np.split(parameters, (1, 4, 10))
-    arm, tensor = moment + lever, inertia[TENSOR]
-    # ω×ω× = ωωᵀ − |ω|² 1
+    mass, moment, inertia, mass_lever = np.split(parameters, (1, 4, 10))
+    tensor = inertia[TENSOR]
     square = np.trace(products, axis1=1, axis2=2)[:, None]
-    force = mass * g - np.cross(a, arm) - products @ arm + square * arm
-    torque = np.cross(moment, g) - a @ tensor - np.cross(w, w @ tensor)
+
+    def swing(arm: Floats) -> Floats:
+        """−(α× + ω×ω×) arm, with ω×ω× = ωωᵀ − |ω|² 1."""
+        turned: Floats = square * arm - np.cross(a, arm) - products @ arm
+        return turned
+
+    force = mass * g + swing(moment + mass_lever)
+    torque = np.cross(moment, g + swing(lever)) - a @ tensor - np.cross(w, w @ tensor)
     return np.hstack([force, torque])
 
 

@@ -14,7 +14,7 @@ from palpate.preparation.payload import TENSOR, Payload, load_of
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
-SHIFT = 5e-3  # s, of the difference for the clock
+SHIFT = 30e-3  # s, of the difference for the clock
 CUT = 6.0  # of Tukey's weight, in scales
 ROUNDS, FIRST_ROUNDS, CONVERGED = 14, 4, 0.05  # Gauss–Newton steps; standard errors
 SHORTEST_FREE, MARGIN = 0.16, 0.04  # s of a run in free air, and excluded at each end
@@ -26,6 +26,8 @@ LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axi
 # The filter of the motion attenuates the acceleration, which raises the mass: by 0.2 % at 2.4 and
 # 3.5 Hz and 0.9 % at 5 Hz where inertia alone tells it.
 FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
+# Noise of the pose in the columns: largest part of their squares that is subtracted, and its error.
+MOST_BLURRED, UNSURE_BLUR = 0.9, 0.2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
@@ -48,11 +50,11 @@ def rotation(vector: Floats) -> Floats:
     return turned
 
 
-def regressors(seen: Floats, mount: Floats) -> Floats:
+def regressors(seen: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (seen[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ seen[:, 9 + TENSOR] @ mount
-    return np.stack([load_of(each, g, w, a, products) for each in np.eye(13)], axis=2)
+    return np.stack([load_of(each, g, w, a, products, lever) for each in np.eye(13)], axis=2)
 
 
 def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
@@ -86,12 +88,16 @@ class _Free:
     rest: Floats  # (k, 6)
     jacobian: Floats  # (k, 6, SIZE)
     columns: Floats  # (k, knots), of the bias
+    blur: Floats  # (k, 6, SIZE), columns by the noise of the pose alone
     weight: Floats  # (k, 6), Tukey's over the variance
 
     def solve(
-        self, prior: Floats, pull: Floats, ties: Sequence[Floats], drift: Floats
-    ) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+        self, prior: Floats, pull: Floats, ties: Sequence[Floats], drift: Floats, load: Floats
+    ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
         """Solve the normal equations; the bias of each axis is eliminated first.
+
+        The noise of the pose adds to the squares of the columns, which draws mass and clock to
+        zero. Its part is subtracted (Fuller, Measurement error models, 1987), at most a half.
 
         Parameters
         ----------
@@ -101,13 +107,16 @@ class _Free:
             Precision of the prior of each bias.
         drift : numpy.ndarray, shape (knots, 6)
             The biases.
+        load : numpy.ndarray, shape (13,)
+            The parameters of :func:`regressors`.
 
         Returns
         -------
         tuple
             The moves of parameters and biases, the covariance of the parameters for white noise,
-            the move of the biases by that of the parameters, shape (6, knots, SIZE), and the
-            variances of the mean biases for known parameters.
+            the move of the biases by that of the parameters, shape (6, knots, SIZE), the
+            variances of the mean biases for known parameters, and the part of the move that
+            corrects for the noise of the pose.
         """
         normal, slope = np.diag(prior), pull.copy()
         couplings, moves, variances = [], [], []
@@ -129,12 +138,19 @@ class _Free:
             normal += products[:SIZE, :SIZE] - both @ solved[:, :SIZE]
             slope += products[:SIZE, -1] - both @ solved[:, SIZE]
         unit = 1.0 / np.sqrt(np.diag(normal))
-        inverse = np.linalg.inv(normal * unit * unit[:, None]) * unit * unit[:, None]
-        move, coupling = inverse @ slope, np.array(couplings)
+        weighted = (self.blur * self.weight[:, :, None]).reshape(-1, SIZE)
+        blurred = weighted.T @ self.blur.reshape(-1, SIZE)
+        half = np.linalg.inv(np.linalg.cholesky(normal * unit * unit[:, None])) * unit
+        share, axes = np.linalg.eigh(half @ blurred @ half.T)
+        axes = axes.T @ half  # of normal to the identity, of blurred to the shares
+        share = np.minimum(share, MOST_BLURRED)
+        inverse = axes.T / (1.0 - share) @ axes
+        steeper = axes.T * (share / (1.0 - share)) @ axes @ normal[:, : len(load)] @ load
+        move, coupling = inverse @ slope + steeper, np.array(couplings)
         moved = (np.array(moves) - coupling @ move).T
-        return move, moved, inverse, coupling, np.array(variances)
+        return move, moved, inverse, coupling, np.array(variances), steeper
 
-    def covariance(self, inverse: Floats, coupling: Floats, used: Mask) -> Floats:
+    def covariance(self, inverse: Floats, coupling: Floats, steeper: Floats, used: Mask) -> Floats:
         """Return the covariance of the parameters, with the correlation of the residuals."""
         covariance = np.zeros((SIZE, SIZE))
         for k in range(6):
@@ -147,7 +163,8 @@ class _Free:
         error = np.sqrt(np.diag(covariance) + 1e-300)
         inflation = np.maximum(1.0, np.sqrt(np.diag(inverse)) / error)
         widened: Floats = covariance * inflation * inflation[:, None]
-        return widened
+        np.fill_diagonal(widened, np.maximum(np.diag(widened), np.diag(inverse)))
+        return widened + np.outer(steeper, steeper) * UNSURE_BLUR**2
 
 
 def fit_payload(
@@ -187,9 +204,10 @@ def fit_payload(
     expected, spread = _prior(known, fixed, delay, mass)
     theta = np.where(spread < FIXED * 1.1, expected, 0.0)
     theta[MASS], theta[CLOCK] = mass, clock
-    drift = np.tile(np.concatenate([bias, np.median(blocks.wrench[:, 3:], axis=0)]), (count, 1))
     seen = blocks.seen(clock)
-    rest = blocks.wrench[:, :3] - mass * seen[:, :3] @ mount - bias
+    unloaded = blocks.wrench - regressors(seen, mount, _lever_of(theta)) @ theta[:13]
+    drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
+    rest = unloaded[:, :3] - bias
     allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
     free = np.linalg.norm(rest, axis=1) < 2.0 * allowed
     scale = np.maximum(1.0, np.repeat([floor / math.sqrt(3.0), 0.02], 3) / noise)
@@ -209,7 +227,9 @@ def fit_payload(
         tukey = [np.where(inside, (1.0 - size**2) ** 2, 0.0) for size in sizes]
         fit.weight = np.repeat(np.column_stack(tukey), 3, axis=1) / sigma**2
         pull = (expected - theta) / spread**2
-        move, moved, inverse, coupling, variances = fit.solve(spread**-2, pull, ties, drift)
+        solved = fit.solve(spread**-2, pull, ties, drift, theta[:13])
+        move, moved, inverse, coupling, variances, steeper = solved
+        move[list(fixed)] = 0.0
         move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
         move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
         theta = theta + move
@@ -223,7 +243,7 @@ def fit_payload(
             before, free = free, opened(sizes[0] < 1.0, max(least, 3), max(margin, 1))
             if (free == before).all() and (move**2 < CONVERGED**2 * np.diag(inverse)).all():
                 break
-    covariance = fit.covariance(inverse, coupling, inside)
+    covariance = fit.covariance(inverse, coupling, steeper, inside)
     means = coupling.mean(axis=1)
     variances += np.einsum("ki,ij,kj->k", means, covariance, means)
     found = _payload_of(theta, mount, covariance, blocks, inside, knots, drift)
@@ -254,17 +274,29 @@ def _linearized(
     drift: Floats,
 ) -> _Free:
     """Return residuals and their negative slopes by payload, mount and delay."""
+    noise = blocks.motion.noise
+    assert noise is not None
+    noisy = replace(blocks, motion=noise)
+    jacobian, blur = (_slopes(each, theta, mount) for each in (blocks, noisy))
+    rest = blocks.wrench - jacobian[:, :, :13] @ theta[:13] - columns @ drift
+    return _Free(rest, jacobian, columns, blur, np.zeros_like(rest))
+
+
+def _lever_of(theta: Floats) -> Floats:
+    lever: Floats = theta[LEVER] / max(float(theta[MASS]), 1e-9)
+    return lever
+
+
+def _slopes(blocks: Blocks, theta: Floats, mount: Floats) -> Floats:
+    """Return the slopes of the wrench by payload, mount and delay."""
     seen = blocks.seen(theta[CLOCK])
     ahead, behind = (blocks.seen(theta[CLOCK] - t, 3) for t in (SHIFT, -SHIFT))
     rate = (ahead - behind) / (2.0 * SHIFT) @ mount
-    by_load = regressors(seen, mount)
     # A mount turned further by φ changes g to g + g × φ.
     turned = skew(seen[:, :3] @ mount)
     by_mount = np.hstack([theta[MASS] * turned, skew(theta[ARM]) @ turned])
     by_clock = np.hstack([-theta[MASS] * rate, -np.cross(theta[ARM], rate)])[:, :, None]
-    rest = blocks.wrench - by_load @ theta[:13] - columns @ drift
-    jacobian = np.concatenate([by_load, by_mount, by_clock], axis=2)
-    return _Free(rest, jacobian, columns, np.zeros_like(rest))
+    return np.concatenate([regressors(seen, mount, _lever_of(theta)), by_mount, by_clock], axis=2)
 
 
 def _payload_of(

@@ -22,7 +22,7 @@ from palpate.preparation.clocks import build_signals
 from palpate.preparation.payload import Payload
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
-from palpate.preparation.spatial import along_normal
+from palpate.preparation.spatial import along_normal, no_pose
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
@@ -78,6 +78,7 @@ def prepare(
     force_frame: ForceFrame | None = None,
     tool_weight: float | None = None,
     payload: Payload | None = None,
+    tip_offset: Sequence[float] | None = None,
     rate: float | None = None,
     no_time: bool = False,
     spot: float = RADIUS,
@@ -149,6 +150,9 @@ def prepare(
     payload : Payload, optional
         Tool and mount of the sensor, as found from another log; palpate then finds only the bias
         and the clock.
+    tip_offset : sequence of float, optional
+        From the origin of the pose, such as a flange, to the tip, in the axes of the pose, m.
+        Default: the pose is that of the tip, or the tool does not turn in contact.
     rate : float, optional
         Sample rate, Hz, of a recording or arrays without time.
     no_time : bool
@@ -244,6 +248,10 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
     recorded, roles = recording, choose_roles(recording, settings.columns)
     recording = roles.recording
     _log_roles(roles)
+    in_space = len(roles.force) == len(roles.depth) == 3 and roles.orientation
+    for option, value in (("--payload", settings.payload), ("--tip-offset", settings.tip_offset)):
+        if value is not None and not in_space:
+            raise no_pose(recording.source, option)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
             signals = build_signals(
@@ -367,7 +375,6 @@ def _report_unused_settings(
         "--normal": (settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
         "--force-frame": (settings.force_frame, flat),
         "--tool-weight": (settings.tool_weight, flat),
-        "--payload": (settings.payload, flat or not roles.orientation),
     }
     idle = [name for name, (value, unused) in options.items() if unused and value is not None]
     words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"

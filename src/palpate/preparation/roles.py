@@ -32,7 +32,17 @@ from palpate.preparation.vectors import (
 from palpate.recordings import Recording
 from palpate.recordings.names import divide_unit, is_wanted, split_name
 from palpate.recordings.opening import within
-from palpate.recordings.poses import IN_BASE, Step, Transforms, chain_in_use, frames_in, state_poses
+from palpate.recordings.poses import (
+    IN_BASE,
+    OrientationForm,
+    Step,
+    Transforms,
+    add_quaternion,
+    chain_in_use,
+    find_roll_pitch_yaw,
+    frames_in,
+    state_poses,
+)
 from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
 
 
@@ -52,7 +62,10 @@ class Columns:
     position : str, optional
         Position of the probe, m, along one axis or in space, instead of a penetration.
     orientation : str, optional
-        Orientation of the probe, a quaternion x, y, z, w; it rotates a force in the tool's frame.
+        Orientation of the probe, a quaternion x, y, z, w, or three angles; it rotates a force in
+        the tool's frame.
+    orientation_form : "rpy" or "rotation-vector", optional
+        Meaning of three angles: roll, pitch, yaw about the fixed axes x, y, z, or axis times angle.
     torque : str, optional
         Torque of the sensor, N·m; with it palpate finds the tool's centre of mass.
     """
@@ -64,6 +77,7 @@ class Columns:
     segment: str = "segment"
     position: str | None = None
     orientation: str | None = None
+    orientation_form: OrientationForm | None = None
     torque: str | None = None
 
     def __repr__(self) -> str:
@@ -247,8 +261,15 @@ class _Choosing:
         """Compose the named chain of transforms, else that to the frame of each possible force."""
         position, frames = self.columns.position, self.recording.frames
         if position is None and self.transforms.names and not self.depths()[0]:
-            for frame in sorted({frames.get(names[0], "") for names in self.forces(3)} - {""}):
+            known = sorted({frames.get(names[0], "") for names in self.forces(3)} - {""})
+            for frame in known:
                 self._add_chain(self.transforms.chain(frame))
+            others = {names[0] for names in self._candidates("position", 3)}
+            if not self.chains and others <= self.transforms.names:  # a force in the base's axes
+                for steps in (
+                    each for frame in known for each in self.transforms.chains_below(frame)
+                ):
+                    self._add_chain(steps)
             if self.chains:
                 self.replaced |= self.transforms.names - {names[0] for names in self.chains}
         ends = None if position is None else frames_in(position)
@@ -435,10 +456,11 @@ class _Choosing:
         """Return the orientation, and its frame if transforms state it.
 
         It is the named one, else the orientation of the force's frame from transforms, else the one
-        in the position's topic or group, else the only one.
+        in the position's topic or group, else the only one, else the only roll, pitch and yaw.
         """
         if self.columns.orientation is not None:
-            return self._find_named_channels("orientation", self.columns.orientation), None
+            named = self._find_named_channels("orientation", self.columns.orientation)
+            return self._quaternion_of(named) if len(named) == 3 else named, None
         own, frame = (self.recording.frames.get(names[0], "") for names in (depth, force))
         if len(depth) == len(force) == 3 and own and frame:
             steps = self.transforms.chain(frame, own)
@@ -447,7 +469,15 @@ class _Choosing:
         found, pose = self._candidates("orientation", 4), depth[0].rsplit(".", 2)[0]
         near = [names for names in found if within(names[0], pose)]
         group = [names for names in found if _share_source(names[0], depth[0])]
+        if not found and len(angles := find_roll_pitch_yaw(self.recording.channels)) == 1:
+            return self._quaternion_of(angles[0]), None
         return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
+
+    def _quaternion_of(self, angles: tuple[str, ...]) -> tuple[str, ...]:
+        form = self.columns.orientation_form
+        self.recording, names, finding = add_quaternion(self.recording, angles, form)
+        self.findings.append(finding)
+        return names
 
     def _torque(self, force: tuple[str, ...]) -> tuple[str, ...]:
         """Return the torque: the named one, else that with the name nearest to the force's."""

@@ -10,15 +10,13 @@ import numpy as np
 
 from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
-from palpate.findings import Check, Finding
 from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
-from palpate.preparation.roles import Columns, Roles
+from palpate.preparation.roles import Columns
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
-from palpate.recordings import Recording
-from palpate.recordings.poses import IN_BASE, UNIT_LENGTH, rotate
+from palpate.recordings.poses import UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
-from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown
+from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown, vector_in
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
@@ -48,6 +46,7 @@ class Preparation:
     force_frame: ForceFrame | None = None
     tool_weight: float | None = None
     payload: Payload | None = None
+    tip_offset: Sequence[float] | None = None
     rate: float | None = None
     no_time: bool = False
     spot: float = RADIUS
@@ -100,6 +99,8 @@ class Preparation:
             for name, given in others.items():
                 if given:
                     raise InvalidParameterError(f"payload excludes {name}: leave one of them out")
+        if self.tip_offset is not None:
+            vector_in("tip_offset", self.tip_offset, 10.0)
         if self.rate is not None:
             number_in("rate", self.rate, 0.0, LARGEST_RATE, open_low=True)
         if self.no_time and (self.rate is not None or self.delay):
@@ -144,11 +145,7 @@ def check_flip(flip: Sequence[str]) -> set[str]:
     return names
 
 
-# Rotation of forces from the tool's frame to the position's frame; the weight of the tool.
-
-#: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
-#: a kilogram, a tenth of a soft contact.
-LARGEST_TURN = math.radians(2.0)
+# Rotation of forces from the tool's frame to the position's frame.
 
 
 def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floats:
@@ -169,6 +166,12 @@ def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floa
     return rotate(force, unit_quaternions(orientation, source))
 
 
+def are_quaternions(orientation: Floats) -> bool:
+    """Whether nine of ten norms are 1, to rounding and interpolation."""
+    length = np.linalg.norm(orientation, axis=1)
+    return float((np.abs(length - 1.0) > UNIT_LENGTH).mean()) <= 0.1
+
+
 def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
     """Return an orientation with norms of 1.
 
@@ -178,73 +181,13 @@ def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
         The orientations are not quaternions: their norm is not 1.
     """
     length = np.linalg.norm(orientation, axis=1)
-    wrong = np.abs(length - 1.0) > UNIT_LENGTH
-    if wrong.mean() > 0.1:
+    if not are_quaternions(orientation):
         words = f"its norm is {float(np.nanmedian(length)):.3g}, not 1"
         words = f"the orientation is not a quaternion x, y, z, w: {words}"
         raise RecordingError.of(source, f"{words}; choose its channels with --orientation")
     with np.errstate(invalid="ignore", divide="ignore"):
         unit: Floats = orientation / length[:, None]
     return unit
-
-
-def largest_turn(orientation: Floats) -> float:
-    """Return the largest angle between the orientation and its value halfway, rad."""
-    known = orientation[np.isfinite(orientation).all(axis=1)]
-    length = np.linalg.norm(known, axis=1)
-    unit = known[length > 0.0] / length[length > 0.0, None]
-    if not len(unit):
-        return 0.0
-    typical = unit[len(unit) // 2]
-    cosine = np.clip(np.abs(unit @ typical), 0.0, 1.0)  # q and −q are one orientation
-    return 2.0 * math.acos(float(np.percentile(cosine, 1.0)))
-
-
-def choose_frame(
-    recording: Recording, roles: Roles, asked: ForceFrame | None, findings: list[Finding]
-) -> ForceFrame:
-    """Return the frame of the force: as requested, else from the recording, else base.
-
-    Assumptions are added to the findings.
-    """
-    if asked is not None:
-        return asked
-    if roles.orientation_frame is not None:  # from transforms: the force's frame
-        return "tool"
-    if IN_BASE.match(roles.force[0]):
-        return "base"
-    force, depth = (recording.frames.get(names[0]) for names in (roles.force, roles.depth))
-    if force is None or depth is None:
-        if roles.orientation:
-            words = "the recording does not state the frame of the force; palpate assumes that of "
-            remedy = "pass --force-frame tool if the sensor rotates with the tool"
-            findings.append(Check.FORCE_FRAME.finding(f"{words}the position", remedy))
-        return "base"
-    if force.lstrip("/") == depth.lstrip("/"):
-        return "base"
-    words = f"the force is in the frame {force!r}, the position in {depth!r}"
-    if roles.orientation:
-        words += ": palpate rotates it by the orientation, assuming it is in the tool's axes"
-        remedy = "pass --force-frame base if both frames have the same axes"
-        findings.append(Check.FORCE_FRAME.finding(words, remedy))
-        return "tool"
-    words += ", and there is no orientation to convert one to the other"
-    remedy = "record the pose, or pass the contact normal, such as --normal z"
-    findings.append(Check.FORCE_FRAME.finding(words, remedy, severity="with-care"))
-    return "base"
-
-
-def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
-    """Warn that the orientation changes while the weight of the tool is not subtracted."""
-    angle = largest_turn(orientation)
-    if weight is not None or angle <= LARGEST_TURN:
-        return []
-    words = (
-        f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
-        "along each axis of the sensor, and --tool-weight is missing"
-    )
-    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
-    return [Check.ORIENTATION.finding(words, remedy, mark="with-care")]
 
 
 # The contact normal: given as an axis or a vector, or found from the forces.

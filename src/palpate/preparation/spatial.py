@@ -2,6 +2,7 @@
 
 import logging
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from operator import attrgetter
 
@@ -15,7 +16,7 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
-from palpate.preparation.flange_motion import INVERSE, FlangeMotion, motion_of
+from palpate.preparation.flange_motion import INVERSE, WINDOW, FlangeMotion, motion_of
 from palpate.preparation.free_air import without_zeroings
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.payload import Payload
@@ -29,18 +30,32 @@ from palpate.preparation.payload_search import (
     mark_payload,
 )
 from palpate.preparation.prepared import Place, Prepared
+from palpate.preparation.readings import (
+    SECOND_BEST,
+    Reading,
+    fitting_readings,
+    frame_in_doubt,
+    order_in_doubt,
+    possible_readings,
+    report_frame,
+    report_order,
+    report_unknown_tip,
+    stated_frame,
+    states_order,
+    turn_findings,
+)
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles, choose_roles
 from palpate.preparation.settings import (
+    ForceFrame,
     Normal,
     Preparation,
-    choose_frame,
+    are_quaternions,
     grows,
     no_normal,
     normal_found,
     normal_given,
     rotate_to_base,
-    turn_findings,
     unit_quaternions,
 )
 from palpate.preparation.surfaces import (
@@ -53,6 +68,7 @@ from palpate.preparation.surfaces import (
     deviation_left,
     estimate_baseline,
     find_episodes,
+    find_presses,
     find_surface,
     free_samples,
     never_free,
@@ -61,7 +77,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.recordings.poses import interpolate_columns
+from palpate.recordings.poses import align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
@@ -101,15 +117,25 @@ def along_normal(
 ) -> Contact:
     """Make a contact from a position and a force, tared and projected on the contact normal."""
     made, findings = dict(signals.made), list[Finding]()
+    if settings.tip_offset is not None and signals.orientation is not None:
+        named = settings.columns.orientation
+        if roles.orientation and not states_order(roles.orientation, named):
+            words = "the offset of the tip needs the order of the quaternion: pass --orientation "
+            names = ",".join(roles.orientation)
+            raise RecordingError.of(recording.source, f"{words}{names} if that is x, y, z, w")
+        offset = rotate_to_base(np.array(settings.tip_offset), signals.orientation)
+        signals = replace(signals, depth=signals.depth + offset)
+        add(made, "penetration", "of the tip, whose offset the orientation rotates")
     if "force" in settings.flip:
         signals = replace(signals, force=-signals.force)
     if "penetration" in settings.flip:
         signals = replace(signals, depth=-signals.depth)
     signals = signals.taken(between(signals.time, *settings.ends, recording.source))
-    recorded, late = signals.force, settings.delay
-    signals = _check_orientation(recording, roles, signals, settings, findings)
+    recorded, late, turning = signals.force, settings.delay, signals.orientation
+    frame = _check_frame(recording, roles, signals, settings, findings)
     with stage(_LOGGER, "payload"):
-        compensated = compensate(signals, settings, recording.source)
+        signals, compensated, choice = read_force(signals, settings, roles, frame)
+    findings += choice
     if compensated is not None:
         signals, recorded = compensated.signals, recorded[compensated.kept]
         zero: Baseline | None = compensated.baseline
@@ -119,9 +145,10 @@ def along_normal(
         if settings.payload is not None:
             words = "--payload needs a pose and a force in space, on clocks that do not restart"
             raise RecordingError.of(recording.source, words)
-        if signals.orientation is not None:
-            findings += turn_findings(signals.orientation, settings.tool_weight)
-        if settings.tool_weight is not None and signals.force.ndim == signals.depth.ndim == 2:
+        in_space = signals.force.ndim == signals.depth.ndim == 2
+        if in_space and turning is not None:
+            findings += turn_findings(turning, settings.tool_weight)
+        if in_space and settings.tool_weight is not None:
             add(made, "force", f"minus the tool's weight of {settings.tool_weight:g} N")
         with stage(_LOGGER, "force offset"):
             signals, zero, said = tare_force(signals, settings, recording.source)
@@ -133,6 +160,15 @@ def along_normal(
     with stage(_LOGGER, "contact normal"):
         whole = project_on_normal(signals, settings, recording.source)
     left = None if zero is None else deviation_left(whole.force, zero.free)
+    if compensated is not None and turning is not None and settings.tip_offset is None:
+        turned = turning[compensated.kept]
+        findings[:0] = _report_pose_of_sensor(recording, roles)
+        upright = find_upright(whole.force, turned)
+        findings += _report_turn(whole.force, turned, upright)
+        if not upright.all():
+            signals, recorded = _cut(signals, upright), recorded[upright]
+            whole = replace(whole, depth=whole.depth[upright], force=whole.force[upright])
+            add(made, "penetration", "without samples turned by 2° or more from the nearest touch")
     held = None
     if not settings.no_time:
         held = find_fresh_samples(signals.time, signals.depth, recorded, whole.force)
@@ -174,12 +210,18 @@ def compensate_log(recording: Recording, settings: Preparation) -> "Compensated"
     roles = choose_roles(recording, settings.columns)
     signals = build_signals(roles.recording, roles, settings.units, strict=settings.strict)
     if not {"orientation", "force", "depth"} <= signals.clocks.keys() or signals.force.ndim == 1:
-        words = "a payload needs a force in space and a pose; name the channels with --force, "
-        raise RecordingError.of(recording.source, f"{words}--position and --orientation")
-    found = compensate(signals, settings, recording.source)
+        raise no_pose(recording.source)
+    _, found, choice = read_force(signals, settings, roles, settings.force_frame, "tool")
     if found is None:
         raise never_free(recording.source)
-    return found
+    payload = replace(found.payload, findings=(*found.payload.findings, *roles.findings, *choice))
+    return replace(found, fit=replace(found.fit, payload=payload))
+
+
+def no_pose(source: str, what: str = "a payload") -> RecordingError:
+    """Return the error for what needs a pose and a wrench, of a recording without them."""
+    words = f"{what} needs a force in space and a pose; name the channels with --force, "
+    return RecordingError.of(source, f"{words}--position and --orientation")
 
 
 @dataclass(slots=True, eq=False)
@@ -235,11 +277,36 @@ UNLIKELY = 1e3  # times the 99th percentile of a channel: a bit error
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
 
 
-def compensate(signals: Signals, settings: Preparation, source: str) -> Compensated | None:
-    """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
+@dataclass(frozen=True, slots=True, eq=False)
+class PosedWrench:
+    """A wrench and the pose of its flange, each on its own clock.
 
-    None without such a wrench, with a given interval of free air, or where the log has none: then
-    the mean force is subtracted as that of a sensor that does not turn.
+    Attributes
+    ----------
+    stamps, position, orientation : numpy.ndarray, shapes (m,), (m, 3) and (m, 4)
+        s, m and unit quaternions, as recorded.
+    time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
+        s, N and N·m.
+    delay : tuple of float or None
+        The given delay of the wrench and its standard error, s.
+    """
+
+    stamps: Floats
+    position: Floats
+    orientation: Floats
+    time: Floats
+    wrench: Floats
+    delay: tuple[float, float] | None
+
+    def motion(self, reading: Reading, window: float = WINDOW) -> FlangeMotion:
+        """Return the motion of the flange over a window, s."""
+        return motion_of(self.stamps, self.position, reading.turn(self.orientation), window)
+
+
+def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWrench | None:
+    """Return pose and wrench on their own clocks.
+
+    None without an orientation or a clock, or with a given interval of free air.
     """
     if signals.orientation is None or settings.no_time or isinstance(settings.tare, tuple):
         return None
@@ -260,22 +327,36 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
     clocks = stamps, turns, time
     if any(len(each) < FEWEST_TIMES or (np.diff(each) <= 0.0).any() for each in clocks):
         return None
-    pose = stamps, position, interpolate_columns(stamps, turns, orientation)
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
     late = settings.delay
     delay = None
     if isinstance(late, tuple) or (not isinstance(late, str) and late):
         delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
-    quick, slow = motion_of(*pose), motion_of(*pose, SLOW)
+    turned = interpolate_columns(stamps, turns, orientation)
+    return PosedWrench(stamps, position, turned, time, wrench, delay)
+
+
+def compensate(
+    signals: Signals, log: PosedWrench, settings: Preparation, reading: Reading, source: str
+) -> Compensated | None:
+    """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
+
+    The signals have the orientation of the reading. None where the log has no free air: then the
+    mean force is subtracted as that of a sensor that does not turn.
+    """
+    time, wrench, delay, sign = log.time, log.wrench, log.delay, reading.sign
+    quick, slow = log.motion(reading), log.motion(reading, SLOW)
     motion = slow if does_turn(slow) else quick
     tool, weight = settings.payload, settings.tool_weight
-    fit = find_payload(motion, time, wrench, delay=delay, known=tool, weight=weight, source=source)
+    fit = find_payload(
+        motion, time, wrench, delay=delay, known=tool, weight=weight, sign=sign, source=source
+    )
     if fit is None and settings.payload is not None:
         words = "--payload needs a second of free air, to find the bias of the sensor"
         raise RecordingError.of(source, f"{words}; record the approach too")
     if fit is None:
         return None
-    payload = mark_payload(fit)
+    payload = mark_payload(fit, delay_given=delay is not None)
     fit = replace(fit, payload=payload)
     applied = None
     if delay is not None:
@@ -290,6 +371,7 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
     padded = np.pad(steady, ((half, half), (0, 0)), "edge")
     smooth = np.column_stack([np.convolve(column, mean, "valid") for column in padded.T])
     force = external_force(fit, quick, at, interpolate_columns(at, time, smooth)) @ payload.mount.T
+    assert signals.orientation is not None
     force = rotate_to_base(force, signals.orientation, source)
     kept = np.isfinite(force).all(axis=1) & (at >= time[0]) & (at <= time[-1])
     blocks = fit.blocks
@@ -308,26 +390,275 @@ def compensate(signals: Signals, settings: Preparation, source: str) -> Compensa
 
 
 @log_stage("frame of the force")
-def _check_orientation(
+def _check_frame(
     recording: Recording,
     roles: Roles,
     signals: Signals,
     settings: Preparation,
     findings: list[Finding],
-) -> Signals:
-    """The signals, with an orientation only if the force is in the tool's frame."""
+) -> ForceFrame | None:
+    """The frame of the force; None if the recording does not state it."""
     if signals.force.ndim == 1 or signals.depth.ndim == 1:
-        return replace(signals, orientation=None)
+        return "base"
     findings += check_saturation(signals.force)
     asked = settings.force_frame or (None if settings.payload is None else "tool")
-    frame = choose_frame(recording, roles, asked, findings)
-    orientation = signals.orientation
-    if orientation is not None and frame == "base":
-        findings += turn_findings(orientation, settings.tool_weight)
-    if frame == "tool" and orientation is None:
+    frame = stated_frame(recording, roles, asked, findings)
+    if frame == "tool" and signals.orientation is None:
         what = f"{recording.source}: --force-frame tool needs an orientation"
         raise RecordingError(f"{what}; name its channels with --orientation x,y,z,w")
-    return signals if frame == "tool" else replace(signals, orientation=None)
+    return frame
+
+
+# What the recording does not state: the reading that fits in free air, else in contact.
+
+
+@dataclass(slots=True, eq=False)
+class _Trial:
+    """One reading of a log: its signals, and the force of the material if free air gives it."""
+
+    reading: Reading
+    signals: Signals
+    compensated: Compensated | None = None
+
+    @property
+    def key(self) -> Reading:
+        """The reading, with the sign that was used."""
+        sign = 1.0 if self.compensated is None else self.compensated.payload.sign
+        return replace(self.reading, sign=sign)
+
+    @property
+    def weighs(self) -> bool:
+        """Whether it is that of a force in the base's axes, or gives a tool its weight."""
+        found = self.compensated
+        return self.reading.frame == "base" or (
+            found is not None and found.payload.mass_mark != "do-not-trust"
+        )
+
+    def direction(self, settings: Preparation, source: str) -> tuple[float, Floats] | None:
+        """Angle between force and motion in contact, and the normal; None without a contact."""
+        signals = self.signals
+        try:
+            if self.compensated is not None:
+                signals = self.compensated.signals
+            else:
+                signals = tare_force(signals, settings, source)[0]
+            normal = normal_found(signals.force, signals.depth, source).vector
+        except RecordingError:
+            return None
+        motion, _ = _direction(signals.depth, signals.force @ normal)
+        return None if motion is None else (_angle(motion, normal), normal)
+
+
+def read_force(
+    signals: Signals,
+    settings: Preparation,
+    roles: Roles,
+    frame: ForceFrame | None,
+    usual: ForceFrame = "base",
+) -> tuple[Signals, Compensated | None, list[Finding]]:
+    """Read the force in its frame, with its sign and the order of the quaternions.
+
+    What the recording does not state follows from the free air, else from the contact: in the right
+    axes the force points along the motion in which it grows.
+
+    Parameters
+    ----------
+    signals : Signals
+        Signals on one clock.
+    settings : Preparation
+        Settings, which may state sign, order and tool.
+    roles : Roles
+        The channels.
+    frame : str or None
+        Frame of the force, if it is stated.
+    usual : str
+        The frame to take where both would do.
+
+    Returns
+    -------
+    tuple
+        The signals, with an orientation only if the force is in the tool's axes; the force of the
+        material, if free air gives it; reports of what was chosen.
+
+    Raises
+    ------
+    RecordingError
+        Several readings fit as well, and they differ: the message names the option that chooses.
+    """
+    source, orientation = roles.recording.source, signals.orientation
+    if orientation is None or signals.force.ndim == 1 or signals.depth.ndim == 1:
+        return replace(signals, orientation=None), None, []
+    if frame is None and usual == "base" and not are_quaternions(orientation):
+        frame = "base"
+    log = pose_wrench(signals, settings, source) if frame != "base" else None
+    stated = states_order(roles.orientation, settings.columns.orientation)
+    signs = (1.0,) if "force" in settings.flip else (1.0, -1.0)
+    if settings.payload is not None:
+        signs = (settings.payload.sign,)
+    readings = possible_readings(frame, usual, signs, order_stated=stated)
+    near, enough = _fit_free_air(readings, log, settings)
+    by = "free air" if len(near) < len(readings) else None
+    if usual == "tool":
+        near = [reading for reading in near if reading.frame == "tool"] or near
+    trials = _try_readings(near, signals, log, settings, source)
+    if frame is None and usual == "base" and not any(trial.weighs for trial in trials.values()):
+        trials = _try_readings(readings, signals, log, settings, source)
+    chosen, decided = next(iter(trials.values())), by
+    if len(trials) > 1:
+        chosen, decided = _choose_by_contact([*trials.values()], settings, roles, usual, enough)
+    own, compensated = chosen.reading, chosen.compensated
+    if len({replace(reading, sign=1.0) for reading in trials}) > 1:
+        by = decided
+    opposite = replace(chosen.key, sign=-chosen.key.sign)
+    if compensated is not None and opposite in trials and decided is None:
+        fit = replace(compensated.fit, sign_in_doubt=True)
+        given = log is not None and log.delay is not None
+        payload = mark_payload(fit, delay_given=given)
+        compensated = replace(compensated, fit=replace(fit, payload=payload))
+    if usual == "tool" and own.frame == "base":
+        words = (
+            "the force is in the axes of the position, and a payload needs one in the sensor's; "
+        )
+        raise RecordingError.of(source, f"{words}pass --force-frame tool if it is")
+    findings = [report_frame(own, by)] if frame is None and usual == "base" else []
+    if own.frame == "tool" and not stated:
+        findings.append(report_order(own, by, roles.orientation))
+    return chosen.signals, compensated, findings
+
+
+def _fit_free_air(
+    readings: list[Reading], log: PosedWrench | None, settings: Preparation
+) -> tuple[list[Reading], bool]:
+    """Return the readings that fit in free air, and whether there is enough of it to tell."""
+    if log is None or len(readings) == 1:
+        return readings, False
+    motions = {reading: log.motion(reading, SLOW) for reading in readings}
+    known, delay = settings.payload, log.delay
+    return fitting_readings(motions, log.time, log.wrench, delay=delay, known=known)
+
+
+def _try_readings(
+    readings: Sequence[Reading],
+    signals: Signals,
+    log: PosedWrench | None,
+    settings: Preparation,
+    source: str,
+) -> dict[Reading, _Trial]:
+    """Try each reading, except those that a given weight contradicts, or that are alike."""
+    trials, refusals = dict[Reading, _Trial](), list[RecordingError]()
+    assert signals.orientation is not None
+    for reading in readings:
+        turned = None if reading.frame == "base" else reading.turn(signals.orientation)
+        own, compensated = replace(signals, orientation=turned), None
+        if turned is not None and log is not None:
+            try:
+                compensated = compensate(own, log, settings, reading, source)
+            except RecordingError as error:
+                refusals.append(error)
+                continue
+        trial = _Trial(reading, own, compensated)
+        trials.setdefault(trial.key, trial)
+    if not trials:
+        raise refusals[0]
+    return trials
+
+
+def _choose_by_contact(
+    trials: list[_Trial], settings: Preparation, roles: Roles, usual: ForceFrame, enough: bool
+) -> tuple[_Trial, str | None]:
+    """Return the reading whose force points along the motion, else the first.
+
+    If they do not agree on the normal, the first must be the usual one of a log without free air.
+    """
+    source = roles.recording.source
+    found = [trial.direction(settings, source) for trial in trials]
+    angles = [math.pi if each is None else each[0] for each in found]
+    best = int(np.argmin(angles))
+    least = SECOND_BEST * max(angles[best], LARGE_ANGLE)
+    normals = [each[1] for each in found if each is not None]
+    complete = len(normals) == len(trials)
+    if complete and all(k == best or angle >= least for k, angle in enumerate(angles)):
+        return trials[best], "contact"
+    agree = all(_angle(normals[0], each) <= LARGE_ANGLE for each in normals)
+    without_contact = not normals and usual == "base"  # what follows finds none either
+    usual_fits = not enough and trials[0].reading.frame == usual and angles[0] < least
+    if without_contact or usual_fits or (complete and agree):
+        return trials[0], None
+    if len({trial.reading.frame for trial in trials}) > 1:
+        raise frame_in_doubt(source)
+    if len({trial.reading.scalar_first for trial in trials}) > 1:
+        raise order_in_doubt(source, roles.orientation)
+    return trials[0], None
+
+
+# The pose of a flange: a tool that turns moves its tip against the flange.
+
+UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
+
+
+def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
+    """Find the runs around each touch in which the tool has the orientation of the touch.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        N, compression positive.
+    orientation : numpy.ndarray, shape (k, 4)
+        Quaternions.
+    """
+    touching = _find_touches(force)
+    at, every = np.flatnonzero(touching), np.arange(len(force))
+    if not at.size:
+        return np.ones(len(force), dtype=bool)
+    after = np.clip(np.searchsorted(at, every), 0, at.size - 1)
+    before = np.clip(after - 1, 0, None)
+    nearest = np.where(at[after] - every < every - at[before], at[after], at[before])
+    nearest[touching] = at
+    upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
+    for run in run_slices(upright):
+        upright[run] &= touching[run].any()
+    return upright
+
+
+def _find_touches(force: Floats) -> NDArray[np.bool_]:
+    peak = float(np.nanpercentile(force, 99.0))
+    return find_presses(np.nan_to_num(force), FIRM * peak, peak)
+
+
+def _angle_between(one: Floats, other: Floats) -> Floats:
+    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    cosine = np.abs((one * other).sum(axis=-1)) / lengths
+    angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    return angle
+
+
+def _cut(signals: Signals, keep: NDArray[np.bool_]) -> Signals:
+    """The selected samples, with a new part after each gap."""
+    gaps = np.cumsum(np.diff(np.flatnonzero(keep), prepend=0) > 1)
+    cut = signals.taken(keep)
+    return replace(cut, part=cut.part + gaps)
+
+
+def _report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_]) -> list[Finding]:
+    """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
+    touching, angle = _find_touches(force), 0.0
+    for run in run_slices(upright):
+        if upright[run.start] and touching[run].any():
+            turns = align_signs(orientation[run][touching[run]])
+            angle = max(angle, float(_angle_between(turns, turns.mean(axis=0)).max()))
+    if angle <= UPRIGHT:
+        return []
+    words = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
+    return [report_unknown_tip(f"{words}the pose's origin", "with-care")]
+
+
+def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
+    """Report transforms that end at the sensor: the tip is elsewhere."""
+    frame = recording.frames.get(roles.force[0])
+    if frame is None or frame != roles.orientation_frame:
+        return []
+    words = f"the transforms end at the sensor {frame!r}: palpate takes its origin for the tip"
+    return [report_unknown_tip(words)]
 
 
 @log_stage("episodes")

@@ -338,9 +338,9 @@ def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRu
     fewest = min(MOST_NEEDED, max(SHARE_NEEDED * x.size, LEAST_NEEDED))
     if np.count_nonzero(free) < fewest or not least < HEAVIEST * peak:
         return _assume_surface(x)
-    going_in = v > 0.0
     if rule == "threshold":
         return _crossings(x, f, least) or _assume_surface(x)
+    going_in = (v > 0.0) & find_presses(f, least, peak)
     found = _departure(x[going_in], f[going_in], least, peak)
     if found is None or rule == "baseline":
         return found or _assume_surface(x)
@@ -369,6 +369,15 @@ def _crossings(x: Floats, f: Floats, least: float) -> Surface | None:
     return Surface(position, math.hypot(scatter, late), f"where the force exceeds {least:.2g} N")
 
 
+def find_presses(f: Floats, least: float, peak: float) -> NDArray[np.bool_]:
+    """Find the runs of a force above a least one that reach 40 % of its peak."""
+    pressed = f > least
+    mask = np.zeros(f.size, dtype=bool)
+    for run in run_slices(pressed):
+        mask[run] = pressed[run.start] and f[run].max() >= HEAVIEST * peak
+    return mask
+
+
 def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | None:
     """The depth at which F^(1/n) over depth reaches zero."""
     light = (f > least) & (f < HEAVIEST * peak)
@@ -386,7 +395,17 @@ def _departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | Non
 
 
 def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
-    """The depth at which a line through the root of the force is zero, and its error."""
+    """The depth at which a line through the root of the force is zero, and its error.
+
+    Samples far from a line of median slope (Theil 1950, Sen 1968) are excluded first.
+    """
+    order, half = np.argsort(x), x.size // 2
+    low, high = order[:half], order[-half:]
+    slope = float(np.median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300)))
+    left = root - slope * x
+    away = np.abs(left - np.median(left))
+    near = away <= FARTHEST * 1.4826 * np.median(away)
+    x, root = x[near], root[near]
     centre, mean = float(x.mean()), float(root.mean())
     dx, dr = x - centre, root - mean
     # Regress the root on depth: the noise of the position is small.

@@ -253,8 +253,8 @@ def _fit_parabolas(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats
 def find_spikes(values: Floats) -> NDArray[np.bool_]:
     """Mask of the spikes.
 
-    A spike differs from the median of five by more than max(8 σ, 2 %, 1.5 steps), and by more than
-    three times the range of its four neighbours.
+    A spike differs from the median of five by more than max(8 σ, 2 %, 1.5 steps), one of the two
+    samples at an end by twice that, and by more than three times the range of its four neighbours.
     """
     found: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
     return found

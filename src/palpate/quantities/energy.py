@@ -370,7 +370,7 @@ def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) 
     size, off, noise = (
         float(np.sqrt(np.mean(square))) for square in (lost**2, (lost - predicted) ** 2, variance)
     )
-    if off <= max(UNACCOUNTED * size, 2.0 * noise):
+    if size == 0.0 or off <= max(UNACCOUNTED * size, 2.0 * noise):
         return []
     return [
         f"the law's loss is off by {percent(off / size)} per {kind}: the material's loss depends "

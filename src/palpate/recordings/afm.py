@@ -1,10 +1,10 @@
 """Force curves of atomic force microscopes, single or in maps, read by afmformats."""
 
 import logging
-import zipfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,15 @@ from afmformats.meta import META_FIELDS, MetaDataMissingError
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
-from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line, regular_size
+from palpate.recordings.opening import (
+    FAULTS,
+    MAX_SIZE,
+    Draft,
+    Request,
+    check_members,
+    first_line,
+    regular_size,
+)
 from palpate.recordings.recording import Recording, printable
 
 # afmformats' own errors derive from BaseException.
@@ -80,7 +88,7 @@ def count_curves(path: Path) -> int:
 
 
 def read_curves(
-    path: Path, numbers: Sequence[int], max_size: float
+    path: Path, numbers: Sequence[int], max_size: float | None
 ) -> Iterator[Recording | RecordingError]:
     """Read several force curves of a JPK map, opening it once.
 
@@ -90,8 +98,9 @@ def read_curves(
         The file.
     numbers : sequence of int
         Indices of the curves, from 0.
-    max_size : float
-        Largest size of the arrays of a curve, bytes.
+    max_size : float, optional
+        Largest size of the arrays of a curve, bytes. Default: that of
+        :func:`palpate.open_recording`.
 
     Yields
     ------
@@ -103,9 +112,10 @@ def read_curves(
     RecordingError
         The file cannot be read at all.
     """
-    request = Request(printable(path), max_size=int(max_size))
+    request = Request(printable(path)).limited(path, max_size)
     with _opened(path, request) as reader:
         for number in numbers:
+            request.release()
             try:
                 with _explained(request):
                     yield _curve(reader, replace(request, curve=number))
@@ -127,6 +137,8 @@ def _explained(request: Request) -> Iterator[None]:
             raise request.error(f"{what}; {remedy}") from None
 
 
+_OBJECTS_OF_PROPERTIES = 16  # bytes of Python objects per byte of a list of properties
+_NUMBERS_OF_BYTES = 16  # bytes per byte of a column of 16 bits, in three copies
 _JPK = (".jpk-force", ".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 
 
@@ -135,10 +147,7 @@ def _opened(path: Path, request: Request) -> Iterator[JPKReader]:
     """Open a JPK file."""
     regular_size(path)
     with _explained(request):
-        with zipfile.ZipFile(path) as archive:  # afmformats unpacks a part at a time
-            for part in archive.infolist():
-                if part.file_size > request.max_size:
-                    raise ValueError(excess("a part needs", part.file_size, request.max_size))
+        check_members(path, request, partial(_largest_part, request))
         reader = JPKReader(path)
     try:
         yield reader
@@ -147,11 +156,19 @@ def _opened(path: Path, request: Request) -> Iterator[JPKReader]:
             archive.close()
 
 
+def _largest_part(request: Request, name: str) -> int:
+    """Largest size of a part of a JPK file, which becomes text or numbers of 64 bits."""
+    if name.endswith(".properties"):
+        return request.largest_block // _OBJECTS_OF_PROPERTIES
+    return request.max_size // _NUMBERS_OF_BYTES if name.endswith(".dat") else MAX_SIZE
+
+
 def _curve(reader: JPKReader, request: Request) -> Recording:
     """Read one curve of an open file."""
     number = _chosen(len(reader), request)
     metadata = reader.get_metadata(index=number)
     columns = [name for name in known_columns if name not in ("index", "tip position")]
+    request.reserve(8 * len(columns) * int(metadata.get("point count", 0)))  # it makes the times
     column = lambda name: reader.get_data(column=name, index=number)  # noqa: E731
     return _recording(columns, column, metadata, request)
 

@@ -1,9 +1,9 @@
 """Parquet, Feather and Arrow, read by pyarrow: each column of numbers or text is a channel."""
 
 import struct
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ _DAMAGED = (*FAULTS, pa.ArrowException)
 # Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
 _ROWS_AT_ONCE = 1024
+_COLUMNS_AT_ONCE = 64
 _DICTIONARY, _BATCH = 2, 3  # MessageHeader of the Arrow format
 _BEGIN = b"ARROW1\0\0"
 _CONTINUED = 0xFFFFFFFF  # before the length of a message, except in files of old versions
@@ -60,7 +61,7 @@ def read(path: Path, request: Request) -> Recording:
                 if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
                     words = excess("its columns need", 8 * rows * wanted, request.max_size)
                     raise draft.error(words)
-                return read_columns(schema, partial(_parquet_column, table, request), draft)
+                return read_columns(schema, _ParquetColumns(table, schema, request).read, draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -72,12 +73,45 @@ def read(path: Path, request: Request) -> Recording:
         return read_columns(batches.schema, lambda n: batches.select([n]), draft)
 
 
-def _parquet_column(table: parquet.ParquetFile, request: Request, name: str) -> pa.Table:
-    """Read a column; text and lists may have any length."""
-    kind = table.schema_arrow.field(name).type
-    if pa.types.is_primitive(kind) or pa.types.is_decimal(kind):
-        return table.read(columns=[name])
-    return read_in_parts(table, [name], _ROWS_AT_ONCE, request)
+class _ParquetColumns:
+    """Reads columns, some at a time: for each call pyarrow looks at all columns of the file."""
+
+    def __init__(self, table: parquet.ParquetFile, schema: pa.Schema, request: Request) -> None:
+        self._table, self._request = table, request
+        several = Counter(schema.names)
+        self._plain = [
+            form.name
+            for form in schema
+            if request.wants(_name(form.name)) and several[form.name] == 1
+            if pa.types.is_primitive(form.type) or pa.types.is_decimal(form.type)
+        ]
+        self._places = {name: place for place, name in enumerate(self._plain)}
+        size = 8 * max(table.metadata.num_rows, 1)
+        most = min(max(request.largest_block // size, 1), _COLUMNS_AT_ONCE)
+        self._count = most if len(self._plain) > _COLUMNS_AT_ONCE else 1
+        self._read: pa.Table | None = None
+        self._last = 0  # the place after the last column that was read
+
+    def read(self, name: str) -> pa.Table:
+        """Read a column; text and lists may have any length."""
+        place = self._places.get(name)
+        if place is None:
+            return read_in_parts(self._table, [name], _ROWS_AT_ONCE, self._request)
+        if self._read is None or not self._last - self._count <= place < self._last:
+            self._last = place + self._count
+            try:
+                self._read = self._table.read(columns=self._plain[place : self._last])
+            except _DAMAGED:  # of one of them
+                self._read = None
+                return self._table.read(columns=[name])
+        return self._read.select([name])
+
+
+def check_integers(schema: pa.Schema, names: list[str]) -> None:
+    """Raise ValueError for a column that does not hold integers."""
+    for name in names:
+        if not pa.types.is_integer(kind := schema.field(name).type):
+            raise ValueError(f"column {name!r} holds {kind}, not integers")
 
 
 def read_in_parts(

@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -23,7 +23,17 @@ from numpy.typing import NDArray
 from palpate.errors import RecordingError, import_extra
 from palpate.recordings.names import is_wanted
 from palpate.recordings.nested import Findings
-from palpate.recordings.opening import FAULTS, Draft, Request, excess, first_line
+from palpate.recordings.opening import (
+    FAULTS,
+    Draft,
+    Request,
+    check_folder,
+    excess,
+    first_line,
+    read_whole,
+    regular_size,
+    whole_recording,
+)
 from palpate.recordings.recording import Recording, printable
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
@@ -37,6 +47,8 @@ _COUNTERS = frozenset(("index", "frame_index", "episode_index", "task_index"))
 _NO_NUMBERS = frozenset(("image", "video", "string", "audio"))
 _NUMBERED = re.compile(r"(\d+)(?:-of-\d+)?\.parquet$")
 _MOST_ROWS = 8192  # read at once
+_LONGEST_LINE = 1 << 20  # of episodes.jsonl
+_EPISODE = 256  # bytes of its description: 262144 take a block, twice the largest data sets
 
 
 class DataSet(Protocol):
@@ -60,7 +72,7 @@ class DataSet(Protocol):
         """Read the channels of an episode."""
 
 
-def describe_data_set(path: Path) -> DataSet | None:
+def describe_data_set(path: Path, max_size: float | None = None) -> DataSet | None:
     """Return a data set without its channels, closed; None if the path is none.
 
     Raises
@@ -70,17 +82,17 @@ def describe_data_set(path: Path) -> DataSet | None:
     """
     if not is_dataset(path):
         return None
-    with open_data_set(path, printable(path)) as data:
+    with open_data_set(path, Request(printable(path)).limited(path, max_size)) as data:
         return data
 
 
 def is_dataset(path: Path) -> bool:
     """Whether a folder or a file is a data set, or a file of a LeRobot data set."""
-    return _root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
+    return root_of(path) is not None or _is_replay(path) or _has_demonstrations(path)
 
 
 @contextmanager
-def open_data_set(path: Path, source: str) -> Iterator[DataSet]:
+def open_data_set(path: Path, request: Request) -> Iterator[DataSet]:
     """Open a data set for reading.
 
     Raises
@@ -88,16 +100,19 @@ def open_data_set(path: Path, source: str) -> Iterator[DataSet]:
     RecordingError
         Its description is damaged, or it holds no episodes.
     """
-    request = Request(source)
+    check_folder(whole_recording(path))
     with ExitStack() as files:
         with request.explain_damage("the description of the data set is damaged", "copy it again"):
-            if (root := _root_of(path)) is not None:
-                data: DataSet = _LeRobot(root, None if root == path else path)
+            if (root := root_of(path)) is not None:
+                data: DataSet = _LeRobot(root, None if root == path else path, request)
             elif _is_replay(path):
-                data = _ReplayBuffer(path)
+                data = _ReplayBuffer(path, request)
             else:
                 hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-                data = _Demonstrations(files.enter_context(hdf5.open_file(path, source)), request)
+                data = _Demonstrations(
+                    files.enter_context(hdf5.open_file(path, request.source)), request
+                )
+        request.release()
         if not data.lengths:
             raise request.error("the data set holds no episodes; copy it again")
         yield data
@@ -119,7 +134,7 @@ def read(path: Path, request: Request) -> Recording:
         The data set is damaged, has no episode of this number, or more than 100.
     """
     source = request.source
-    with open_data_set(path, source) as data:
+    with open_data_set(path, request) as data:
         numbers = list(data.lengths)
         if request.episode is not None:
             if request.episode not in data.lengths:
@@ -141,7 +156,7 @@ def read(path: Path, request: Request) -> Recording:
 
 
 def read_episodes(
-    path: Path, numbers: Sequence[int], max_size: float
+    path: Path, numbers: Sequence[int], max_size: float | None
 ) -> Iterator[tuple[int, Recording | RecordingError]]:
     """Read episodes of a data set one at a time, opening it once.
 
@@ -151,8 +166,9 @@ def read_episodes(
         The folder or the file.
     numbers : sequence of int
         Places of the episodes in the data set, from 0.
-    max_size : float
-        Largest size of the arrays of an episode, bytes.
+    max_size : float, optional
+        Largest size of the arrays of an episode, bytes. Default: that of
+        :func:`palpate.open_recording`.
 
     Yields
     ------
@@ -164,11 +180,11 @@ def read_episodes(
     RecordingError
         The data set cannot be read at all.
     """
-    source = printable(path)
-    with open_data_set(path, source) as data:
+    request = Request(printable(path)).limited(path, max_size)
+    with open_data_set(path, request) as data:
         known = list(data.lengths)
         for place in numbers:
-            request = Request(source, max_size=int(max_size))
+            request.release()
             try:
                 yield known[place], _episode(data, known[place], request)
             except RecordingError as error:
@@ -214,7 +230,7 @@ def _stem(name: str) -> str:
 # LeRobot: a folder of Parquet files with a description.
 
 
-def _root_of(path: Path) -> Path | None:
+def root_of(path: Path) -> Path | None:
     """The folder of the LeRobot data set that a path is, or whose file it is."""
     with suppress(OSError, ValueError):
         if path.is_dir():
@@ -226,64 +242,84 @@ def _root_of(path: Path) -> Path | None:
     return None
 
 
+def _check_rate(name: str, stated: Any) -> float:
+    rate = float(stated)
+    if not 1e-6 < rate < 1e9:
+        raise ValueError(f"its {name} is {rate}")
+    return rate
+
+
 class _LeRobot:
     """LeRobot v2: a Parquet file for each episode; v3: files with many."""
 
-    def __init__(self, root: Path, only: Path | None) -> None:
+    def __init__(self, root: Path, only: Path | None, request: Request) -> None:
         self._arrow = import_extra("palpate.recordings.arrow", "a LeRobot data set", "recordings")
         self._parquet = import_extra("pyarrow.parquet", "a LeRobot data set", "recordings")
-        info = json.loads((root / "meta/info.json").read_text(encoding="utf-8"))
+        info = json.loads(read_whole(root / "meta/info.json", request))
         self._features = dict(info["features"])
         self.name = f"LeRobot {info['codebase_version']}"
-        rate = float(info["fps"])
-        if not 0.0 < rate < math.inf:
-            raise ValueError(f"its fps is {rate}")
-        self.rate: float | None = rate
-        self._places: dict[int, tuple[Path, int]] = {}  # file and first row of each episode
+        self.rate: float | None = _check_rate("fps", info["fps"])
+        self._root = root
+        self._files: dict[int, Path] = {}  # of an episode each
+        self._rows_of = np.empty((4, 0), np.int64)  # episode, chunk, file, first row there
         self._decoded: tuple[Path, Any] | None = None  # the last file, with its rows
         if (root / "meta/episodes").is_dir():
-            self.lengths = self._from_metadata(root)
+            self.lengths = self._from_metadata(root, request)
         else:
-            self.lengths = self._from_names(root)
+            self.lengths = self._from_names(root, request)
         if only is not None:
             whole = only.absolute()
-            inside = [n for n in self.lengths if self._places[n][0].absolute() == whole]
+            inside = [n for n in self.lengths if self._place(n)[0].absolute() == whole]
             self.lengths = {number: self.lengths[number] for number in inside}
 
-    def _from_names(self, root: Path) -> dict[int, int]:
+    def _from_names(self, root: Path, request: Request) -> dict[int, int]:
         lengths: dict[int, int] = {}
         described = root / "meta/episodes.jsonl"
         if described.is_file():
-            for line in described.read_text(encoding="utf-8").splitlines():
-                if line.strip():
-                    each = json.loads(line)
-                    lengths[int(each["episode_index"])] = int(each["length"])
+            with described.open("rb") as lines:
+                while line := lines.readline(_LONGEST_LINE):
+                    each = json.loads(line) if line.strip() else None
+                    if each is not None:
+                        lengths[int(each["episode_index"])] = int(each["length"])
+                        request.check_count("episodes", len(lengths), _EPISODE)
         for file in sorted(root.glob("data/*/*.parquet")):
             if found := _NUMBERED.search(file.name):
-                self._places[int(found[1])] = file, 0
+                self._files[int(found[1])] = file
         for number in lengths:  # a file that was not copied is an error of its episode
-            self._places.setdefault(number, (root / f"data/episode_{number:06d}.parquet", 0))
-        return {number: lengths.get(number, -1) for number in sorted(self._places)}
+            self._files.setdefault(number, root / f"data/episode_{number:06d}.parquet")
+        return {number: lengths.get(number, -1) for number in sorted(self._files)}
 
-    def _from_metadata(self, root: Path) -> dict[int, int]:
+    def _from_metadata(self, root: Path, request: Request) -> dict[int, int]:
         names = ("chunk_index", "file_index")
         columns = ["episode_index", *(f"data/{n}" for n in names), "dataset_from_index", "length"]
-        rows: list[tuple[int, ...]] = []
-        for file in sorted(root.glob("meta/episodes/*/*.parquet")):
-            table = self._parquet.read_table(file, columns=columns, partitioning=None)
-            rows += zip(*(table[name].to_pylist() for name in columns), strict=True)
-        rows.sort()
-        begin: dict[tuple[int, int], int] = {}  # row of the data set with which a file begins
-        for _, chunk, number, first, _ in rows:
-            begin[chunk, number] = min(first, begin.get((chunk, number), first))
-        for episode, chunk, number, first, _ in rows:
-            file = root / f"data/chunk-{chunk:03d}/file-{number:03d}.parquet"
-            self._places[episode] = file, first - begin[chunk, number]
-        return {row[0]: row[4] for row in rows}
+        parts = [np.empty((len(columns), 0), np.int64)]
+        for path in sorted(root.glob("meta/episodes/*/*.parquet")):
+            regular_size(path)
+            with self._parquet.ParquetFile(path) as file:
+                count = sum(part.shape[1] for part in parts) + file.metadata.num_rows
+                request.check_count("episodes", count, _EPISODE)
+                self._arrow.check_integers(file.schema_arrow, columns)
+                table = self._arrow.read_in_parts(file, columns, _MOST_ROWS, request)
+            parts.append(np.array([table[name].to_numpy() for name in columns], np.int64))
+        rows = np.hstack(parts)
+        rows = rows[:, np.argsort(rows[0], kind="stable")]
+        files, which = np.unique(rows[1:3], axis=1, return_inverse=True)
+        begin = np.full(files.shape[1], np.iinfo(np.int64).max)  # row of the set in which it begins
+        np.minimum.at(begin, which.reshape(-1), rows[3])
+        self._rows_of = np.vstack([rows[:3], rows[3] - begin[which.reshape(-1)]])
+        return dict(zip(rows[0].tolist(), rows[4].tolist(), strict=True))
+
+    def _place(self, number: int) -> tuple[Path, int]:
+        """The file of an episode, and its first row there."""
+        if number in self._files:
+            return self._files[number], 0
+        at = np.searchsorted(self._rows_of[0], number, side="right") - 1
+        _, chunk, file, first = self._rows_of[:, at].tolist()
+        return self._root / f"data/chunk-{chunk:03d}/file-{file:03d}.parquet", first
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the rows of an episode; columns of vectors get the names of the description."""
-        file, first = self._places[number]
+        file, first = self._place(number)
         table = self._rows(file, first, self.lengths[number], request)
         if "episode_index" in table.schema.names:
             inside = sorted(table["episode_index"].unique().to_pylist())
@@ -358,7 +394,7 @@ def _has_demonstrations(path: Path) -> bool:
     with suppress(Exception):  # opening it raises the error
         hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
         with hdf5.open_file(path, "") as file:
-            return "data" in file and bool(_demonstrations(file["data"]))
+            return bool(_demonstrations(hdf5.member_of(file, "data")))
     return False
 
 
@@ -373,24 +409,24 @@ class _Demonstrations:
 
     def __init__(self, file: Any, request: Request) -> None:
         self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-        self._data = file["data"]
+        self._data = self._hdf5.member_of(file, "data")
         self._names = _demonstrations(self._data)
         walk = self._hdf5.Walk(Findings(request))
         stated = dict(walk.attributes(self._data))
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
         places = arguments.get("env_kwargs"), arguments
-        rates = [each.get("control_freq") for each in places if each]
-        self.rate = next((float(rate) for rate in rates if rate), None)
-        groups = {number: self._data[name] for number, name in self._names.items()}
+        rates = (each.get("control_freq") for each in places if each)
+        self.rate = next((_check_rate("control_freq", rate) for rate in rates if rate), None)
+        groups = {k: self._hdf5.member_of(self._data, name) for k, name in self._names.items()}
         self.lengths = {k: int(each.attrs.get("num_samples", -1)) for k, each in groups.items()}
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the observations and the actions, without the observations that follow each."""
-        group = self._data[self._names[number]]
+        group = self._hdf5.member_of(self._data, self._names[number])
         walk = self._hdf5.Walk(Findings(request))
-        if "obs" in group:
-            walk.group(group["obs"], ())
+        if "obs" in list(group):
+            walk.group(self._hdf5.member_of(group, "obs"), ())
         for name in group:
             if name not in ("obs", "next_obs"):
                 walk.member(group, (), name)
@@ -402,7 +438,7 @@ class _Demonstrations:
 
 
 def _is_replay(path: Path) -> bool:
-    with suppress(OSError, ValueError):
+    with suppress(*FAULTS):
         if path.is_dir():
             return (path / _ENDS).is_dir()
         if path.name.lower().endswith(_ZIP):
@@ -416,11 +452,15 @@ class _ReplayBuffer:
 
     rate: float | None = None
 
-    def __init__(self, path: Path) -> None:
-        zarr = import_extra("zarr", "a Zarr data set", "fleet")
-        store = str(path) if path.is_dir() else zarr.storage.ZipStore(path, mode="r")
-        self._group = zarr.open_group(store, mode="r")
-        self._ends = np.asarray(self._group[_ENDS][:], dtype=np.int64)
+    def __init__(self, path: Path, request: Request) -> None:
+        groups = import_extra("palpate.recordings.zarr_groups", "a Zarr data set", "fleet")
+        self._array = cache(groups.open_group(path, request).__getitem__)
+        ends = self._array(_ENDS)
+        if ends.dtype.kind not in "iu" or ends.ndim != 1:
+            raise ValueError(f"its episode_ends are {ends.dtype} of {ends.ndim} dimensions")
+        request.check_count("episodes", ends.shape[0], _EPISODE)
+        request.check_block(ends.chunks[0] * ends.dtype.itemsize)
+        self._ends = np.asarray(ends[:], dtype=np.int64)
         starts = np.concatenate([[0], self._ends])[:-1]
         if (self._ends <= starts).any():
             raise ValueError("its episode_ends do not increase")
@@ -440,7 +480,7 @@ class _ReplayBuffer:
         rows = slice(end - self.lengths[number], end)
         for name in self._names:
             try:  # the codecs of pictures are mostly unknown
-                array = self._group[f"data/{name}"]
+                array = self._array(f"data/{name}")
                 shape = (rows.stop - rows.start, *array.shape[1:])
             except FAULTS as error:
                 found.omit(name, f"cannot be opened: {first_line(error)}")

@@ -24,6 +24,7 @@ from palpate.recordings.opening import FAULTS, FORCE_CURVES, Request, excess, fi
 from palpate.recordings.recording import Recording
 
 _LONGEST_TEXT = 4096
+_MOST_LINKS = 16  # soft links one behind the other
 
 _FRAMES = ("frame_id", "frame")
 # NeXus: attributes of a group NXdata that name the arrays to plot, and the arrays for the axes.
@@ -73,6 +74,40 @@ def open_file(path: Path, source: str) -> Iterator[h5py.File]:
         yield file
 
 
+class _ElsewhereError(ValueError):
+    """A link leads to another file."""
+
+    def __init__(self) -> None:
+        super().__init__("links to another file; open that file")
+
+
+def member_of(group: Any, path: str | bytes, depth: int = 0) -> Any:
+    """Return a member of a group. Links to other files are refused, also behind soft links.
+
+    Raises
+    ------
+    KeyError
+        There is no such member.
+    ValueError
+        The member, or a group on the way to it, is in another file.
+    """
+    names = path.encode() if isinstance(path, str) else path
+    place = group.file if names.startswith(b"/") else group
+    for name in names.split(b"/"):
+        if name in (b"", b"."):
+            continue
+        link = place.get(name, getlink=True)
+        if isinstance(link, h5py.ExternalLink):
+            raise _ElsewhereError
+        if isinstance(link, h5py.SoftLink):
+            if depth == _MOST_LINKS:
+                raise ValueError("its links form a circle")
+            place = member_of(place, link.path, depth + 1)
+        else:
+            place = place[name]
+    return place
+
+
 def _why(error: BaseException) -> str:
     words = first_line(error)
     if "signature not found" in words:
@@ -84,9 +119,18 @@ def _why(error: BaseException) -> str:
 def _is_afm(file: h5py.File) -> bool:
     """Whether the file holds force curves that afmformats exported."""
     try:
-        return read_text(file.attrs.get("software")) == "afmformats" and "0" in file
+        exported = read_text(file.attrs.get("software")) == "afmformats" and "0" in list(file)
+        return exported and not _leads_elsewhere(file)  # afmformats follows every link
     except FAULTS:
         return False
+
+
+def _leads_elsewhere(group: h5py.Group) -> bool:
+    """Whether a curve or a column of the curves is a link, which leads to any file."""
+    links = (h5py.ExternalLink, h5py.SoftLink)
+    if any(isinstance(group.get(name, getlink=True), links) for name in group):
+        return True
+    return any(_leads_elsewhere(each) for each in group.values() if isinstance(each, h5py.Group))
 
 
 class Walk:
@@ -115,10 +159,7 @@ class Walk:
         name = read_text(link) or ""  # a name that is not UTF-8 is bytes
         whole = "/".join((*path, name))
         try:
-            if isinstance(group.get(link, getlink=True), h5py.ExternalLink):
-                self.found.omit(whole, "links to another file; open that file")
-                return
-            item = group[link]
+            item = member_of(group, link)
             address = h5py.h5o.get_info(item.id).addr
             if address in self._seen:
                 return
@@ -128,6 +169,8 @@ class Walk:
             elif isinstance(item, h5py.Group):
                 self._notes(item, whole)
                 self.group(item, (*path, name))
+        except _ElsewhereError as error:
+            self.found.omit(whole, str(error))
         except FAULTS as error:
             self.found.lose(whole, f"cannot be read: {first_line(error)}")
 
@@ -174,6 +217,8 @@ class Walk:
             self.found.lose(whole, f"none of its {item.size} values was written")
         elif 2 * written < pieces:  # most of it is missing
             self.found.lose(whole, f"only {written} of its {pieces} chunks were written")
+        elif stored > 1.125 * pieces * piece + 1024 * pieces and item.chunks:
+            self.found.lose(whole, "its chunks are longer than they state")
         elif piece > (most := max(claimed, self.found.request.largest_block)):
             self.found.lose(whole, excess("a chunk needs", piece, most))
         else:
@@ -299,7 +344,7 @@ def _char(item: h5py.Dataset) -> str | None:
 def _unit_beside(item: h5py.Dataset) -> str | None:
     """The unit in a field ``unit`` of the same struct."""
     for name in UNIT_FIELDS:
-        unit = item.parent.get(name)
+        unit = member_of(item.parent, name) if name in list(item.parent) else None
         if isinstance(unit, h5py.Dataset) and read_text(unit.attrs.get("MATLAB_class")) == "char":
             return _char(unit)
     return None

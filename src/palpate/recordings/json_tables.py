@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.recordings.nested import MOST_COLUMNS, UNIT_FIELDS, Findings
-from palpate.recordings.opening import Request, first_line
+from palpate.recordings.opening import Request, first_line, read_whole
 from palpate.recordings.recording import Faults, Recording
 from palpate.recordings.times import clock_rank, iso_nanoseconds
 
-_LARGEST = 24  # bytes of Python objects per byte of text: {} takes 64
+_VALUE = 16  # bytes of a value in a list and in an array
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -32,9 +32,8 @@ def read(path: Path, request: Request) -> Recording:
         The file is not JSON, is cut off, or holds no columns of numbers.
     """
     found = Findings(request)
-    request.reserve(_LARGEST * path.stat().st_size)
     try:
-        whole = _parse_json(path.read_bytes(), found)
+        whole = _parse_json(read_whole(path, request), found)
         if isinstance(whole, list):
             _add_samples(found, (), whole)
         elif isinstance(whole, dict):
@@ -71,9 +70,11 @@ def _add_samples(found: Findings, group: tuple[str, ...], samples: Sequence[Any]
     for row, sample in enumerate(samples):
         for name, value in _leaves(sample, "" if isinstance(sample, dict) else "column"):
             column = columns.setdefault(name, [])
-            found.request.reserve(8 * (row - len(column)))
+            found.request.reserve(_VALUE * (row - len(column)))
             column += [None] * (row - len(column))
             column[row:] = [value]
+        found.check_names(len(columns))
+    found.request.reserve(_VALUE * sum(len(samples) - len(each) for each in columns.values()))
     for name, column in columns.items():
         _add(found, group, name, column + [None] * (len(samples) - len(column)))
 

@@ -102,6 +102,7 @@ class Findings(Draft):
     ) -> None:
         """Add an array, or report why it cannot be a channel."""
         channel = "/".join(group) + ("." if dot else "/") * bool(group) + name
+        self.check_names(len(self.leaves))
         lengths, sides = tuple(each for each in shape if each != 1), " by ".join(map(str, shape))
         if not all(shape):
             self.omit(channel, "holds no samples")

@@ -15,6 +15,7 @@ from palpate.recordings.recording import Recording
 
 #: The name of the array in a .npy, which has none.
 COLUMN = "column"
+_MAGIC = b"\x93NUMPY"
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -49,22 +50,43 @@ def read(path: Path, request: Request) -> Recording:
 def _arrays(path: Path, found: Findings) -> Iterator[tuple[str, Callable[[], NDArray[Any]]]]:
     """Names and loaders of the arrays; a file unpacks no more than it states, or is refused."""
     with path.open("rb") as file:
-        if file.read(6) == b"\x93NUMPY":
-            yield COLUMN, partial(np.load, path, mmap_mode="r", allow_pickle=False)
+        if file.read(len(_MAGIC)) == _MAGIC:
+            yield COLUMN, partial(_map_array, path)
             return
         archive = zipfile.ZipFile(file)
         for member in archive.infolist():
             name = member.filename.removesuffix(".npy")
             if found.request.wants(name):
                 found.request.reserve(member.file_size)
-                content = archive.open(member)
-                yield name, partial(np.lib.format.read_array, content, allow_pickle=False)
+                yield name, partial(_read_array, archive, member)
+
+
+def _map_array(path: Path) -> NDArray[Any]:
+    """Map the array of a .npy. Only further arrays may follow it."""
+    array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    with path.open("rb") as file:
+        file.seek(array.offset + array.nbytes)  # type: ignore[attr-defined]
+        _check_end(file.read(len(_MAGIC)))
+    return array
+
+
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+    """Read an array of a .npz up to the end of its part, where zipfile checks the checksum."""
+    with archive.open(member) as content:
+        array: NDArray[Any] = np.lib.format.read_array(content, allow_pickle=False)
+        _check_end(content.read(len(_MAGIC)))
+    return array
+
+
+def _check_end(rest: bytes) -> None:
+    if rest not in (b"", _MAGIC):
+        raise ValueError("the file is longer than its array: bytes were inserted; copy it again")
 
 
 def _add(found: Findings, name: str, array: NDArray[Any]) -> None:
     unit = None
     if array.dtype.kind in "mM":
-        array = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64)
+        array = array.astype(f"{array.dtype.kind}8[ns]", copy=False).view(np.int64)
         unit = "ns"
     if array.dtype.names:
         for field in array.dtype.names:

@@ -6,11 +6,12 @@ import stat
 import struct
 import sys
 import time
+import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
@@ -18,7 +19,7 @@ from typing import IO, Any
 from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
-from palpate.errors import InvalidParameterError, RecordingError, import_extra
+from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
 from palpate.writing import scratch_file
@@ -27,10 +28,15 @@ _LOGGER = logging.getLogger(__name__)
 #: Exceptions that libraries raise on a damaged file.
 FAULTS = (
     ArithmeticError, AssertionError, AttributeError, EOFError, LookupError, MemoryError, OSError,
-    RuntimeError, SyntaxError, TypeError, ValueError, struct.error, zipfile.BadZipFile, zlib.error,
+    RuntimeError, SyntaxError, TypeError, ValueError, struct.error, tokenize.TokenError,
+    zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
-#: Default of ``--max-size``, bytes: 500 million numbers; recordings are smaller.
+#: Largest default of ``--max-size``, bytes: 500 million numbers; recordings are smaller.
 MAX_SIZE = 4 << 30
+# Below that the default is this multiple of the size of the file: real recordings unpack to less.
+_MOST_UNPACKED = 128
+_LEAST_DEFAULT = 64 << 20
+_OBJECTS_OF_TEXT = 24  # bytes of Python objects per byte of JSON: {} takes 64
 
 
 def excess(what: str, size: int, most: int) -> str:
@@ -60,8 +66,10 @@ class Request:
     progress : callable, optional
         Called at intervals with the fraction read so far, 0 to 1.
     max_size : int
-        Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
-        of it. Damaged and hostile files state or unpack to far more than they hold.
+        Largest size of all arrays together, bytes. Damaged and hostile files state or unpack to far
+        more than they hold.
+    largest_block : int
+        Largest size of a message or a compressed block, bytes.
     sheet : str, optional
         Name, or number from 1, of the sheet to read in a spreadsheet.
     """
@@ -72,6 +80,7 @@ class Request:
     curve: int | None = None
     progress: Callable[[float], None] | None = None
     max_size: int = MAX_SIZE
+    largest_block: int = MAX_SIZE // 64
     sheet: str | None = None
     header_row: int | None = None
     episode: int | None = None
@@ -88,15 +97,17 @@ class Request:
         """Convert an error of a library to one that names the file, the damage and the remedy."""
         try:
             yield
-        except RecordingError:
+        except PalpateError:
             raise
         except faults as error:
             raise self.error(f"{what} ({first_line(error)}); {remedy}") from None
 
-    @property
-    def largest_block(self) -> int:
-        """Largest size of a message or a compressed block, bytes: 64 MiB of 4 GiB."""
-        return self.max_size // 64
+    def limited(self, path: Path, max_size: float | None) -> "Request":
+        """Return the request with the caps for a file: those of the user, else the default ones."""
+        if max_size is not None:
+            return replace(self, max_size=int(max_size), largest_block=int(max_size) // 64)
+        default = max(_MOST_UNPACKED * _stored_size(path), _LEAST_DEFAULT)
+        return replace(self, max_size=min(default, MAX_SIZE))
 
     def reserve(self, size: int) -> None:
         """Count the memory of an array before it is made; raise RecordingError above the cap."""
@@ -112,6 +123,11 @@ class Request:
         """Raise ValueError for a message or a compressed block above the cap."""
         if size > self.largest_block:
             raise ValueError(excess("it needs", size, self.largest_block))
+
+    def check_count(self, what: str, count: int, each: int) -> None:
+        """Raise ValueError for more descriptions, of ``each`` bytes, than fit in a block."""
+        if count * each > self.largest_block:
+            raise ValueError(excess(f"its {count} {what} need", count * each, self.largest_block))
 
     def wants(self, name: str) -> bool:
         """Whether a channel, or any channel of a topic or group, is requested."""
@@ -175,7 +191,9 @@ _TEXTS = tuple(
 #: Endings of files that hold several force curves.
 MAPS = (".jpk-force-map", ".jpk-qi-data", ".jpk-qi-series")
 _CURVES = (".jpk-force", *MAPS, ".ibw")
-_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", "metadata.yaml")
+#: The file that stands for the folder of a ROS 2 bag.
+METADATA = "metadata.yaml"
+_BAGS = (".db3", ".db3.zstd", ".mcap.zstd", METADATA)
 _MAT = (b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT")
 TEXT = Format("text", _TEXTS, f"{_HERE}.text")
 FORCE_CURVES = Format("AFM force curve", _CURVES, f"{_HERE}.afm", (b"# afmformats",), "afm")
@@ -211,7 +229,7 @@ def open_recording(
     header_row: int | None = None,
     episode: int | None = None,
     progress: Callable[[float], None] | None = None,
-    max_size: float = MAX_SIZE,
+    max_size: float | None = None,
 ) -> Recording:
     """Read the channels of a file, unchanged.
 
@@ -236,9 +254,9 @@ def open_recording(
         Number of the episode to read in a data set. Default: all, up to 100.
     progress : callable, optional
         Called at intervals with the fraction read so far.
-    max_size : float
+    max_size : float, optional
         Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
-        of it. Default: 4 GiB.
+        of it. Default: 128 times the size of the file, from 64 MiB to 4 GiB; a block 64 MiB.
 
     Raises
     ------
@@ -256,32 +274,40 @@ def open_recording(
         raise InvalidParameterError(f"curve must be an index from 0 on, not {curve}")
     if header_row is not None and header_row < 1:
         raise InvalidParameterError(f"header_row must be a line from 1 on, not {header_row}")
-    if not 1.0 <= max_size <= 1e18:
+    if max_size is not None and not 1.0 <= max_size <= 1e18:
         raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
     begun = time.perf_counter()
     source = "standard input" if str(file) == "-" else printable(file)
     named = None if sheet is None else str(sheet)
-    most = int(max_size)
-    request = Request(source, wanted, strict, curve, progress, most, named, header_row, episode)
-    recording = _read(file, request)
+    request = Request(
+        source, wanted, strict, curve, progress,
+        sheet=named, header_row=header_row, episode=episode,
+    )  # fmt: skip
+    # Readers name what they find damaged; this is for what none of them foresees.
+    with request.explain_damage("the file is damaged", "copy it again", (Exception,)):
+        recording = _read(file, request, max_size)
     _log(recording, time.perf_counter() - begun)
     return recording
 
 
-def _read(file: Path, request: Request) -> Recording:
+def _read(file: Path, request: Request, max_size: float | None) -> Recording:
     standard = str(file) == "-"
     if not standard and not _is(stat.S_ISFIFO, file):
-        if not _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
+        if _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
+            check_folder(file)
+        else:
             regular_size(file)
         form = detect_format(file)
         if request.episode is not None and form is not DATA_SETS:
             raise request.error("this is no data set; drop --episode")
-        return form.read(file, request)
+        return form.read(file, request.limited(file, max_size))
     # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
-        _copy_stream(file, content, request)
+        _copy_stream(
+            file, content, request if max_size is None else request.limited(copy, max_size)
+        )
         regular_size(copy, request.source)
-        return detect_format(copy).read(copy, request)
+        return detect_format(copy).read(copy, request.limited(copy, max_size))
 
 
 def _is(kind: Callable[[int], bool], path: Path) -> bool:
@@ -328,7 +354,7 @@ def detect_format(path: Path) -> Format:
     if DATA_SETS.reader().is_dataset(path):
         return DATA_SETS
     if _is(stat.S_ISDIR, path):
-        path = path / "metadata.yaml"  # a ROS 2 bag is a folder
+        path = path / METADATA  # a ROS 2 bag is a folder
     else:
         with path.open("rb") as file:
             begin = file.read(64)
@@ -338,9 +364,25 @@ def detect_format(path: Path) -> Format:
     return next(marked, None) or next(named, TEXT)
 
 
+def whole_recording(path: Path) -> Path:
+    """Return the folder of the bag or the data set that a file is part of, else the file."""
+    whole: Path | None = path.parent if path.name == METADATA else DATA_SETS.reader().root_of(path)
+    return whole or path
+
+
 def within(name: str, whole: str) -> bool:
     """Whether a name is ``whole``, or a field or an element of it."""
     return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
+
+
+def check_folder(folder: Path) -> None:
+    """Raise RecordingError if a folder holds a pipe or a device, which a reader would wait for."""
+    for place, _, names in os.walk(folder):
+        for name in names:
+            path = Path(place, name)
+            if not path.is_file() and path.exists():
+                words = "this is a pipe or a device; remove it from the folder"
+                raise RecordingError(f"{printable(path)}: {words}")
 
 
 def regular_size(path: Path, source: str = "") -> int:
@@ -368,6 +410,47 @@ def regular_size(path: Path, source: str = "") -> int:
     return status.st_size
 
 
+def _stored_size(path: Path) -> int:
+    """Return the size of a file with its journal, or of a folder; no more than the caps need."""
+    whole = path.parent if path.name == "metadata.yaml" else path
+    folders: Iterable[tuple[str, Any, list[str]]] = os.walk(whole)
+    if not _is(stat.S_ISDIR, whole):
+        folders = [(str(path.parent), [], [path.name, f"{path.name}-wal"])]
+    stored = 0
+    for folder, _, names in folders:
+        for name in names:
+            with suppress(OSError):
+                stored += os.stat(f"{folder}/{name}").st_size  # noqa: PTH116 - a str
+        if stored * _MOST_UNPACKED > MAX_SIZE:
+            break
+    return stored
+
+
+def read_whole(path: Path, request: Request) -> bytes:
+    """Return the content of a file that becomes Python objects, such as JSON, within the cap."""
+    request.reserve(_OBJECTS_OF_TEXT * regular_size(path))
+    return path.read_bytes()
+
+
+def check_members(
+    archive: IO[bytes] | Path, request: Request, largest: Callable[[str], int]
+) -> None:
+    """Refuse an archive that states more than the caps; zipfile unpacks no more than stated.
+
+    Parameters
+    ----------
+    archive : file or Path
+        The archive.
+    request : Request
+        Whose error it raises.
+    largest : callable
+        The largest size of a member by its name, bytes.
+    """
+    for member in zipfile.ZipFile(archive).infolist():
+        if member.file_size > (most := largest(member.filename)):
+            raise request.error(excess(f"{member.filename} needs", member.file_size, most))
+
+
 def unreadable(source: str, error: Exception) -> Exception:
     """Return a RecordingError if the system could not read the file, else the error itself.
 
@@ -387,6 +470,7 @@ def first_line(error: BaseException) -> str:
 
 
 _MOST_NOTES = 60
+_NAME = 1 << 14  # bytes: 4096 names take a block
 _USED = "palpate uses the rest of the file; pass --strict to fail instead"
 
 
@@ -422,8 +506,16 @@ class Draft:
             text = " ".join(str(words).split())
             self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
 
+    def check_names(self, count: int) -> None:
+        """Raise RecordingError for more names than a table has; each takes work in every step."""
+        try:
+            self.request.check_count("names", count, _NAME)
+        except ValueError as error:
+            raise self.error(str(error)) from None
+
     def omit(self, name: str, reason: str) -> None:
         """Report that something is skipped, and why."""
+        self.check_names(len(self.omissions))
         self.omissions.append(f"{name}: {reason}")
 
     def lose(self, name: str, reason: str) -> None:

@@ -3,11 +3,12 @@
 A quaternion x, y, z, w rotates a vector v to v + w c + u × c with u = (x, y, z) and c = 2 u × v.
 """
 
+import math
 import re
 from collections import defaultdict, deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from palpate.errors import RecordingError, list_names
 from palpate.findings import Check, Finding, Severity
 from palpate.recordings.recording import Recording
-from palpate.validation import Floats
+from palpate.validation import Floats, check_choice
 
 UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
 GAP = 10.0  # median steps: palpate does not interpolate across longer ones
@@ -93,6 +94,73 @@ def _rotation_of_vector(vectors: Floats) -> Floats:
     angle = np.linalg.norm(vectors, axis=1, keepdims=True)
     axis = 0.5 * np.sinc(angle / (2.0 * np.pi)) * vectors
     return align_signs(np.concatenate([axis, np.cos(0.5 * angle)], axis=1))
+
+
+OrientationForm = Literal["rpy", "rotation-vector"]
+_ROLL = re.compile(r"(?<![^\W\d_])roll(?![^\W\d_])", re.I)
+_DEGREES = re.compile(r"°|(?<![^\W\d_])deg(?:rees?)?(?![^\W\d_])", re.I)
+LARGEST_ANGLE = 1.05 * 2.0 * math.pi  # rad; larger ones are degrees
+
+
+def find_roll_pitch_yaw(names: Iterable[str]) -> list[tuple[str, ...]]:
+    """Find the channels that differ only in the words roll, pitch and yaw."""
+    found, known = [], {*names}
+    for name in sorted(known):
+        for roll in _ROLL.finditer(name):
+            words = "pitch", "yaw"
+            if roll[0][0].isupper():
+                words = ("PITCH", "YAW") if roll[0].isupper() else ("Pitch", "Yaw")
+            others = [f"{name[: roll.start()]}{word}{name[roll.end() :]}" for word in words]
+            if known >= {*others}:
+                found.append((name, *others))
+    return found
+
+
+def add_quaternion(
+    recording: Recording, angles: Sequence[str], form: OrientationForm | None
+) -> tuple[Recording, tuple[str, ...], Finding]:
+    """Add the quaternions of three angles, R = Rz(yaw) Ry(pitch) Rx(roll), or rotation vectors.
+
+    Returns
+    -------
+    tuple
+        The recording, the channels of the quaternions, and the convention that was used.
+
+    Raises
+    ------
+    RecordingError
+        The form of the angles is neither given nor stated by their names.
+    """
+    listed = ", ".join(angles)
+    if form is None and find_roll_pitch_yaw(angles):
+        form = "rpy"
+    if form is None:
+        words = f"the orientation {listed} has three channels; pass --orientation-form rpy for "
+        words += "roll, pitch, yaw about the fixed axes x, y, z, or --orientation-form "
+        raise RecordingError.of(recording.source, f"{words}rotation-vector for axis times angle")
+    check_choice("orientation_form", form, get_args(OrientationForm))
+    values = np.column_stack([recording.numbers(name) for name in angles])
+    unit = recording.unit_of(angles[0]) or angles[0]
+    degrees = bool(_DEGREES.search(unit)) or float(np.nanmax(np.abs(values))) > LARGEST_ANGLE
+    values = np.radians(values) if degrees else values
+    if form == "rpy":
+        roll, pitch, yaw = (_rotation_of_vector(values * axis) for axis in np.eye(3))
+        turns = align_signs(multiply(multiply(yaw, pitch), roll))
+        meaning = "angles about the fixed axes x, y, z, in this order"
+    else:
+        turns, meaning = _rotation_of_vector(values), "a rotation vector"
+    names = tuple(f"quaternion of {listed}.{axis}" for axis in "xyzw")
+    added = dict(zip(names, turns.T, strict=True))
+    clock = recording.clocks.get(angles[0])
+    clocks = {} if clock is None else dict.fromkeys(names, clock)
+    done = replace(
+        recording,
+        channels={**recording.channels, **added},
+        clocks={**recording.clocks, **clocks},
+    )
+    words = f"palpate takes {listed} for {meaning}, in {'degrees' if degrees else 'rad'}"
+    remedy = "if they are others, convert them to a quaternion and name it with --orientation"
+    return done, names, Check.TRANSFORMS.finding(words, remedy)
 
 
 #: Poses and wrenches in the frame of the base: libfranka's RobotState, Universal Robots' RTDE.
@@ -291,6 +359,15 @@ class Transforms:
             steps.append(step)
             frame = step.child
         return steps
+
+    def chains_below(self, ancestor: str) -> list[list[Step]]:
+        """Return the chains from a frame down to each frame that has no other below it."""
+        ancestor = ancestor.lstrip("/")
+        parents = {parent for above in self._above.values() for parent in above}
+        if ancestor not in parents:
+            return []
+        chains = (self.chain(end, ancestor) for end in sorted(self._above.keys() - parents))
+        return [chain for chain in chains if chain]
 
     def compose(self, steps: Sequence[Step], name: str) -> tuple[Recording, list[Finding]] | None:
         """Add the pose at the end of a chain, in the frame at its beginning.

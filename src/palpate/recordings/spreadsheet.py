@@ -3,11 +3,11 @@
 import csv
 import io
 import warnings
-import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import timedelta
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,13 +16,15 @@ from numpy.typing import NDArray
 from openpyxl import load_workbook
 
 from palpate.errors import list_names
-from palpate.recordings.opening import TEXT, Draft, Request, excess
+from palpate.recordings.opening import TEXT, Draft, Request, check_members
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import SECONDS, clock_rank
 from palpate.writing import temporary_file
 
 _MOST_ROWS = 1 << 20  # limit of Excel; a row may state a number far beyond it
 _CELL = 60  # bytes that a cell takes as a Python object
+_COPIES = 4  # of a text, from the cell to the text reader
+_PADDING = 10  # bytes of a missing cell, as text and as a number
 # Fewest samples of a contact; a shorter table next to longer ones is a list of results.
 _FEWEST_ROWS = 20
 _NO_TABLE = "holds no table of numbers; expected names above columns of numbers"
@@ -49,7 +51,7 @@ def read(path: Path, request: Request) -> Recording:
     draft, tables = Draft(request), dict[str, Recording]()
     with path.open("rb") as file:
         with _damage_explained(draft):
-            _check_sizes(file, draft)
+            check_members(file, request, partial(_largest_member, request))
             book = load_workbook(file, read_only=True, data_only=True)
         for name in _chosen_sheets([sheet.title for sheet in book.worksheets], draft):
             with _damage_explained(draft):
@@ -67,7 +69,7 @@ def read(path: Path, request: Request) -> Recording:
                     if _has_formulas(file, name):
                         draft.lose(f"sheet {name!r}", _FORMULAS)
     if not tables:
-        raise draft.error([*draft.losses, *draft.omissions][0])
+        raise draft.error([*draft.losses, *draft.omissions, "the file holds no sheet of cells"][0])
     counts = {name: len(table.rows or ()) for name, table in tables.items()}
     for name, count in counts.items():
         if count < _FEWEST_ROWS <= max(counts.values()):
@@ -86,13 +88,8 @@ def _damage_explained(draft: Draft) -> Iterator[None]:
         yield
 
 
-def _check_sizes(file: Any, draft: Draft) -> None:
-    """Refuse an archive that states more than the caps; zipfile unpacks no more than stated."""
-    for member in zipfile.ZipFile(file).infolist():
-        is_sheet = member.filename.startswith("xl/worksheets/")
-        most = draft.request.max_size if is_sheet else draft.request.largest_block
-        if member.file_size > most:
-            raise draft.error(excess(f"{member.filename} needs", member.file_size, most))
+def _largest_member(request: Request, name: str) -> int:
+    return request.max_size if name.startswith("xl/worksheets/") else request.largest_block
 
 
 def _chosen_sheets(names: Sequence[str], draft: Draft) -> Sequence[str]:
@@ -108,11 +105,21 @@ def _chosen_sheets(names: Sequence[str], draft: Draft) -> Sequence[str]:
 
 
 def _read_rows(sheet: Any, draft: Draft) -> list[_Row]:
+    """The cells of a sheet up to the last used one; a cell that is only coloured is not used."""
     sheet.reset_dimensions()  # the stated ones may be wrong
-    rows = []
-    for row in sheet.iter_rows(max_row=_MOST_ROWS, values_only=True):
-        draft.request.reserve(_CELL * (len(row) + 1))
-        rows.append(row)
+    rows: list[_Row] = []
+    width = 0
+    for k, row in enumerate(sheet.iter_rows(max_row=_MOST_ROWS, values_only=True)):
+        if row.count(None) == len(row):
+            continue
+        reach = width if row[width:].count(None) == len(row[width:]) else len(row)
+        used = next(at for at in range(min(reach, len(row)), 0, -1) if row[at - 1] is not None)
+        texts = sum(len(cell) for cell in row if isinstance(cell, str))
+        draft.request.reserve(_CELL * (used + 1) + 8 * (k - len(rows)) + _COPIES * texts)
+        rows += [()] * (k - len(rows))
+        rows.append(row[:used])
+        width = max(width, used)
+    draft.request.reserve(_PADDING * sum(width - len(row) for row in rows if row))
     return rows
 
 
@@ -129,7 +136,7 @@ def _parse_table(rows: Sequence[_Row], draft: Draft) -> Recording:
     width = max((len(row) for row in rows), default=0)
     for row in rows:
         cells = [_words(cell) for cell in row]
-        lines.writerow([*cells, *[""] * width][:width] if any(cells) else [])
+        lines.writerow([*cells, *[""] * (width - len(cells))] if any(cells) else [])
     with temporary_file("sheet.tsv", [text.getvalue().encode()]) as copy:
         return TEXT.read(copy, replace(draft.request, channels=None, progress=None))
 

@@ -305,7 +305,7 @@ class Destination:
             return f"palpate.load_result({str(self.folder)!r})  # identified in Python"
         config = self.folder / OPTIONS
         words = ["palpate", "identify", *map(str, files), "--config", str(config)]
-        return shlex.join([*words, "-o", str(self.folder)])
+        return shlex.join(words)
 
 
 def _has_a_result(folder: Path) -> bool:

@@ -35,11 +35,10 @@ from palpate.errors import RecordingError
 from palpate.recordings.messages.collection import Collection
 from palpate.recordings.messages.layout import Block, Bytes, Starts, gather, one_line
 from palpate.recordings.messages.topic import Topic
-from palpate.recordings.opening import Request, excess, first_line, regular_size
+from palpate.recordings.opening import METADATA, Request, excess, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
 from palpate.writing import scratch_file
 
-METADATA = "metadata.yaml"
 _LZ4 = b"\x04\x22\x4d\x18"
 _MAGIC = b"\x89MCAP0\r\n"
 _WINDOW = 1 << 18  # bytes of an MCAP file read at a time; a chunk may be longer
