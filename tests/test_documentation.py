@@ -28,7 +28,7 @@ FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^``
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
 COMMAND = re.compile(
     r"(?:^|/)palpate "
-    r"((?:identify|diagnose|compare|info|payload|fleet|map|design|lab|export) [^#&\n]+)",
+    r"((?:identify|diagnose|compare|info|payload|skew|fleet|map|design|lab|export) [^#&\n]+)",
     re.M,
 )
 

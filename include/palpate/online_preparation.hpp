@@ -18,6 +18,9 @@
 // otherwise two regressions, on s and on the part of s² that is orthogonal to 1 and s. Penetration
 // and force are not smoothed, because a smoothed penetration would be another motion.
 //
+// A force that the sensor delivers δ late belongs to the middle of the window at t_m + δ. It is
+// interpolated there between two samples of the window, which reaches half a window to both sides.
+//
 // A shorter delay would bias stiffness and damping: a backward difference is half a sample late and
 // noisy like the position, and a mean of past samples lags behind the force.
 //
@@ -43,6 +46,7 @@ struct VelocityFilterSettings {
   std::uint32_t samples = 15;  // W, odd; longer than 15 ms flattens the motion of a probe
   double longest_gap = 0.0;    // s; a longer one restarts the window; 0: the window's length, W T
   bool lost_positions = true;  // exclude dropouts
+  double force_delay = 0.0;    // s, δ of the force behind the position; at most half a window
 
   bool operator==(const VelocityFilterSettings&) const = default;
 };
@@ -58,6 +62,8 @@ constexpr const char* validate(const VelocityFilterSettings& settings,
       {settings.samples >= 3 && settings.samples % 2 == 1 && settings.samples <= maximum_samples,
        "samples must be odd, at least 3, and no more than the filter holds"},
       {detail::lies_in(settings.longest_gap, 0.0, 1e12), "longest_gap must be in [0, 1e12] s"},
+      {std::abs(settings.force_delay) <= settings.sample_time * (settings.samples / 2),
+       "force_delay must be at most half of the filter's window"},
   });
 }
 
@@ -182,7 +188,8 @@ class VelocityFilter {
     // The step before the oldest sample is not part of the window.
     const bool even = even_ >= settings_.samples - 1;
     const double velocity = even ? even_slope() : slope();
-    if (std::isnan(velocity)) {
+    const double force = settings_.force_delay == 0.0 ? ago(half_).force : late_force();
+    if (std::isnan(velocity) || std::isnan(force)) {
       continuous_ = false;
       return Status::waiting;
     }
@@ -190,7 +197,7 @@ class VelocityFilter {
     const double age = age_of_middle(even);
     double dt = settings_.sample_time;
     if (given_) dt = continuous_ ? middle.dt : std::max(since_given_ - age, middle.dt);
-    sample_ = {{middle.penetration, velocity, middle.force}, dt, age};
+    sample_ = {{middle.penetration, velocity, force}, dt, age};
     since_given_ = age;
     given_ = continuous_ = true;
     return Status::updated;
@@ -203,6 +210,22 @@ class VelocityFilter {
     double age = late ? pending_[0].dt + pending_[1].dt : 0.0;
     for (std::size_t k = 0; k < half_; ++k) age += ago(k).dt;
     return age;
+  }
+
+  // The force at t_m + δ; NaN if the window does not reach it.
+  double late_force() const noexcept {
+    const double late = settings_.force_delay;
+    const bool newer = late > 0.0;
+    double left = std::abs(late);
+    for (std::size_t k = 0; k < half_; ++k) {
+      const Entry& near = newer ? ago(half_ - k) : ago(half_ + k);
+      const Entry& far = newer ? ago(half_ - k - 1) : ago(half_ + k + 1);
+      const double step = newer ? far.dt : near.dt;
+      // An even clock whose rounding puts δ just beyond the last sample.
+      if (left <= step * (1.0 + 1e-9)) return near.force + (far.force - near.force) * left / step;
+      left -= step;
+    }
+    return std::numeric_limits<double>::quiet_NaN();
   }
 
   double even_slope() const noexcept {

@@ -170,8 +170,11 @@ std::size_t replay_online(Online& core, const InputArray& position, const InputA
 
 void make_online(Online* self, double sample_time, std::uint32_t samples, double longest_gap,
                  bool lost_positions, double surface, double force_offset, double tare_time,
-                 bool flip_penetration, bool flip_force, const std::array<double, 3>& direction) {
-  const OnlinePreparationSettings settings{{sample_time, samples, longest_gap, lost_positions},
+                 bool flip_penetration, bool flip_force, const std::array<double, 3>& direction,
+                 double force_delay) {
+  const VelocityFilterSettings filter{sample_time, samples, longest_gap, lost_positions,
+                                      force_delay};
+  const OnlinePreparationSettings settings{filter,
                                            surface,
                                            force_offset,
                                            tare_time,

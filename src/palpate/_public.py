@@ -63,6 +63,8 @@ from palpate.quantities.energy import Passivity as Passivity
 from palpate.quantities.restitution import Restitution as Restitution
 from palpate.quantities.restitution import dissipation_for as dissipation_for
 from palpate.quantities.restitution import restitution as restitution
+from palpate.quantities.skew import Skew as Skew
+from palpate.quantities.skew import skew as skew
 from palpate.quantities.specimen import CompressionModulus as CompressionModulus
 from palpate.quantities.specimen import Specimen as Specimen
 from palpate.recordings import Recording as Recording

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
@@ -155,6 +155,7 @@ def identify(
     companion: "Recorded | None" = None,
     trace: Traced = 2000,
     no_time: bool = False,
+    delay: float | tuple[float, float] | Literal["find"] = 0.0,
     time: "ArrayLike | None" = None,
     rate: float | None = None,
     penetration: "ArrayLike | None" = None,
@@ -199,6 +200,9 @@ def identify(
         diagnosis and figures are identical.
     no_time : bool
         Identify only the stiffness, from a curve without time, as in :func:`prepare`.
+    delay : float, tuple of float or "find"
+        Delay of the force, s, with its standard error, as in :func:`prepare`; :func:`skew` measures
+        it.
     time, penetration, force : array_like, shape (k,), optional
         s, m (positive inside the material) and N (compression positive), instead of ``source``.
     rate : float, optional
@@ -227,8 +231,9 @@ def identify(
     signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     signals |= {"position": position, "rate": rate}
     given = {name: values for name, values in signals.items() if values is not None}
-    if not isinstance(source, Contact) or given or no_time or companion is not None:
-        source = prepare(source, companion=companion, no_time=no_time, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
+    options: dict[str, Any] = {"companion": companion, "no_time": no_time, "delay": delay}
+    if not isinstance(source, Contact) or given or any(map(bool, options.values())):
+        source = prepare(source, **options, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return Identification.selected_law(Data(source), estimator, trace=traced)
 
 

@@ -9,7 +9,7 @@ from palpate.cli import application
 #: What each command needs besides the two options of a test; FILE is a recording.
 NEEDED = {
     "identify": ["FILE"], "diagnose": ["FILE"], "compare": ["FILE"], "info": ["FILE"],
-    "payload": ["FILE"], "live": ["FILE"], "fleet": ["FILE", "-o", "results"],
+    "payload": ["FILE"], "skew": ["FILE"], "live": ["FILE"], "fleet": ["FILE", "-o", "results"],
     "lab": ["hunt-crossley", "-o", "new.csv"], "map": ["results"],
     "export": ["result", "--to", "usd"],
     "design": ["--stiffness", "2", "--damping", "2", "--exponent", "1", "--noise", "1"],

@@ -182,7 +182,7 @@ def contradictions(result: palpate.Identification) -> list[str]:
         if MARKS.index(mark) < MARKS.index(by_bar):
             wrong.append(f"{name}: {mark} beside a bar of {bar:.0%}")
         open_sign = not number.value > 2.0 * number.whole_error
-        faults, step = MAY_CAP - {"precision"}, "--skew"  # a law that cannot tell a late force
+        faults, step = MAY_CAP - {"precision"}, "--delay 0ms"  # a law that cannot tell a late force
         capped = limit is not None and (limit.check in faults or step in (limit.remedy or ""))
         if mark != by_bar and not open_sign and not capped:
             wrong.append(f"{name}: {mark} beside a bar of {bar:.0%}, by {limit.check}")

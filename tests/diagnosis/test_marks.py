@@ -290,7 +290,7 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
     assert usual.reason.startswith(
         "the damping is known to ± 8 %, provided that force and position are in step"
     )
-    assert usual.remedy == "if one clock stamps both, run again with --skew 0.1ms"
+    assert usual.remedy == "if one clock stamps both, run again with --delay 0ms+-0.1ms"
     assert known.verdict.damping == "trust"
 
 

@@ -26,7 +26,12 @@ from palpate.cli.options import (
     quantity,
     si_parameter,
 )
-from palpate.cli.reading import channels_to_flip, check_fixed_exponent
+from palpate.cli.reading import (
+    channels_to_flip,
+    check_fixed_exponent,
+    negative_number_parameter,
+    parse_delay,
+)
 from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
@@ -68,6 +73,8 @@ class StreamOptions:
     "Subtract weight and inertia of the tool that palpate payload saved to this file."
     velocity_window: Annotated[float | None, si_parameter("time", "DURATION", PREPARED)] = None
     "Length of the velocity filter, such as 30ms (default: 15 samples, at most 15ms)."
+    delay: Annotated[str | None, negative_number_parameter("DURATION")] = None
+    "Delay of the force, as palpate skew measures it: 3ms+-0.05ms, up to half the velocity window."
     flip_force: Annotated[bool, _FLAG] = False
     "Invert the sign of the force, so that compression is positive."
     flip_penetration: Annotated[bool, _FLAG] = False
@@ -128,6 +135,12 @@ class StreamOptions:
             given["tare_time"] = _OF_REST * rest
         if self.direction is not None:
             given["direction"] = _direction(self.direction)
+        if self.delay is not None:
+            if self.payload is not None:
+                raise InvalidParameterError(
+                    "--payload takes out the delay of its own log: omit --delay"
+                )
+            given["force_delay"] = parse_delay(self.delay)
         given |= {"velocity_window": self.velocity_window, "flip": channels_to_flip(self)}
         return OnlinePreparation(sample_time=source.sample_time, **given)
 

@@ -43,7 +43,7 @@ _Axis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
 _Surface: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
 
 
-def _negative_number_parameter(metavar: str) -> Parameter:
+def negative_number_parameter(metavar: str) -> Parameter:
     """An option whose value may begin with a minus sign, such as -3ms."""
     return Parameter(group=PREPARED, allow_leading_hyphen=True, metavar=metavar, show_choices=False)
 
@@ -104,23 +104,22 @@ class ReadingOptions:
     "Reverse the sign of the force: compression must be positive."
     flip_penetration: Annotated[bool, _FLAG] = False
     "Reverse the sign of the penetration: into the material must be positive."
-    tare: Annotated[Literal["find"] | str | None, _negative_number_parameter("find|SPAN")] = None
+    tare: Annotated[Literal["find"] | str | None, negative_number_parameter("find|SPAN")] = None
     "Subtract the mean force between START:STOP, s; find detects free air and subtracts its mean."
-    delay: Annotated[Literal["find"] | str | None, _negative_number_parameter("find|DURATION")] = (
+    delay: Annotated[Literal["find"] | str | None, negative_number_parameter("find|DURATION")] = (
         None
     )
-    "Delay of the force behind the position, such as 5ms or 5ms+-0.2ms; find estimates it."
-    skew: Annotated[str | None, _negative_number_parameter("DURATION")] = None
-    "Standard error of the skew between force and position, such as 0.1ms (default: 1ms)."
+    """Delay of the force behind the position, such as 5ms, or 5ms+-0.2ms with its standard error;
+    find estimates it, palpate skew measures it (default: 0ms+-1ms)."""
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
-    surface: Annotated[_Surface | str | None, _negative_number_parameter("DEPTH")] = None
+    surface: Annotated[_Surface | str | None, negative_number_parameter("DEPTH")] = None
     "Surface: a depth (0.7mm), threshold, baseline, fit or estimate (default: 0; position: fit)."
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     weak_prior: Annotated[bool, _PREPARED] = True
     "Keep B >= 0 and n from 1 to 2 where a motion one way leaves them open."
-    normal: Annotated[_Axis | str | None, _negative_number_parameter("DIRECTION")] = None
+    normal: Annotated[_Axis | str | None, negative_number_parameter("DIRECTION")] = None
     "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
     force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
     "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
@@ -128,11 +127,11 @@ class ReadingOptions:
     "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
     payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
     "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
-    tip_offset: Annotated[str | None, _negative_number_parameter("X,Y,Z")] = None
+    tip_offset: Annotated[str | None, negative_number_parameter("X,Y,Z")] = None
     "Tip from the origin of a pose that is not its own, in the axes of the pose: 3mm,0,140mm."
     mass: Annotated[float | None, si_parameter({"kg": 1.0, "g": 1e-3}, "MASS", PREPARED)] = None
     "Mass between force sensor and material, such as 20g; its inertia leaves the force."
-    spot: Annotated[Literal["inf"] | str | None, _negative_number_parameter("DEPTH")] = None
+    spot: Annotated[Literal["inf"] | str | None, negative_number_parameter("DEPTH")] = None
     "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
 
     save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
@@ -227,15 +226,7 @@ class ReadingOptions:
         if self.tare is not None:
             given["tare"] = self.tare if self.tare == "find" else _span("--tare", self.tare)
         if self.delay is not None:
-            given["delay"] = (
-                self.delay if self.delay == "find" else _parse_duration_and_error(self.delay)
-            )
-        if self.skew is not None:
-            if self.delay is not None:
-                raise InvalidParameterError(
-                    "--skew excludes --delay, which has a standard error of its own: 5ms+-0.2ms"
-                )
-            given["delay"] = (0.0, quantity("--skew", self.skew, "time"))
+            given["delay"] = self.delay if self.delay == "find" else parse_delay(self.delay)
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
             given["payload"] = Payload.load(self.payload)
@@ -329,7 +320,7 @@ def _span(option: str, text: str) -> tuple[float, float]:
     return quantity(option, start, "time"), quantity(option, stop, "time")
 
 
-def _parse_duration_and_error(text: str) -> float | tuple[float, float]:
+def parse_delay(text: str) -> float | tuple[float, float]:
     """Parse a duration, or a duration and its standard error: 14ms+-0.2ms."""
     late, sign, error = text.replace("±", "+-").partition("+-")
     found = quantity("--delay", late, "time")

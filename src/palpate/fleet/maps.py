@@ -248,6 +248,7 @@ def _compare_repeats(name: str, total: int, value: Floats, error: Floats) -> Rep
 
 _LEAST_FILES = 4
 _LEAST_SPAN = 2.0  # of the stiffness: for one material the ratio may as well be its damping
+_LEAST_ERROR = 0.02  # of a lag, which a few files may agree on by chance
 _SAME = 0.1  # standard deviation of the ratios, relative to their median
 _ONE_FREQUENCY = 1.5  # span below which a constant loss tangent looks like a constant delay
 
@@ -283,7 +284,9 @@ class RigLag:
         )
         if not self.frequencies > _ONE_FREQUENCY:
             words += ", or all materials have one loss tangent"
-        return f"{words}; measure it, or try --delay {rounded(-1e3 * self.time, 3)}ms"
+        error = max(self.spread, _LEAST_ERROR * abs(self.time))
+        option = f"--delay {rounded(-1e3 * self.time, 3)}ms+-{rounded(1e3 * error, 2)}ms"
+        return f"{words}; touch a steel spring (palpate skew), or try {option}"
 
 
 def rig_lag_of(table: Table) -> RigLag | None:

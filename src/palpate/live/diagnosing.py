@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.contact import Contact, VelocityFilter
+from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.digits import rounded
 from palpate.errors import PalpateError
 from palpate.estimators import ContactEstimator, estimator_named
@@ -93,14 +93,17 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
 
 
 def build_contact(
-    samples: Floats, sample_time: float, velocity_filter: VelocityFilter | None = None
+    samples: Floats,
+    sample_time: float,
+    velocity_filter: VelocityFilter | None = None,
+    delay: Delay | None = None,
 ) -> Contact:
     """Return the samples as a contact, with a new segment after each gap."""
     gaps = np.diff(samples[:, 0], prepend=samples[:1, 0]) > _GAP * sample_time
     time, *columns = samples[:, :4].T
     names = ("penetration", "velocity", "force")
     signals: dict[str, Any] = dict(zip(names, columns, strict=True))
-    signals["velocity_filter"] = velocity_filter
+    signals |= {"velocity_filter": velocity_filter, "delay": delay}
     return Contact(time, **signals, segment=np.cumsum(gaps), source="the last seconds")
 
 
@@ -121,7 +124,10 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     try:
         used = status.get("velocity_filter")
         step = float(status.get("sample_time", 1e-3))
-        contact = build_contact(samples, step, used and VelocityFilter(**used))
+        late = status.get("force_delay")
+        contact = build_contact(
+            samples, step, used and VelocityFilter(**used), late and Delay(*late)
+        )
         result = identify(contact, _estimator(status), trace=False)
         if (depth := status.get("depth")) is not None:
             result = result.at_depth(depth)

@@ -631,6 +631,7 @@ class Loop:
             payload += ", and the bias in free air" * self._bias_tared
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
+        late = self.preparation.removed_delay
         came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}
         return {
             "source": source.name,
@@ -641,6 +642,7 @@ class Loop:
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
             "payload": payload,
             "velocity_filter": self.preparation.velocity_filter.as_dict(),
+            "force_delay": late and [late.seconds, late.standard_error],
             "method": estimator.method,
             "settings": main_settings(estimator),
             "exponent": estimator.settings.get("exponent"),

@@ -12,6 +12,7 @@ from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.estimators.batch_fit import fit_curves
 from palpate.estimators.least_squares import robust_covariance
+from palpate.preparation.settings import check_delay
 from palpate.preparation.surfaces import add
 from palpate.preparation.velocity import find_spikes
 from palpate.validation import Floats
@@ -40,8 +41,7 @@ def remove_delay(contact: Contact, late: float | tuple[float, float] | Literal["
     if isinstance(late, str):
         delay = find_delay(contact)
     else:
-        pair = late if isinstance(late, tuple) else (late, 0.5 * contact.sample_time)
-        delay = Delay(*pair)
+        delay = check_delay("delay", late, contact.sample_time)
     late = delay.seconds
     if late == 0.0:
         return replace(contact, delay=delay)

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import palpate._core as _core
-from palpate.contact import Contact, VelocityFilter
+from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.errors import InvalidParameterError
-from palpate.preparation.settings import check_flip
+from palpate.preparation.settings import check_delay, check_flip
 from palpate.preparation.velocity import window_samples
 from palpate.settings import Configured
 from palpate.validation import (
@@ -68,6 +68,10 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
         Whether to detect dropouts of the position. Without, outputs are two samples earlier.
     longest_gap : float, optional
         Time between samples, s, above which a new window begins. Default: length of the window.
+    force_delay : float or tuple of float
+        Delay of the force behind the position, s, as measured by :func:`palpate.skew`, or
+        (delay, standard error); negative if the force is early. It may not exceed half of
+        ``velocity_window``. Default: 0.
 
     Raises
     ------
@@ -89,6 +93,7 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
         direction: "ArrayLike | None" = None,
         lost_positions: bool = _DEFAULTS["lost_positions"],
         longest_gap: float | None = None,
+        force_delay: float | tuple[float, float] = 0.0,
     ) -> None:
         self._settings: dict[str, Any] = arguments(locals())
         step = number_in("sample_time", sample_time, 1e-100, 1e6)
@@ -99,6 +104,13 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
                 f"velocity_window must be at most {longest}, not {shown(velocity_window)}"
             )
         turned = check_flip(flip)
+        late = check_delay("force_delay", force_delay, step)
+        reach = step * (samples // 2)
+        if abs(late.seconds) > reach:
+            raise InvalidParameterError(
+                f"force_delay must be within ± {reach:g} s, half of the velocity_window, not "
+                f"{late.seconds:g}: pass a longer velocity_window"
+            )
         super().__init__(
             step,
             samples,
@@ -110,6 +122,17 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
             "penetration" in turned,
             "force" in turned,
             [0.0, 0.0, 0.0] if direction is None else _unit_vector(direction),
+            late.seconds,
+        )
+
+    @property
+    def removed_delay(self) -> Delay | None:
+        """The delay of the force that is taken out, or None."""
+        given = self._settings["force_delay"]
+        return (
+            None
+            if given == 0.0
+            else check_delay("force_delay", given, self._settings["sample_time"])
         )
 
     @property
@@ -160,6 +183,7 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
             segment=segment[:count],
             provenance={"velocity": WORDS.format(samples=filtered.samples, delay=1e3 * self.delay)},
             velocity_filter=filtered,
+            delay=self.removed_delay,
         )
 
 

@@ -8,6 +8,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
@@ -76,10 +77,7 @@ class Preparation:
             allowed = "'find', a time in s, or a time and its standard error"
             raise InvalidParameterError(f"delay must be {allowed}, not {shown(self.delay)}")
         if not isinstance(self.delay, str):
-            late, *error = self.delay if isinstance(self.delay, tuple) else (self.delay,)
-            number_in("delay", late, -LONGEST_DELAY, LONGEST_DELAY)
-            for each in error:
-                number_in("standard error of the delay", each, 0.0, LONGEST_DELAY)
+            check_delay("delay", self.delay)
         if not (self.surface is None or isinstance(self.surface, str)):
             number_in("surface", self.surface, -1e6, 1e6)
         elif self.surface not in (None, *get_args(SurfaceRule)):
@@ -125,6 +123,20 @@ def _check_unit(channel: str, unit: Any) -> None:
         known = list(UNITS[channel])
         allowed = f"one of {', '.join(known)} or a multiple such as 0.0098{known[0]}"
         raise InvalidParameterError(f"unit of the {channel} must be {allowed}, not {shown(unit)}")
+
+
+def check_delay(
+    name: str, given: float | tuple[float, float], sample_time: float = math.nan
+) -> Delay:
+    """Return a delay, s, alone or with its standard error; by default that is half a sample."""
+    late, *errors = given if isinstance(given, tuple) else (given,)
+    if len(errors) > 1:
+        allowed = "a time in s, or a time and its standard error"
+        raise InvalidParameterError(f"{name} must be {allowed}, not {shown(given)}")
+    number_in(name, late, -LONGEST_DELAY, LONGEST_DELAY)
+    if not errors:
+        return Delay(late, 0.5 * sample_time)
+    return Delay(late, number_in(f"standard error of the {name}", errors[0], 0.0, LONGEST_DELAY))
 
 
 def check_flip(flip: Sequence[str]) -> set[str]:

@@ -191,25 +191,28 @@ def put_in(work: Floats, loops: Loops) -> Floats:
         ends = np.interp([start, stop], places, work)
         within = work[int(np.ceil(start)) : int(np.floor(stop)) + 1]
         own = np.concatenate([ends[:1], within, ends[1:]])
-        rises = np.diff(_turns(own, SMALLEST_STROKE * float(np.ptp(own))))
+        rises = np.diff(own[turning_points(own, SMALLEST_STROKE * float(np.ptp(own)))])
         sums.append(float(rises[rises > 0.0].sum()))
     return np.array(sums)
 
 
-def _turns(values: Floats, least: float) -> list[float]:
-    """Values at the turning points between swings larger than ``least``, and at both ends."""
-    values = values[np.append(True, np.diff(values) != 0.0)]
-    steps = np.diff(values)
-    kept = np.flatnonzero((steps[1:] > 0.0) != (steps[:-1] > 0.0)) + 1
-    turns = [float(values[0])]
-    extreme, rising = float(values[0]), True
-    for value in [*values[kept].tolist(), float(values[-1])]:
-        if (value > extreme) if rising else (value < extreme):
-            extreme = value
-        elif abs(value - extreme) > least:
+def turning_points(values: Floats, least: float) -> NDArray[np.intp]:
+    """Indices of the turning points between swings larger than ``least``, and of both ends."""
+    moved = np.flatnonzero(np.append(True, np.diff(values) != 0.0))
+    rising_step = np.diff(values[moved]) > 0.0
+    corners = moved[np.flatnonzero(rising_step[1:] != rising_step[:-1]) + 1]
+    turns = [0]
+    extreme = 0
+    rising = True
+    for place in [*corners.tolist(), int(moved[-1])]:
+        higher = values[place] - values[extreme]
+        if higher > 0.0 if rising else higher < 0.0:
+            extreme = place
+        elif abs(higher) > least:
             turns.append(extreme)
-            extreme, rising = value, not rising
-    return [*turns, extreme]
+            extreme = place
+            rising = not rising
+    return np.array([*turns, extreme])
 
 
 # The energy that a material dissipates in a loop, measured and by the model.
