@@ -66,16 +66,10 @@ Memory opened(const std::string& name, const nb::bytes& state, std::span<const M
 void check_settings(bool same);
 void check_ranges(bool sound);
 
-// The bytes of an optional part. Its padding becomes zero where the compiler can do so, so that
-// equal objects have equal states; no part is declared const.
+// The bytes of an optional part.
 template <class Part>
 Memory memory_of(const Part* part) noexcept {
   static_assert(std::is_trivially_copyable_v<Part>);
-#if defined(__has_builtin)
-#if __has_builtin(__builtin_clear_padding)
-  if (part) __builtin_clear_padding(const_cast<Part*>(part));
-#endif
-#endif
   return part ? Memory(reinterpret_cast<const char*>(part), sizeof(Part)) : Memory();
 }
 

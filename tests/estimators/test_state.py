@@ -168,13 +168,6 @@ def test_a_changed_state_with_a_right_checksum_ends_no_process(name):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("name", HOLDERS)
-def test_a_copy_has_the_same_state(name):
-    """Bytes that no number uses are zero."""
-    holder = learned(name)
-    assert pickle.loads(pickle.dumps(holder))._state() == holder._state()
-
-
 def test_a_mutated_pickle_is_refused_in_words():
     whole = pickle.dumps(learned("least squares"))
     at = whole.index(b"palpate-state") + 100

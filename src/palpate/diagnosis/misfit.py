@@ -48,7 +48,8 @@ def smooth_misfit(fit: Fit) -> float:
     powers = place[:, None] ** np.arange(5.0)
     by_speed = (speed, np.tanh(3.0 * speed), speed**2)
     columns = np.hstack([powers, *(each[:, None] * powers[:, :3] for each in by_speed)])
-    columns = solution.orthogonal_part(columns / np.linalg.norm(columns, axis=0))
+    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)  # at rest those of speed are 0
+    columns = solution.orthogonal_part(columns / sizes)
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, sizes > DISTINCT]
     if len(basis) <= 2 * basis.shape[1]:
