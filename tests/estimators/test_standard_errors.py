@@ -68,6 +68,7 @@ def test_standard_errors_are_the_spread_and_95_percent_hold_the_truth_95_times_i
         np.testing.assert_allclose(ratio, 1.0, atol=0.09)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("surface", [0.0, 1e-3])  # m: the probe rests above zero, or below it
 @pytest.mark.parametrize("step", [0.0, 0.125])
 def test_a_pause_above_an_unknown_surface_leaves_the_bars_at_the_bound(step, surface):

@@ -41,6 +41,7 @@ def table(setup: Setup, form: str = "x, y, z, w", *, base: bool = False) -> Reco
     return Recording(columns | dict(zip(names, values.T, strict=True)), source="log.csv")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "form, sign",
     [
@@ -69,6 +70,7 @@ def test_a_table_is_read_as_it_was_written(form, sign):
     assert all("w, x, y, z" in words for words in said[1:]) == (form != "w last")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_turns_about_one_axis_leave_the_sign_open(sign):
     setup = replace(SETUP, axes=1, sign=sign, tilt=0.0)
@@ -81,6 +83,7 @@ def test_turns_about_one_axis_leave_the_sign_open(sign):
         assert flipped.mount_mark == "trust"
 
 
+@pytest.mark.long
 def test_a_force_in_the_axes_of_the_base_is_read_there():
     recording = table(SETUP, base=True)
     contact, stated = prepare(recording), prepare(recording, force_frame="base")
