@@ -174,13 +174,8 @@ void make_online(Online* self, double sample_time, std::uint32_t samples, double
                  double force_delay) {
   const VelocityFilterSettings filter{sample_time, samples, longest_gap, lost_positions,
                                       force_delay};
-  const OnlinePreparationSettings settings{filter,
-                                           surface,
-                                           force_offset,
-                                           tare_time,
-                                           flip_penetration,
-                                           flip_force,
-                                           direction};
+  const OnlinePreparationSettings settings{filter,           surface,    force_offset, tare_time,
+                                           flip_penetration, flip_force, direction};
   if (const char* fault = validate(settings, longest_window)) throw nb::value_error(fault);
   new (self) Online(settings);
 }

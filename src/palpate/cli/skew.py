@@ -18,7 +18,7 @@ def skew(
 ) -> None:
     """Measure how late the force is behind the position, from a touch of a steel spring.
 
-    Press the spring with the rig of your recordings, without restarting it. Move to and fro in
+    Press the spring with the rig of your recordings, without restarting it. Move back and forth in
     contact, slowly and then at least 3 times as quickly, such as 1 Hz and 4 Hz, for some periods
     each. Touch it again at the end and pass both files: clocks may move.
 

@@ -49,7 +49,7 @@ MOST_RELAXATION = 0.01
 WINDOWS_A_PERIOD = 20  # windows over which noise is averaged, as in the search for a delay
 BRANCHES = 4  # relaxation times, from the quick strokes' to four times the slow ones'
 MOST_ROUNDS = 8
-NEAR_ENOUGH = 0.6  # of a sample; at half a sample the shift would go to and fro
+NEAR_ENOUGH = 0.6  # of a sample; at half a sample the shift would go back and forth
 SURE = 3.0  # standard errors from which a spring is excluded
 
 
@@ -215,7 +215,7 @@ class _Touch:
         if len(strokes) < 2 * FEWEST_STROKES:
             raise self.refusal(
                 f"it has {len(strokes)} strokes within the contact, of {2 * FEWEST_STROKES}: press "
-                "the spring, then move to and fro without leaving it, slowly and then quickly"
+                "the spring, then move back and forth without leaving it, slowly and then quickly"
             )
         omega = np.array([math.pi / (time[each.stop] - time[each.start]) for each in strokes])
         border = math.sqrt(float(omega.min() * omega.max()))
