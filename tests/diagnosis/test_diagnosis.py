@@ -11,6 +11,7 @@ import palpate
 from benchmarks.bank import material_faults, sensor_faults
 from palpate import lab
 from palpate.diagnosis import Data
+from palpate.diagnosis.bars import IN_STEP
 from palpate.diagnosis.delay import _earlier_samples, find_delay
 from palpate.diagnosis.fit import Fit, FitInput
 from palpate.diagnosis.nuisances import NUISANCES
@@ -89,7 +90,7 @@ def test_a_law_that_is_selected_has_what_another_lacks(name):
     diagnosis = palpate.diagnose(CAUSES[name])
     assert not any(each.check == name and each.z > 0.0 for each in diagnosis.findings)
     assert diagnosis.verdict == palpate.Verdict("trust", "with-care", "with-care")
-    assert diagnosis.remedy == "if one clock stamps both, run again with --delay 0ms+-0.1ms"
+    assert diagnosis.remedy == IN_STEP
     known = dataclasses.replace(CAUSES[name], delay=palpate.contact.Delay(0.0, 1e-4))
     assert palpate.diagnose(known).verdict.overall == "trust"
 

@@ -24,7 +24,6 @@ from palpate.cli.printing import (
 )
 from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
-from palpate.findings import Check
 
 if TYPE_CHECKING:
     from palpate.contact import Contact
@@ -77,6 +76,7 @@ def identify(
     as_json
         Print one JSON object instead of text.
     """
+    from palpate.findings import Check
     from palpate.identifying import identify as run
     from palpate.quantities.indentation import find_force_curve
 

@@ -308,7 +308,10 @@ def _change_with_depth(fit: Fit, deviation: float | None) -> Floats:
 #: Limits of the relative standard error, all causes together: a number is trusted below the first
 #: and not trusted above the second.
 TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
-IN_STEP = "if one clock stamps both, run again with --delay 0ms+-0.1ms"
+IN_STEP = (
+    "touch a steel spring with this rig (palpate skew), or, if one clock stamps both, run again "
+    "with --delay 0ms+-0.1ms"
+)
 
 
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
