@@ -283,7 +283,7 @@ def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
         counts.append(f"{number} {each}")
     yield Line(f"{len(places)} places: {'; '.join(counts)}; below the worst three.")
     if remedy := next((part.diagnosis.remedy for part in sort_by_verdict(places)), None):
-        yield Line(_sentence(remedy), "next step, for the worst place")
+        yield Line(_sentence(remedy), "next, for the worst")
 
 
 def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
