@@ -61,7 +61,7 @@ def main() -> None:
     """
     caught = _Interrupts()
     prepare_output()
-    # Of numpy and others about damaged numbers; whoever asks for warnings gets them all the same.
+    # numpy and others warn of damaged numbers; whoever asks for warnings gets them all the same.
     warnings.simplefilter("ignore", append=True)
     try:
         status = _run(sys.argv[1:])

@@ -83,23 +83,23 @@ def _mass(fit: Fit) -> float:
 NUISANCES: Mapping[Check, Nuisance] = {
     # s. Two channels of one controller differ by a filter of 50–100 Hz or one cycle of 500 Hz.
     Check.DELAY: Nuisance(2e-3, _second, "a delay between force and position"),
-    # Of the elastic force: a tip that slides by the part of the motion that is not normal.
+    # Fraction of the elastic force: a tip slides where the motion is not normal.
     Check.FRICTION: Nuisance(0.05, _elastic_force, "friction that grows with the load"),
-    # Of the peak force: seals and linear guides between sensor and probe.
+    # Fraction of the peak force: seals and linear guides between sensor and probe rub.
     Check.GUIDE_FRICTION: Nuisance(0.01, _peak_force, "friction of a guide"),
-    # Of the peak force: the tip beyond a sensor, about 1 % of what moves.
+    # Fraction of the peak force: the tip beyond a sensor is about 1 % of what moves.
     Check.INERTIA: Nuisance(0.02, _mass, "a mass beyond the sensor"),
-    # Of the elastic force at the rms speed: fluid that is pressed out.
+    # Fraction of the elastic force at the rms speed: fluid is pressed out.
     Check.SQUARE_SPEED: Nuisance(0.05, _elastic_force, "damping that grows with the speed"),
-    # Of the peak force during the recording: strain gauges that warm up.
+    # Fraction of the peak force during the recording: strain gauges warm up.
     Check.OFFSET_DRIFT: Nuisance(0.03, _peak_force, "drift of the force sensor"),
-    # Between no and the peak force. A bend of b lies b/4 off the line between its ends: load cells
-    # are specified to 0.1 to 1 % of their range.
+    # Change of the gain between no and the peak force. A bend of b lies b/4 off the line between
+    # its ends: load cells are specified to 0.1 to 1 % of their range.
     Check.SENSOR_GAIN: Nuisance(0.04, _gain_at_peak, "a curved sensor gain", GAIN_ODDS),
-    # During the recording: materials that soften, or sensors that warm up.
+    # Change of the gain during the recording: materials soften, or sensors warm up.
     Check.GAIN_DRIFT: Nuisance(0.05, _second, "softening or a drifting gain"),
-    # Of the damping force: half-space and Hunt–Crossley damping differ by as much over a depth of
-    # one to three.
+    # Fraction of the damping force: half-space and Hunt–Crossley damping differ by as much over
+    # depths of one to three.
     Check.DAMPING_FORM: Nuisance(0.4, _damping_force, "damping of another form"),
 }
 

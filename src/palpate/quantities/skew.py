@@ -11,6 +11,7 @@ speeds: friction is fitted beside δ, δ is fitted at each speed, and both must 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,8 +30,8 @@ from palpate.validation import Floats, Plain
 
 #: Loss factor that a steel spring with its mount may have; a spring alone has less than 1e-4.
 LOSS_FACTOR = 1e-3
-#: Standard error up to which a skew is trusted, s: 3 % of the damping of half of real recordings,
-#: where 1 ms changes it by 7 %, is .4 ms; a tenth of a millisecond leaves room for the rest.
+#: Standard error up to which a skew is trusted, s: it changes the damping of half of real
+#: recordings by 0.7 %, and of one in ten by 3 %.
 TRUSTED = 1e-4
 LEAST_RATIO = 3.0  # of the two speeds: then δ of a loss factor differs by two thirds of itself
 FEWEST_STROKES = 4  # at each speed: two periods, of which one may follow a change of speed
@@ -214,8 +215,9 @@ class _Touch:
         ]
         if len(strokes) < 2 * FEWEST_STROKES:
             raise self.refusal(
-                f"it has {len(strokes)} strokes within the contact, of {2 * FEWEST_STROKES}: press "
-                "the spring, then move back and forth without leaving it, slowly and then quickly"
+                f"it has too few strokes within the contact, {len(strokes)} of "
+                f"{2 * FEWEST_STROKES}: press the spring, then move back and forth without leaving "
+                "it, slowly and then quickly"
             )
         omega = np.array([math.pi / (time[each.stop] - time[each.start]) for each in strokes])
         border = math.sqrt(float(omega.min() * omega.max()))
@@ -329,7 +331,7 @@ class _Touch:
             return found, math.sqrt(float(covariance[0, 0]))
 
         stiffness = float(np.mean(slope))
-        branches = [amount(stiffness * each[rows.place]) for each in self._relaxing()]
+        branches = [amount(stiffness * each[rows.place]) for each in self._relaxing]
         return _SpringFit(
             solution[:2],
             np.sqrt(np.diag(robust_covariance(averaged, left))[:2]),
@@ -339,6 +341,7 @@ class _Touch:
             by_depth=amount(rate * (scaled - scaled.mean())),
         )
 
+    @cached_property
     def _relaxing(self) -> Floats:
         """Return the states of Maxwell branches on a linear spring, m, a row a relaxation time."""
         depth = self.contact.penetration
