@@ -3,7 +3,7 @@
 import json
 import math
 import pickle
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, make_dataclass, replace
 from typing import ClassVar
 
 import conformance
@@ -255,6 +255,11 @@ def test_a_change_of_a_material_is_found_by_its_own_law(registered):
 INCOMPLETE = {
     "no estimator": (contact_estimator.register, int, "must be a ContactEstimator"),
     "no law": (force_laws.register, int, "must be a dataclass of ForceLaw"),
+    "a law whose coefficient is called as what is felt": (
+        force_laws.register,
+        make_dataclass("Named", [("stiffness", float)], bases=(Sticky,), frozen=True, kw_only=True),
+        "Named.stiffness is felt at a depth: name a coefficient by its symbol",
+    ),
     "a name that is taken": (
         contact_estimator.register,
         type("Other", (StickyRLS,), {"method": "single-stage"}),

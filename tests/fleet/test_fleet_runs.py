@@ -162,7 +162,14 @@ def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
     (tmp_path / "mine" / "thesis.tex").write_text("dear")
     with pytest.raises(FleetError, match=r"holds thesis\.tex, which palpate fleet did not write"):
         begun(recordings, tmp_path / "mine")
-    (tmp_path / "other" / "_fleet.json").write_text("{")
+    manifest = tmp_path / "other" / "_fleet.json"
+    older = {
+        name: value for name, value in json.loads(manifest.read_text()).items() if name != "schema"
+    }
+    manifest.write_text(json.dumps(older))
+    with pytest.raises(FleetError, match=r"have schema 1, but palpate .* reads schema 2; run"):
+        read_results(tmp_path / "other")
+    manifest.write_text("{")
     with pytest.raises(FleetError, match="cannot be read"):
         begun(recordings, tmp_path / "other")
     write_recordings(tmp_path / "all", 2)

@@ -207,6 +207,13 @@ def test_a_parameter_that_is_not_a_finite_number_is_refused_by_name(bad, positio
     assert repr(bad) in str(caught.value)
 
 
+def test_coefficients_are_passed_by_their_names():
+    with pytest.raises(TypeError, match="positional"):
+        HuntCrossley(2000.0, 1.5, 2000.0)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stiffness'"):
+        HuntCrossley(stiffness=2000.0, damping=2000.0, exponent=1.5)
+
+
 DEPTHS, SPEEDS = np.array([1e-3, 4e-3, 9e-3]), np.array([0.02, -0.05, 0.0])
 
 
