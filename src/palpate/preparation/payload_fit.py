@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.contact import run_slices
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.preparation.payload import TENSOR, Payload, load_of
+from palpate.preparation.payload import TENSOR, Payload
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
@@ -32,12 +32,16 @@ FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
 MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
+AXES = np.array([k == TENSOR for k in range(6)], dtype=np.float64)  # of the inertia
 OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    crossed: Floats = -np.cross(vectors[..., None, :], np.eye(3))
+    crossed = np.zeros((*vectors.shape, 3))
+    for k, (first, second) in enumerate(((1, 2), (2, 0), (0, 1))):
+        crossed[..., first, second] = -vectors[..., k]
+        crossed[..., second, first] = vectors[..., k]
     return crossed
 
 
@@ -54,7 +58,14 @@ def regressors(seen: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (seen[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ seen[:, 9 + TENSOR] @ mount
-    return np.stack([load_of(each, g, w, a, products, lever) for each in np.eye(13)], axis=2)
+    square = np.trace(products, axis1=1, axis2=2)[:, None, None]
+    swing = square * np.eye(3) - skew(a) - products
+    turned_g = skew(g + swing @ lever)
+    by_a, by_w = (np.einsum("kij,nj->nik", AXES, each) for each in (a, w))
+    by = np.zeros((len(seen), 6, 13))
+    by[:, :3, 0], by[:, :3, ARM], by[:, :3, LEVER] = g, swing, swing
+    by[:, 3:, ARM], by[:, 3:, INERTIA] = -turned_g, -by_a - skew(w) @ by_w
+    return by
 
 
 def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:

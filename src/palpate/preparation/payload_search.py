@@ -90,6 +90,7 @@ def find_payload(
     known: Payload | None = None,
     weight: float | None = None,
     sign: float = 1.0,
+    tried: bool = False,
     source: str = "",
 ) -> PayloadFit | None:
     """Find the payload of a log, and the zeroings of its sensor.
@@ -112,6 +113,8 @@ def find_payload(
     sign : float
         −1 if the sensor reads the force that the tool exerts; without effect where the log does not
         identify the mass.
+    tried : bool
+        Whether the other sign was tried: then None where the log does not identify the mass.
     source : str
         Name of the file for messages.
 
@@ -158,6 +161,8 @@ def find_payload(
             fits_as_well = other.payload.mass > 0.0 and other.scale < 1.5 * found.scale
             if fits_as_well:  # assumed, not found: it is no more certain
                 found = _with_errors(other, own)
+    elif sign < 0.0 and tried:
+        return None
     elif sign < 0.0:
         return find_payload(motion, time, wrench, delay=delay, weight=weight, source=source)
     else:

@@ -298,10 +298,15 @@ class PosedWrench:
     time: Floats
     wrench: Floats
     delay: tuple[float, float] | None
+    _motions: dict[tuple[Reading, float], FlangeMotion] = field(default_factory=dict)
 
     def motion(self, reading: Reading, window: float = WINDOW) -> FlangeMotion:
         """Return the motion of the flange over a window, s."""
-        return motion_of(self.stamps, self.position, reading.turn(self.orientation), window)
+        key = replace(reading, sign=1.0), window
+        if key not in self._motions:
+            turned = reading.turn(self.orientation)
+            self._motions[key] = motion_of(self.stamps, self.position, turned, window)
+        return self._motions[key]
 
 
 def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWrench | None:
@@ -338,19 +343,34 @@ def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWr
 
 
 def compensate(
-    signals: Signals, log: PosedWrench, settings: Preparation, reading: Reading, source: str
+    signals: Signals,
+    log: PosedWrench,
+    settings: Preparation,
+    reading: Reading,
+    source: str,
+    *,
+    tried: bool = False,
 ) -> Compensated | None:
     """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
 
-    The signals have the orientation of the reading. None where the log has no free air: then the
-    mean force is subtracted as that of a sensor that does not turn.
+    The signals have the orientation of the reading; the other sign may have been tried. None where
+    the log has no free air: then the mean force is subtracted as that of a sensor that does not
+    turn.
     """
     time, wrench, delay, sign = log.time, log.wrench, log.delay, reading.sign
     quick, slow = log.motion(reading), log.motion(reading, SLOW)
     motion = slow if does_turn(slow) else quick
     tool, weight = settings.payload, settings.tool_weight
     fit = find_payload(
-        motion, time, wrench, delay=delay, known=tool, weight=weight, sign=sign, source=source
+        motion,
+        time,
+        wrench,
+        delay=delay,
+        known=tool,
+        weight=weight,
+        sign=sign,
+        tried=tried,
+        source=source,
     )
     if fit is None and settings.payload is not None:
         words = "--payload needs a second of free air, to find the bias of the sensor"
@@ -553,7 +573,8 @@ def _try_readings(
         own, compensated = replace(signals, orientation=turned), None
         if turned is not None and log is not None:
             try:
-                compensated = compensate(own, log, settings, reading, source)
+                tried = reading.sign < 0.0 and replace(reading, sign=1.0) in trials
+                compensated = compensate(own, log, settings, reading, source, tried=tried)
             except RecordingError as error:
                 refusals.append(error)
                 continue

@@ -76,7 +76,7 @@ class _CheckedStore(WrapperStore[Any]):
             packing = next((self._arrays[f] for f in _folders(key) if f in self._arrays), None)
             if packing is not None and byte_range is not None:  # a part of a shard
                 whole = await super().get(key, prototype)
-                packing.check(whole.to_bytes())
+                packing.check((whole or value).to_bytes())
                 self._checked.add(key)
             elif packing is not None:
                 packing.check(value.to_bytes())
