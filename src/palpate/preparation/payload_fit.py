@@ -22,6 +22,7 @@ FEWEST_FREE = 50  # blocks
 KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in a long log
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
+ARMS = 0.15  # m, of sensor and centre of mass, as first allowed for
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
 # The filter of the motion attenuates the acceleration, which raises the mass: by 0.2 % at 2.4 and
 # 3.5 Hz and 0.9 % at 5 Hz where inertia alone tells it.
@@ -220,6 +221,9 @@ def fit_payload(
     drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
     rest = unloaded[:, :3] - bias
     allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
+    # Of a heavy tool the inertia, by arms that are not known yet, is more than that.
+    inertia = max(mass - 1.0, 0.0) * (allowed - floor + ARMS * np.linalg.norm(seen[:, 6:9], axis=1))
+    allowed += inertia
     free = np.linalg.norm(rest, axis=1) < 2.0 * allowed
     scale = np.maximum(1.0, np.repeat([floor / math.sqrt(3.0), 0.02], 3) / noise)
     if mass == 0.0:  # nothing turns: inertia alone may tell the mass, from farther off
@@ -230,8 +234,9 @@ def fit_payload(
     for step in range(ROUNDS):
         fit = _linearized(blocks, columns, theta, mount, drift)
         sigma = noise * scale
+        slack = 1.0 + inertia / floor if step < FIRST_ROUNDS else 1.0
         sizes = [
-            np.linalg.norm(fit.rest[:, axes] / sigma[axes], axis=1) / math.sqrt(3.0) / cut
+            np.linalg.norm(fit.rest[:, axes] / sigma[axes], axis=1) / math.sqrt(3.0) / cut / slack
             for axes, cut in ((slice(0, 3), CUT), (slice(3, 6), 4.0 * CUT))
         ]
         inside = free & (sizes[0] < 1.0) & (sizes[1] < 1.0)
