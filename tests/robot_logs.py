@@ -48,6 +48,7 @@ class Setup:
     axes: int = 2
     touch_tilt: float = 10.0  # of the tool between touches
     pose_rate: float = 500.0
+    pose_noise: float = 1e-5  # m
     rate: float = 1000.0
     depth: float = 3e-3
     presses: int = 4
@@ -156,7 +157,7 @@ def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     noises = [setup.noise] * 3 + [setup.torque_noise] * 3
     read = setup.sign * (read + g.normal(size=read.shape) * np.array(noises))
     at = np.rint(np.arange(0.0107, end - 0.01, 1.0 / setup.pose_rate) * FINE).astype(int)
-    place = flange[at] + 1e-5 * g.normal(size=(len(at), 3))
+    place = flange[at] + setup.pose_noise * g.normal(size=(len(at), 3))
     tool = (turn[at] * Rotation.from_rotvec(1e-4 * g.normal(size=(len(at), 3)))).as_quat()
     channels = {"pose.time": time[at], "wrench.time": stamps}
     for k, axis in enumerate("xyz"):
@@ -305,6 +306,8 @@ def identify(setup: Setup, **options: Any) -> Errors:
 IDEAL = {"touch_tilt": 0.0, "friction": 0.0, "delay": 0.0, "drift": 0.0, "wander": 0.0}
 NO_TOOL = IDEAL | {"mass": 1e-6, "mount": (0.0, 0.0, 0.0)}
 STILL = {"axes": 0, "turns": 0.0}
+VERTICAL = STILL | {"tilt": 0.0, "touch_tilt": 0.0, "free_height": 0.09}
+VERTICAL |= {"friction": 0.0, "mount": (0.0, 0.0, 40.0)}
 FAULTS: dict[str, dict[str, Any]] = {
     "mount 30° about x, no weight": NO_TOOL | STILL | {"mount": (30.0, 0.0, 0.0)},
     "weight 4 N, tool never turns": IDEAL | STILL | {"mount": (0.0, 0.0, 0.0)},

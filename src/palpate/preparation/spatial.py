@@ -16,13 +16,14 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
-from palpate.preparation.flange_motion import INVERSE, WINDOW, FlangeMotion, motion_of
+from palpate.preparation.flange_motion import WINDOW, FlangeMotion, motion_of
 from palpate.preparation.free_air import without_zeroings
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.inertia import subtract_inertia
 from palpate.preparation.payload import Payload
 from palpate.preparation.payload_search import (
     SLOW,
+    TURN_MORE,
     PayloadFit,
     does_turn,
     external_force,
@@ -78,12 +79,13 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, interpolate_columns
+from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
+UNKNOWN_MASS, LARGEST_SHARE = 1.0, 0.05  # kg of a tool at most; of the stiffness, without a word
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 
 
@@ -196,7 +198,11 @@ def along_normal(
     )
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
     if compensated is not None:
-        contact = replace(contact, delay=compensated.delay, moving_mass=compensated.payload.mass)
+        own = compensated.payload
+        contact = replace(contact, delay=compensated.delay, moving_mass=own.mass)
+        if settings.mass is None:
+            doubts = _report_unknown_inertia(contact, own.mass_error)
+            contact = replace(contact, findings=(*contact.findings, *doubts))
     return subtract_inertia(remove_delay(contact, late), settings.mass)
 
 
@@ -672,6 +678,23 @@ def _report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_])
         return []
     words = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
     return [report_unknown_tip(f"{words}the pose's origin", "with-care")]
+
+
+def _report_unknown_inertia(contact: Contact, mass_error: float) -> list[Finding]:
+    """Warn of the inertia of a tool whose mass is not known, where it may add to the stiffness."""
+    touching = _find_touches(contact.force)
+    columns = contact.penetration, contact.velocity, contact.force
+    depth, speed, force = (float(np.nanstd(each[touching])) for each in columns)
+    if not depth * force > 0.0:
+        return []
+    # In an oscillation of angular frequency speed/depth, mass times its square adds to force/depth.
+    share = min(mass_error, UNKNOWN_MASS) * speed**2 / (depth * force)
+    if not share > LARGEST_SHARE:
+        return []
+    words = (
+        "free air does not tell the mass of the tool, whose inertia may change the stiffness by "
+    )
+    return [Check.PAYLOAD.finding(f"{words}{percent(share)}", TURN_MORE, mark="with-care")]
 
 
 def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
