@@ -8,6 +8,7 @@ equations at 2 kHz, and pose and wrench are sampled on two clocks. Friction is D
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,7 @@ class Log:
     duration: float
 
 
+@lru_cache(maxsize=8)
 def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     """Return the log of a set-up."""
     g = np.random.default_rng(setup.seed)
@@ -306,7 +308,7 @@ def identify(setup: Setup, **options: Any) -> Errors:
 IDEAL = {"touch_tilt": 0.0, "friction": 0.0, "delay": 0.0, "drift": 0.0, "wander": 0.0}
 NO_TOOL = IDEAL | {"mass": 1e-6, "mount": (0.0, 0.0, 0.0)}
 STILL = {"axes": 0, "turns": 0.0}
-VERTICAL = STILL | {"tilt": 0.0, "touch_tilt": 0.0, "free_height": 0.09}
+VERTICAL: dict[str, Any] = STILL | {"tilt": 0.0, "touch_tilt": 0.0, "free_height": 0.09}
 VERTICAL |= {"friction": 0.0, "mount": (0.0, 0.0, 40.0)}
 FAULTS: dict[str, dict[str, Any]] = {
     "mount 30° about x, no weight": NO_TOOL | STILL | {"mount": (30.0, 0.0, 0.0)},
