@@ -2,8 +2,8 @@
 
     python -m benchmarks.long_run --updates 1e9 --markdown docs/validation/long-run.md
 
-An estimator that forgets must end where one ends that has taken only the last two windows, as
-these are long against its memory; and the difference must not grow with the updates.
+An estimator that forgets must end where one ends that has taken only the last window, as long as
+the window is long against the memory; and the difference must not grow with the updates.
 """
 
 from pathlib import Path
@@ -20,18 +20,21 @@ EARLY = 10  # windows
 #: A memory of 1000 samples: samples before the last window weigh exp(−1000).
 FORGETTING = ConstantForgetting(0.999)
 LIMIT = 1e-9
-FRESH = 2  # windows
-DEFINITION = """\
-Largest relative difference of the law's parameters between an estimator after many updates and a
-fresh one that has taken only the last two million; in standard errors; and of the standard errors.
+DEFINITION = (
+    "Largest relative difference of the law's parameters between an estimator after many updates "
+    "and a fresh one that has taken only the last million; of the standard errors beside it."
+)
+REASONS = """\
+What is left does not grow with the updates, so it is no rounding that adds up.
 
-What is left does not grow with the updates, so it is no rounding that adds up. The two stages of
-the double-stage method correct each other only a little in each memory of a thousand samples: a
-start is forgotten like exp(−k/115 000), which after one million leaves 2.6e-7 of the *fresh* one.
-Variable projection solves every 64 samples. Its Newton search begins at the solution before, and
-ends when the exponent moves by less than 1e-6; so its estimates differ by a few millionths of a
-standard error if the 64 samples begin elsewhere. Its standard errors are widened by the residuals
-up to that solution, which can be a tenth more or less.
+- The two stages of the double-stage method correct each other only a little in each memory of 1000
+  samples: a start is forgotten like exp(−k/115 000), which after the last million leaves 2.6e-7 in
+  the *fresh* estimate. A fresh start on two million samples differs by 4e-11.
+- Variable projection solves every 64 samples. Its Newton search begins at the solution before and
+  ends when the exponent moves by less than 1e-6, so its estimates differ by 4e-6 of a standard
+  error if the 64 samples begin elsewhere: 1e-7 of the stiffness, and 2e-9 with a known offset. Its
+  standard errors are widened by the residuals up to that solution, which can be a tenth more or
+  less.
 """
 
 
@@ -68,27 +71,24 @@ def main(*, updates: float = 1e9, markdown: Path | None = None) -> None:
         if "forgetting" not in kind().settings or kind.chooses_law:
             continue
         running, fresh = (kind().replace(forgetting=FORGETTING) for _ in range(2))
-        for _ in range(FRESH):
-            fresh.replay(*samples, at=[WINDOW - 1])
+        fresh.replay(*samples, at=[WINDOW - 1])
         expected, differences = fresh.estimate(), []
         for count in range(1, windows + 1):
             running.replay(*samples, at=[WINDOW - 1])
             if count in (EARLY, windows):
                 ended = running.estimate()
-                away = (ended.parameters - expected.parameters) / expected.standard_errors
                 differences += [
                     relative_difference(ended.parameters, expected.parameters),
-                    float(np.nanmax(np.abs(away), initial=0.0)),
                     relative_difference(ended.standard_errors, expected.standard_errors),
                 ]
-        within = "yes" if differences[-3] <= LIMIT else "**no**"
+        within = "yes" if differences[-2] <= LIMIT else "**no**"
         rows.append([name, *(f"{each:.1e}" for each in differences), within])
         print(*rows[-1], flush=True)
     early, all_ = f"after {EARLY * WINDOW:.0e}", f"after {windows * WINDOW:.0e}"
-    errors = "in standard errors", "of these"
-    headings = (early, *errors, all_, *errors, f"within {LIMIT:.0e}")
+    errors = "standard errors"
+    headings = (early, errors, all_, errors, f"within {LIMIT:.0e}")
     table = markdown_table(("method", *headings), rows)
-    lines = [DEFINITION, "", *table, "", *list_facts(describe_machine())]
+    lines = [DEFINITION, "", *table, "", REASONS, *list_facts(describe_machine())]
     show(lines, "A billion updates", markdown)
 
 

@@ -275,10 +275,14 @@ class Errors:
     mark: str
 
 
-def identify(setup: Setup, **options: Any) -> Errors:
-    """Prepare and identify a log, and compare with the truth at the median depth."""
+def identify(setup: Setup, *, stated: bool = True, **options: Any) -> Errors:
+    """Prepare and identify a log, and compare with the truth at the median depth.
+
+    With ``stated=False`` it is a table on one clock, which states no frame.
+    """
     log = simulate(setup)
-    contact = palpate.prepare(log.recording, **options)
+    recording = log.recording if stated else Recording(on_one_clock(log), source="log.csv")
+    contact = palpate.prepare(recording, **options)
     depth = float(np.median(log.penetration[log.penetration > 0.1 * setup.depth]))
     result = palpate.identify(contact).at_depth(depth)
     there, found = result.diagnosis.working_depth, contact.prepared.payload
