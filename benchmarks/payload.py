@@ -48,7 +48,7 @@ KINDS: dict[str, dict[str, Any]] = {
 def of_kind(kind: str, seed: int) -> Errors:
     """Identify a log of a kind."""
     options: dict[str, Any] = {}
-    more = {"touch_tilt": 0.0, "friction": 0.0, **KINDS[kind]}
+    more: dict[str, Any] = {"touch_tilt": 0.0, "friction": 0.0, **KINDS[kind]}
     setup = random_setup(seed, **more)
     if kind.startswith("vertical"):
         setup = replace(setup, pose_noise=3e-5 * (seed % 7) / 6.0)

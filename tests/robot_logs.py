@@ -311,8 +311,8 @@ def identify(setup: Setup, *, stated: bool = True, **options: Any) -> Errors:
 #: One fault at a time, without friction; then what turns too little, and what is zeroed.
 IDEAL = {"touch_tilt": 0.0, "friction": 0.0, "delay": 0.0, "drift": 0.0, "wander": 0.0}
 NO_TOOL = IDEAL | {"mass": 1e-6, "mount": (0.0, 0.0, 0.0)}
-STILL = {"axes": 0, "turns": 0.0}
-VERTICAL: dict[str, Any] = STILL | {"tilt": 0.0, "touch_tilt": 0.0, "free_height": 0.09}
+STILL: dict[str, Any] = {"axes": 0, "turns": 0.0}
+VERTICAL = STILL | {"tilt": 0.0, "touch_tilt": 0.0, "free_height": 0.09}
 VERTICAL |= {"friction": 0.0, "mount": (0.0, 0.0, 40.0)}
 FAULTS: dict[str, dict[str, Any]] = {
     "mount 30° about x, no weight": NO_TOOL | STILL | {"mount": (30.0, 0.0, 0.0)},
