@@ -23,13 +23,13 @@ from palpate.preparation.inertia import subtract_inertia
 from palpate.preparation.payload import Payload
 from palpate.preparation.payload_search import (
     SLOW,
-    TURN_MORE,
     PayloadFit,
     does_turn,
     external_force,
     find_payload,
     idle_weight,
     mark_payload,
+    report_unknown_inertia,
 )
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.readings import (
@@ -85,7 +85,6 @@ from palpate.validation import Floats
 
 _LOGGER = logging.getLogger(__name__)
 
-UNKNOWN_MASS, LARGEST_SHARE = 1.0, 0.05  # kg of a tool at most; of the stiffness, without a word
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 
 
@@ -688,13 +687,7 @@ def _report_unknown_inertia(contact: Contact, mass_error: float) -> list[Finding
     if not depth * force > 0.0:
         return []
     # In an oscillation of angular frequency speed/depth, mass times its square adds to force/depth.
-    share = min(mass_error, UNKNOWN_MASS) * speed**2 / (depth * force)
-    if not share > LARGEST_SHARE:
-        return []
-    words = (
-        "free air does not tell the mass of the tool, whose inertia may change the stiffness by "
-    )
-    return [Check.PAYLOAD.finding(f"{words}{percent(share)}", TURN_MORE, mark="with-care")]
+    return report_unknown_inertia(mass_error, speed**2 / (depth * force))
 
 
 def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:
