@@ -24,6 +24,18 @@ DEFINITION = (
     "Largest relative difference of the law's parameters between an estimator after many updates "
     "and a fresh one that has taken only the last million; of the standard errors beside it."
 )
+REASONS = """\
+What is left does not grow with the updates, so it is no rounding that adds up.
+
+- The two stages of the double-stage method correct each other only a little in each memory of 1000
+  samples: a start is forgotten like exp(−k/115 000), which after the last million leaves 2.6e-7 in
+  the *fresh* estimate. A fresh start on two million samples differs by 4e-11.
+- Variable projection solves every 64 samples. Its Newton search begins at the solution before and
+  ends when the exponent moves by less than 1e-6, so its estimates differ by 4e-6 of a standard
+  error if the 64 samples begin elsewhere: 1e-7 of the stiffness, and 2e-9 with a known offset. Its
+  standard errors are widened by the residuals up to that solution, which can be a tenth more or
+  less.
+"""
 
 
 def simulate_window(seed: int) -> tuple[Floats, Floats, Floats]:
@@ -76,7 +88,7 @@ def main(*, updates: float = 1e9, markdown: Path | None = None) -> None:
     errors = "standard errors"
     headings = (early, errors, all_, errors, f"within {LIMIT:.0e}")
     table = markdown_table(("method", *headings), rows)
-    lines = [DEFINITION, "", *table, "", *list_facts(describe_machine())]
+    lines = [DEFINITION, "", *table, "", REASONS, *list_facts(describe_machine())]
     show(lines, "A billion updates", markdown)
 
 

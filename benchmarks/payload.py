@@ -7,7 +7,8 @@ and the CPU time over that of a log without a payload.
 
 import math
 import time
-from typing import Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -15,11 +16,79 @@ from rich.table import Table
 
 import palpate
 from benchmarks.common.report import run_command
-from tests.robot_logs import FAULTS, Setup, identify, random_setup, simulate
+from palpate.preparation.settings import Preparation
+from palpate.preparation.spatial import compensate_log
+from tests.robot_logs import (
+    FAULTS,
+    STILL,
+    VERTICAL,
+    Errors,
+    Setup,
+    identify,
+    random_setup,
+    simulate,
+)
+
+#: What a log differs in from a random set-up that presses along the normal.
+KINDS: dict[str, dict[str, Any]] = {
+    "many turns": {},
+    "one axis": {"axes": 1},
+    "quick": {"speed": 2.0},
+    "drift of 0.5 N": {"drift": 0.5},
+    "zeroed in air": {"zeroed": 0.2},
+    "vertical, noise 0 to 30 µm": VERTICAL,
+    "known payload, 0.5 to 4 kg": STILL,
+    "no frame stated": {},
+    "no frame, sign −1": {"sign": -1.0},
+    "no frame, one axis": {"axes": 1},
+    "one press, free turns": {"presses": 1, "free_height": 0.03},
+}
 
 
-def main(seeds: int = 8, faults: int = 2, first: int = 0) -> None:
-    """Print the errors of random set-ups, and of one fault at a time.
+def of_kind(kind: str, seed: int) -> Errors:
+    """Identify a log of a kind."""
+    options: dict[str, Any] = {}
+    more: dict[str, Any] = {"touch_tilt": 0.0, "friction": 0.0, **KINDS[kind]}
+    setup = random_setup(seed, **more)
+    if kind.startswith("vertical"):
+        setup = replace(setup, pose_noise=3e-5 * (seed % 7) / 6.0)
+    if kind.startswith("known"):
+        mass = 0.5 + 3.5 * (seed % 8) / 7.0
+        turning = random_setup(seed, mass=mass, touch_tilt=0.0, friction=0.0)
+        options["payload"] = compensate_log(simulate(turning).recording, Preparation()).payload
+        setup = replace(turning, seed=seed + 1000, **STILL)
+    return identify(setup, stated=not kind.startswith("no frame"), **options)
+
+
+def show_kinds(console: Console, count: int, first: int) -> None:
+    """Print what becomes of each kind of log."""
+    within = ("mass", "clock", "mount", "S")
+    headings = "asked", "S off > 5 %", "> 10 %", "trusted", "C trusted, > 20 %"
+    bars = (f"{each} in 2 bars" for each in within)
+    table = Table("kind", *headings, *bars, title=f"{count} logs of each kind")
+    for kind in KINDS:
+        rows, asked = list[Errors](), 0
+        for seed in range(first, first + count):
+            try:
+                rows.append(of_kind(kind, seed))
+            except palpate.RecordingError:
+                asked += 1
+        far = [each for each in rows if abs(each.absolute["S, %"]) > 10.0]
+        off = sum(abs(each.absolute["S, %"]) > 5.0 for each in rows)
+        trusted = sum(each.mark == "trust" for each in far)
+        wrong = sum(
+            abs(each.absolute["C, %"]) > 20.0 and each.damping_mark == "trust" for each in rows
+        )
+        shares = []
+        for name in within:
+            z = [v for row in rows for own, v in row.in_errors.items() if own.startswith(name)]
+            shares.append(f"{np.mean(np.abs(z) < 2.0):.0%}" if z else "–")
+        table.add_row(kind, *map(str, (asked, off, len(far), trusted, wrong)), *shares)
+    console.print(table)
+
+
+def main(seeds: int = 8, faults: int = 2, first: int = 0, kinds: int = 4) -> None:
+    """Print the errors of random set-ups, of one fault at a time, and of kinds of logs.
 
     Parameters
     ----------
@@ -28,10 +97,15 @@ def main(seeds: int = 8, faults: int = 2, first: int = 0) -> None:
     faults
         Number of seeds of each fault.
     first
-        The first seed of the set-ups.
+        The first seed of the set-ups and of the kinds.
+    kinds
+        Number of logs of each kind.
     """
     console = Console(width=120)
-    for title, more in (("no friction", {"friction": 0.0}), ("friction 0.1 to 0.7", {})):
+    if kinds:
+        show_kinds(console, kinds, first)
+    chosen = (("no friction", {"friction": 0.0}), ("friction 0.1 to 0.7", {})) if seeds else ()
+    for title, more in chosen:
         rows = [
             identify(random_setup(seed, touch_tilt=0.0, **more))
             for seed in range(first, first + seeds)

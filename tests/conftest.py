@@ -2,6 +2,10 @@
 
 import gc
 import os
+
+# Tests run in as many processes as there are cores: threads of BLAS would only wait for each other.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import random
 import signal
 import sys

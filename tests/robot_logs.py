@@ -8,6 +8,7 @@ equations at 2 kHz, and pose and wrench are sampled on two clocks. Friction is D
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Setup:
     axes: int = 2
     touch_tilt: float = 10.0  # of the tool between touches
     pose_rate: float = 500.0
+    pose_noise: float = 1e-5  # m
     rate: float = 1000.0
     depth: float = 3e-3
     presses: int = 4
@@ -101,6 +103,7 @@ class Log:
     duration: float
 
 
+@lru_cache(maxsize=8)
 def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     """Return the log of a set-up."""
     g = np.random.default_rng(setup.seed)
@@ -156,7 +159,7 @@ def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     noises = [setup.noise] * 3 + [setup.torque_noise] * 3
     read = setup.sign * (read + g.normal(size=read.shape) * np.array(noises))
     at = np.rint(np.arange(0.0107, end - 0.01, 1.0 / setup.pose_rate) * FINE).astype(int)
-    place = flange[at] + 1e-5 * g.normal(size=(len(at), 3))
+    place = flange[at] + setup.pose_noise * g.normal(size=(len(at), 3))
     tool = (turn[at] * Rotation.from_rotvec(1e-4 * g.normal(size=(len(at), 3)))).as_quat()
     channels = {"pose.time": time[at], "wrench.time": stamps}
     for k, axis in enumerate("xyz"):
@@ -272,10 +275,14 @@ class Errors:
     mark: str
 
 
-def identify(setup: Setup, **options: Any) -> Errors:
-    """Prepare and identify a log, and compare with the truth at the median depth."""
+def identify(setup: Setup, *, stated: bool = True, **options: Any) -> Errors:
+    """Prepare and identify a log, and compare with the truth at the median depth.
+
+    With ``stated=False`` it is a table on one clock, which states no frame.
+    """
     log = simulate(setup)
-    contact = palpate.prepare(log.recording, **options)
+    recording = log.recording if stated else Recording(on_one_clock(log), source="log.csv")
+    contact = palpate.prepare(recording, **options)
     depth = float(np.median(log.penetration[log.penetration > 0.1 * setup.depth]))
     result = palpate.identify(contact).at_depth(depth)
     there, found = result.diagnosis.working_depth, contact.prepared.payload
@@ -304,7 +311,9 @@ def identify(setup: Setup, **options: Any) -> Errors:
 #: One fault at a time, without friction; then what turns too little, and what is zeroed.
 IDEAL = {"touch_tilt": 0.0, "friction": 0.0, "delay": 0.0, "drift": 0.0, "wander": 0.0}
 NO_TOOL = IDEAL | {"mass": 1e-6, "mount": (0.0, 0.0, 0.0)}
-STILL = {"axes": 0, "turns": 0.0}
+STILL: dict[str, Any] = {"axes": 0, "turns": 0.0}
+VERTICAL = STILL | {"tilt": 0.0, "touch_tilt": 0.0, "free_height": 0.09}
+VERTICAL |= {"friction": 0.0, "mount": (0.0, 0.0, 40.0)}
 FAULTS: dict[str, dict[str, Any]] = {
     "mount 30° about x, no weight": NO_TOOL | STILL | {"mount": (30.0, 0.0, 0.0)},
     "weight 4 N, tool never turns": IDEAL | STILL | {"mount": (0.0, 0.0, 0.0)},

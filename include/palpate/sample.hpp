@@ -16,6 +16,17 @@ struct Sample {
   double force;
 };
 
+// A setting that is true or false and fills a word: unused bytes would differ between equal saved
+// states.
+class Flag {
+ public:
+  constexpr Flag(bool value) noexcept : value_(value) {}
+  constexpr operator bool() const noexcept { return value_ != 0; }
+
+ private:
+  std::uint64_t value_;
+};
+
 // The units of the arithmetic. An estimator divides its inputs by these and returns its law in SI,
 // so the same initial covariance suits nanonewtons and kilonewtons.
 struct Scale {

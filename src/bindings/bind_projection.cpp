@@ -28,7 +28,7 @@ ProjectionSettings settings_of(const Projection& given, const Loop& loop) {
 
 nb::dict projection_defaults(const ProjectionSettings& settings) {
   nb::dict defaults;
-  defaults["offset"] = settings.offset;
+  defaults["offset"] = bool(settings.offset);
   defaults["exponent_range"] = nb::make_tuple(settings.lowest_exponent, settings.highest_exponent);
   return defaults;
 }
@@ -145,7 +145,7 @@ using ViscoelasticFace = FaceOf<ViscoelasticContact>;
 void make_viscoelastic(ViscoelasticFace* self, std::uint32_t offered, double exponent, bool offset,
                        double offset_deviation, double surface_deviation, double longest_time,
                        const Loop& loop) {
-  const ViscoelasticSettings method{.offered = static_cast<viscoelastic::Offered>(offered),
+  const ViscoelasticSettings method{.offered = offered,
                                     .exponent = exponent,
                                     .offset = offset,
                                     .offset_deviation = offset_deviation / scale_of(loop)[2],
@@ -284,7 +284,7 @@ void bind_viscoelastic(nb::module_& module) {
 
   nb::dict defaults;
   const ViscoelasticSettings settings;
-  defaults["offset"] = settings.offset;
+  defaults["offset"] = bool(settings.offset);
   defaults["exponent_range"] =
       nb::make_tuple(viscoelastic::Grid::lowest_exponent, viscoelastic::Grid::highest_exponent);
   nb::list laws;  // damping, memory, whether n is fixed at 1

@@ -1,5 +1,6 @@
 """A saved state is what it was, or is refused in words; threads may share an estimator."""
 
+import copy
 import os
 import pickle
 import subprocess
@@ -129,6 +130,12 @@ def test_a_mutated_state_is_refused_in_words_or_is_the_same(name, seed):
             with pytest.raises(ValueError, match=r"^state "):
                 holder._restore(broken)
         assert numbers(holder) == known
+
+
+@pytest.mark.parametrize("name", HOLDERS)
+def test_a_copy_has_the_same_state_to_the_last_byte(name):
+    holder = learned(name)
+    assert copy.copy(holder)._state() == holder._state() == learned(name)._state()
 
 
 def sealed(memory, state):

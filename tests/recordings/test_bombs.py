@@ -20,6 +20,7 @@ import openpyxl
 import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
+import zarr
 import zstandard
 from containers import COLUMNS, write_feather, write_hdf5, write_mat5, write_parquet
 from dataset_files import episodes, write_robomimic
@@ -240,11 +241,28 @@ def times_of(path):
     return path
 
 
-def chunk_of_hdf5(path):
-    write_hdf5(path, column(1000), compression="gzip", chunks=(1000,), maxshape=(None,))
+def chunk_of_hdf5(path, rows=1000, size=256 << 20):
+    write_hdf5(path, column(rows), compression="gzip", chunks=(rows,), maxshape=(None,))
     with h5py.File(path, "a") as file:
-        file["force_N"].id.write_direct_chunk((0,), deflated(256 << 20))
+        file["force_N"].id.write_direct_chunk((0,), deflated(size))
     return path
+
+
+def shard_of(path, most=1 << 25):
+    group = zarr.create_group(path)
+    group.create_array("meta/episode_ends", data=np.array([100, 200]))
+    codec = {"compressors": zarr.codecs.GzipCodec(level=9), "dtype": "<f8"}
+    sizes = {"shape": 2 * most, "chunks": (most,), "shards": (2 * most,)}
+    force = group.create_array("data/force", **sizes, **codec)
+    force[:most] = 1.0
+    about = path / "data/force/zarr.json"
+    text = about.read_text().replace(str(2 * most), "200")
+    about.write_text(text.replace(str(most), "100"))
+
+
+def word_of(path):
+    words = pa.DictionaryArray.from_arrays(np.zeros(8192, np.int32), ["x" * 500_000])
+    parquet.write_table(pa.table({"word": words}), path, store_schema=False)
 
 
 class Code:
@@ -282,6 +300,9 @@ HOSTILE = {
     "dates.npz": (times_of, RAISED),
     "text.xlsx": (long_cell_of, RAISED),
     "chunk.h5": (chunk_of_hdf5, "longer than they state"),
+    "packed.h5": (lambda path: chunk_of_hdf5(path, 60_000, 480 << 20), RAISED),
+    "shard.zarr": (shard_of, RAISED),
+    "word.parquet": (word_of, RAISED),
 }
 
 

@@ -20,9 +20,9 @@ namespace palpate {
 // Settings of an estimator for laws with memory.
 struct ViscoelasticSettings {
   // The competing viscoelastic::candidates, one bit each.
-  viscoelastic::Offered offered = viscoelastic::common;
+  std::uint64_t offered = viscoelastic::common;
   double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
-  bool offset = true;
+  Flag offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
   // Standard deviation of the surface position, in scaled units. A wrong surface looks like an
   // offset of as many units of force.
@@ -76,7 +76,7 @@ class ViscoelasticMethod {
       : solver_(settings.sample_time,
                 settings.longest_time > 0.0 ? settings.longest_time
                                             : default_longest * settings.sample_time,
-                settings.offered, priors_of(settings)),
+                static_cast<viscoelastic::Offered>(settings.offered), priors_of(settings)),
         offset_deviation_(settings.offset_deviation),
         surface_deviation_(settings.surface_deviation) {}
 

@@ -24,7 +24,7 @@ struct ProjectionSettings {
   double lowest_exponent = 0.3;
   double highest_exponent = 3.6;
   double exponent = 0.0;  // known n, for a tip of known shape; 0: estimated
-  bool offset = true;
+  Flag offset = true;
   double offset_deviation = 0.0;  // of the prior F₀ ~ N(0, ·²) after a tare; 0: no tare
   // Standard deviation of the surface position, in scaled units. A wrong surface looks like an
   // offset (times the unit of force over that of penetration), so no offset prior is tighter than

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.preparation.resolution import noise_of
-from palpate.recordings.poses import align_signs, interpolate_columns, multiply, rotate
+from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns, multiply, rotate
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
@@ -14,7 +14,6 @@ from palpate.validation import Floats
 # degree 2 or 3 attenuates it by 9 %, which shifts the stiffness by 0.2 %.
 WINDOW, DEGREE = 0.1, 4
 MOST_SAMPLES = 50  # in a window
-INVERSE = (-1.0, -1.0, -1.0, 1.0)  # of a quaternion x, y, z, w
 
 
 @dataclass(slots=True, eq=False)

@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 
 BLOCK, MOST_BLOCKS = 0.02, 3000  # s of a mean; longer where a log has more blocks
 DRAWS, DRAWN, POINTS = 500, 1000, 5  # of the consensus: hypotheses, blocks scored, blocks of each
+TOGETHER = 10  # hypotheses that are scored at once
 # A block is near another until the tool has moved or turned so far, m and rad: a press that is held
 # is one pose, however long. Drawn by time, six holds of 8 s passed for free air.
 MOVED, TURNED = 2e-3, 0.02
@@ -160,35 +161,58 @@ def largest_consensus(
         masses, mounts = np.full(DRAWS, known.mass), np.tile(known.mount, (DRAWS, 1, 1))
         biases = (f - known.mass * g @ known.mount)[picks].mean(axis=1)
 
-    def squares(g: Floats, f: Floats, mass: float, mount: Floats, bias: Floats) -> Floats:
-        total: Floats = ((f - mass * g @ mount - bias) ** 2).sum(axis=1)
-        return total
+    costs = _truncated_squares(g, f, masses, mounts, biases, tolerance)
+    k = int(np.argmin(costs))
+    mass, mount, bias, cost = float(masses[k]), mounts[k], biases[k], float(costs[k])
+    grid = np.array([clock])
+    if mass > 0.0 and delay is None:
+        steps = round(LONGEST_DELAY / DELAY_GRID) - 1
+        grid = DELAY_GRID * np.arange(-steps, steps + 1)
+    g, f = (np.array(each) for each in zip(*map(observe, grid.tolist()), strict=True))
+    count = len(grid)
+    own = np.full(count, mass), np.tile(mount, (count, 1, 1)), np.tile(bias, (count, 1))
 
-    trials = list(zip(masses.tolist(), mounts, biases, strict=True))
-    costs = [np.minimum(squares(g, f, *each) / tolerance**2, 9.0).mean() for each in trials]
-    best, cost = trials[int(np.argmin(costs))], float(min(costs))
+    def sizes() -> Floats:
+        masses, mounts, biases = own
+        rest = f - masses[:, None, None] * g @ mounts - biases[:, None]
+        squares: Floats = (rest**2).sum(axis=2)
+        return squares
 
-    def refit(late: float) -> tuple[float, tuple[float, Floats, Floats], float]:
-        (g, f), own = observe(late), best
-        for _ in range(3):
-            inside = (
-                np.clip(1.0 - squares(g, f, *own) / (3.0 * tolerance) ** 2, 0.0, 1.0) ** 2 + 1e-12
-            )
-            if known is None:
-                mass, mount, bias = fit_weight(g, f, inside)
-            else:
-                mass, mount = best[:2]
-                bias = inside @ (f - mass * g @ mount) / inside.sum()
-            own = float(mass), mount, bias
-        rest = np.minimum(np.sqrt(squares(g, f, *own)) / floor, 10.0)
-        return float(rest.sum()), own, late
+    for _ in range(3):
+        inside = np.clip(1.0 - sizes() / (3.0 * tolerance) ** 2, 0.0, 1.0) ** 2 + 1e-12
+        if known is None:
+            own = fit_weight(g, f, inside)
+        else:
+            rest = inside[:, :, None] * (f - mass * g @ mount)
+            own = *own[:2], rest.sum(axis=1) / inside.sum(axis=1)[:, None]
+    best = int(np.argmin(np.minimum(np.sqrt(sizes()) / floor, 10.0).sum(axis=1)))
+    return cost, float(own[0][best]), own[1][best], own[2][best], float(grid[best])
 
-    if best[0] == 0.0 or delay is not None:
-        return cost, *refit(clock)[1], clock
-    steps = round(LONGEST_DELAY / DELAY_GRID) - 1
-    grid = (DELAY_GRID * np.arange(-steps, steps + 1)).tolist()
-    _, own, late = min(map(refit, grid), key=lambda each: each[0])
-    return cost, *own, late
+
+def _truncated_squares(
+    g: Floats, f: Floats, masses: Floats, mounts: Floats, biases: Floats, tolerance: Floats
+) -> Floats:
+    """Return the mean of min(|f − m Qᵀg − b|²/tolerance², 9) of each hypothesis.
+
+    The square is linear in products of f and g, so that a product of matrices gives it.
+    """
+    products = (f[:, :, None] * g[:, None]).reshape(len(f), 9)
+    sizes = (f**2).sum(axis=1), (g**2).sum(axis=1), np.ones(len(f))
+    features = np.column_stack([products, f, g, *sizes]) / tolerance[:, None] ** 2
+    turned = masses[:, None, None] * mounts
+    weights = np.column_stack(
+        [
+            -2.0 * turned.transpose(0, 2, 1).reshape(-1, 9),
+            -2.0 * biases,
+            2.0 * (turned @ biases[:, :, None])[:, :, 0],
+            np.ones(len(masses)),
+            masses**2,
+            (biases**2).sum(axis=1),
+        ]
+    ).T
+    # In parts, because on a busy machine threads of BLAS wait for each other.
+    parts = np.split(weights, range(TOGETHER, weights.shape[1], TOGETHER), axis=1)
+    return np.concatenate([np.minimum(features @ part, 9.0).mean(axis=0) for part in parts])
 
 
 # A sensor that is zeroed during the log: all axes step to zero at once, while the probe moves on.

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from palpate.contact import run_slices
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.preparation.payload import TENSOR, Payload, load_of
+from palpate.preparation.payload import TENSOR, Payload
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
@@ -22,6 +22,7 @@ FEWEST_FREE = 50  # blocks
 KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in a long log
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
+ARMS = 0.15  # m, of sensor and centre of mass, as first allowed for
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
 # The filter of the motion attenuates the acceleration, which raises the mass: by 0.2 % at 2.4 and
 # 3.5 Hz and 0.9 % at 5 Hz where inertia alone tells it.
@@ -32,12 +33,16 @@ FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
 MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
+AXES = np.array([k == TENSOR for k in range(6)], dtype=np.float64)  # of the inertia
 OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    crossed: Floats = -np.cross(vectors[..., None, :], np.eye(3))
+    crossed = np.zeros((*vectors.shape, 3))
+    for k, (first, second) in enumerate(((1, 2), (2, 0), (0, 1))):
+        crossed[..., first, second] = -vectors[..., k]
+        crossed[..., second, first] = vectors[..., k]
     return crossed
 
 
@@ -54,7 +59,14 @@ def regressors(seen: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (seen[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ seen[:, 9 + TENSOR] @ mount
-    return np.stack([load_of(each, g, w, a, products, lever) for each in np.eye(13)], axis=2)
+    square = np.trace(products, axis1=1, axis2=2)[:, None, None]
+    swing = square * np.eye(3) - skew(a) - products
+    turned_g = skew(g + swing @ lever)
+    by_a, by_w = (np.einsum("kij,nj->nik", AXES, each) for each in (a, w))
+    by = np.zeros((len(seen), 6, 13))
+    by[:, :3, 0], by[:, :3, ARM], by[:, :3, LEVER] = g, swing, swing
+    by[:, 3:, ARM], by[:, 3:, INERTIA] = -turned_g, -by_a - skew(w) @ by_w
+    return by
 
 
 def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
@@ -209,6 +221,9 @@ def fit_payload(
     drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
     rest = unloaded[:, :3] - bias
     allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
+    # Of a heavy tool the inertia, by arms that are not known yet, is more than that.
+    inertia = max(mass - 1.0, 0.0) * (allowed - floor + ARMS * np.linalg.norm(seen[:, 6:9], axis=1))
+    allowed += inertia
     free = np.linalg.norm(rest, axis=1) < 2.0 * allowed
     scale = np.maximum(1.0, np.repeat([floor / math.sqrt(3.0), 0.02], 3) / noise)
     if mass == 0.0:  # nothing turns: inertia alone may tell the mass, from farther off
@@ -219,8 +234,9 @@ def fit_payload(
     for step in range(ROUNDS):
         fit = _linearized(blocks, columns, theta, mount, drift)
         sigma = noise * scale
+        slack = 1.0 + inertia / floor if step < FIRST_ROUNDS else 1.0
         sizes = [
-            np.linalg.norm(fit.rest[:, axes] / sigma[axes], axis=1) / math.sqrt(3.0) / cut
+            np.linalg.norm(fit.rest[:, axes] / sigma[axes], axis=1) / math.sqrt(3.0) / cut / slack
             for axes, cut in ((slice(0, 3), CUT), (slice(3, 6), 4.0 * CUT))
         ]
         inside = free & (sizes[0] < 1.0) & (sizes[1] < 1.0)

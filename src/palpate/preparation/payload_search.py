@@ -38,6 +38,7 @@ NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
 # least spread of gravity over the largest, least size over the changes of the bias. 26 logs without
 # a fault have at most 0.5 % or 0.1; a gain or crosstalk of 2 % or a cable gives 0.6 % and 0.14.
 LEAST_DIFFERENCE, LEAST_SPREAD, BY_DRIFT = 5e-3, 0.1, 0.12
+UNKNOWN_MASS, LARGEST_SHARE = 1.0, 0.05  # kg of a tool at most; of the stiffness, without a word
 TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
 UNKNOWN_TOOL = Payload(0.0, np.zeros(3), np.eye(3), np.zeros(6))
 
@@ -90,6 +91,7 @@ def find_payload(
     known: Payload | None = None,
     weight: float | None = None,
     sign: float = 1.0,
+    tried: bool = False,
     source: str = "",
 ) -> PayloadFit | None:
     """Find the payload of a log, and the zeroings of its sensor.
@@ -112,6 +114,8 @@ def find_payload(
     sign : float
         −1 if the sensor reads the force that the tool exerts; without effect where the log does not
         identify the mass.
+    tried : bool
+        Whether the other sign was tried: then None where the log does not identify the mass.
     source : str
         Name of the file for messages.
 
@@ -158,6 +162,8 @@ def find_payload(
             fits_as_well = other.payload.mass > 0.0 and other.scale < 1.5 * found.scale
             if fits_as_well:  # assumed, not found: it is no more certain
                 found = _with_errors(other, own)
+    elif sign < 0.0 and tried:
+        return None
     elif sign < 0.0:
         return find_payload(motion, time, wrench, delay=delay, weight=weight, source=source)
     else:
@@ -253,6 +259,23 @@ def mark_payload(fit: PayloadFit, *, delay_given: bool) -> Payload:
         words = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
         findings.append(Check.ZEROED.finding(words, "zero the sensor before the log begins"))
     return replace(own, mass_mark=mass, mount_mark=mount, delay_mark=late, findings=tuple(findings))
+
+
+def report_unknown_inertia(mass_error: float, share: float) -> list[Finding]:
+    """Warn where the inertia of a tool whose mass is not known may be part of the stiffness.
+
+    Parameters
+    ----------
+    mass_error : float
+        kg.
+    share : float
+        Part of a kilogram in the stiffness, 1/kg.
+    """
+    share *= min(mass_error, UNKNOWN_MASS)
+    if not share > LARGEST_SHARE:
+        return []
+    words = "free air does not tell the mass of the tool, whose inertia may change the stiffness "
+    return [Check.PAYLOAD.finding(f"{words}by {percent(share)}", TURN_MORE, mark="with-care")]
 
 
 def _differ_from_weight(fit: PayloadFit) -> tuple[float, float]:

@@ -7,6 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from os.path import commonprefix
 
+import numpy as np
+
 from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.preparation.channel_kinds import (
@@ -41,6 +43,7 @@ from palpate.recordings.poses import (
     chain_in_use,
     find_roll_pitch_yaw,
     frames_in,
+    rotate,
     state_poses,
 )
 from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
@@ -266,10 +269,13 @@ class _Choosing:
                 self._add_chain(self.transforms.chain(frame))
             others = {names[0] for names in self._candidates("position", 3)}
             if not self.chains and others <= self.transforms.names:  # a force in the base's axes
-                for steps in (
-                    each for frame in known for each in self.transforms.chains_below(frame)
-                ):
-                    self._add_chain(steps)
+                for frame in known:
+                    above = self.transforms.chain(frame)  # at rest, such as base_link > base
+                    below = self.transforms.chains_below(frame)
+                    if above and not below:
+                        below = self.transforms.chains_below(above[0].parent)
+                    for steps in below:
+                        self._add_chain(steps)
             if self.chains:
                 self.replaced |= self.transforms.names - {names[0] for names in self.chains}
         ends = None if position is None else frames_in(position)
@@ -466,12 +472,27 @@ class _Choosing:
             steps = self.transforms.chain(frame, own)
             if channels := self._add_chain(steps):
                 return channels, steps[-1].child
+            self._turn_force(force, frame, own)
         found, pose = self._candidates("orientation", 4), depth[0].rsplit(".", 2)[0]
         near = [names for names in found if within(names[0], pose)]
         group = [names for names in found if _share_source(names[0], depth[0])]
         if not found and len(angles := find_roll_pitch_yaw(self.recording.channels)) == 1:
             return self._quaternion_of(angles[0]), None
         return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
+
+    def _turn_force(self, force: tuple[str, ...], frame: str, own: str) -> None:
+        """Turn a force whose frame is at rest to that of the position."""
+        if frame == own or (found := self.transforms.fixed_turn(frame, own)) is None:
+            return
+        turn, steps = found
+        felt = np.column_stack([self.recording.numbers(name) for name in force])
+        turned = rotate(felt, np.broadcast_to(turn, (len(felt), 4)))
+        self.recording = replace(
+            self.recording,
+            channels={**self.recording.channels, **dict(zip(force, turned.T, strict=True))},
+            frames={**self.recording.frames, **dict.fromkeys(force, own)},
+        )
+        self.findings.append(chain_in_use(steps, is_position=False))
 
     def _quaternion_of(self, angles: tuple[str, ...]) -> tuple[str, ...]:
         form = self.columns.orientation_form

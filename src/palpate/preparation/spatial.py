@@ -16,7 +16,7 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
-from palpate.preparation.flange_motion import INVERSE, WINDOW, FlangeMotion, motion_of
+from palpate.preparation.flange_motion import WINDOW, FlangeMotion, motion_of
 from palpate.preparation.free_air import without_zeroings
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.inertia import subtract_inertia
@@ -29,6 +29,7 @@ from palpate.preparation.payload_search import (
     find_payload,
     idle_weight,
     mark_payload,
+    report_unknown_inertia,
 )
 from palpate.preparation.prepared import Place, Prepared
 from palpate.preparation.readings import (
@@ -78,7 +79,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, interpolate_columns
+from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 
@@ -196,7 +197,11 @@ def along_normal(
     )
     contact = replace(contact, tare_deviation=left, prepared=done, source=recording.source)
     if compensated is not None:
-        contact = replace(contact, delay=compensated.delay, moving_mass=compensated.payload.mass)
+        own = compensated.payload
+        contact = replace(contact, delay=compensated.delay, moving_mass=own.mass)
+        if settings.mass is None:
+            doubts = _report_unknown_inertia(contact, own.mass_error)
+            contact = replace(contact, findings=(*contact.findings, *doubts))
     return subtract_inertia(remove_delay(contact, late), settings.mass)
 
 
@@ -298,10 +303,15 @@ class PosedWrench:
     time: Floats
     wrench: Floats
     delay: tuple[float, float] | None
+    _motions: dict[tuple[Reading, float], FlangeMotion] = field(default_factory=dict)
 
     def motion(self, reading: Reading, window: float = WINDOW) -> FlangeMotion:
         """Return the motion of the flange over a window, s."""
-        return motion_of(self.stamps, self.position, reading.turn(self.orientation), window)
+        key = replace(reading, sign=1.0), window
+        if key not in self._motions:
+            turned = reading.turn(self.orientation)
+            self._motions[key] = motion_of(self.stamps, self.position, turned, window)
+        return self._motions[key]
 
 
 def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWrench | None:
@@ -338,19 +348,34 @@ def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWr
 
 
 def compensate(
-    signals: Signals, log: PosedWrench, settings: Preparation, reading: Reading, source: str
+    signals: Signals,
+    log: PosedWrench,
+    settings: Preparation,
+    reading: Reading,
+    source: str,
+    *,
+    tried: bool = False,
 ) -> Compensated | None:
     """Take weight, inertia, bias and delay out of a wrench in the axes of the sensor.
 
-    The signals have the orientation of the reading. None where the log has no free air: then the
-    mean force is subtracted as that of a sensor that does not turn.
+    The signals have the orientation of the reading; the other sign may have been tried. None where
+    the log has no free air: then the mean force is subtracted as that of a sensor that does not
+    turn.
     """
     time, wrench, delay, sign = log.time, log.wrench, log.delay, reading.sign
     quick, slow = log.motion(reading), log.motion(reading, SLOW)
     motion = slow if does_turn(slow) else quick
     tool, weight = settings.payload, settings.tool_weight
     fit = find_payload(
-        motion, time, wrench, delay=delay, known=tool, weight=weight, sign=sign, source=source
+        motion,
+        time,
+        wrench,
+        delay=delay,
+        known=tool,
+        weight=weight,
+        sign=sign,
+        tried=tried,
+        source=source,
     )
     if fit is None and settings.payload is not None:
         words = "--payload needs a second of free air, to find the bias of the sensor"
@@ -553,7 +578,8 @@ def _try_readings(
         own, compensated = replace(signals, orientation=turned), None
         if turned is not None and log is not None:
             try:
-                compensated = compensate(own, log, settings, reading, source)
+                tried = reading.sign < 0.0 and replace(reading, sign=1.0) in trials
+                compensated = compensate(own, log, settings, reading, source, tried=tried)
             except RecordingError as error:
                 refusals.append(error)
                 continue
@@ -651,6 +677,17 @@ def _report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_])
         return []
     words = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
     return [report_unknown_tip(f"{words}the pose's origin", "with-care")]
+
+
+def _report_unknown_inertia(contact: Contact, mass_error: float) -> list[Finding]:
+    """Warn of the inertia of a tool whose mass is not known, where it may add to the stiffness."""
+    touching = _find_touches(contact.force)
+    columns = contact.penetration, contact.velocity, contact.force
+    depth, speed, force = (float(np.nanstd(each[touching])) for each in columns)
+    if not depth * force > 0.0:
+        return []
+    # In an oscillation of angular frequency speed/depth, mass times its square adds to force/depth.
+    return report_unknown_inertia(mass_error, speed**2 / (depth * force))
 
 
 def _report_pose_of_sensor(recording: Recording, roles: Roles) -> list[Finding]:

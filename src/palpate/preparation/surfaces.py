@@ -478,6 +478,7 @@ def fit_surface_position(
 RADIUS = 2e-3  # m; as in published recordings that were cut by hand
 SHORTEST = 1.0  # s
 FEWEST_OF_AN_EPISODE = 60  # samples
+FEW, FARTHER = 12, 4.001  # samples of an interval that may rule it out; squares of the radius
 STRIDES = 4000  # most starts to try; in a longer recording, every k-th sample
 
 
@@ -540,7 +541,8 @@ def _rest(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | 
 
 class _Path:
     def __init__(self, time: Floats, position: Floats, force: Floats, radius: float) -> None:
-        self.time, self.position, self.radius = time, position, radius
+        self.time, self.radius = time, radius
+        self.columns = np.ascontiguousarray(position.T)
         weighted = np.nan_to_num(force) * np.linalg.norm(np.nan_to_num(force), axis=1)[:, None]
         self.weighted = np.concatenate([np.zeros((1, 3)), np.cumsum(weighted, axis=0)])
 
@@ -551,17 +553,19 @@ class _Path:
 
     def extent(self, start: int, stop: int) -> tuple[Floats, float]:
         """The median position of an interval, and the largest distance from it across n."""
-        inside = self.position[start:stop]
+        inside = self.columns[:, start:stop]
+        place = _median(inside)
+        squares = self._across(inside - place[:, None], start, stop)
+        return place, float(np.sqrt(np.nanmax(squares, initial=0.0)))
+
+    def _across(self, away: Floats, start: int, stop: int) -> Floats:
+        """The squares of vectors, shape (3, k), across the normal of an interval."""
+        squares: Floats = (away * away).sum(axis=0)
         total = self.weighted[stop] - self.weighted[start]
         length = float(np.linalg.norm(total))
-        # Faster than nanmedian, and equal without NaN.
-        median = np.nanmedian if np.isnan(inside).any() else np.median
-        place: Floats = median(inside, axis=0)
-        away = inside - place
         if length > 0.0:
-            n = total / length
-            away = away - np.outer(away @ n, n)
-        return place, float(np.sqrt(np.nanmax((away**2).sum(axis=1), initial=0.0)))
+            squares -= (total / length @ away) ** 2
+        return squares
 
     def longest(self) -> list[tuple[int, int]]:
         """The longest interval from each start that stays within the radius."""
@@ -593,7 +597,24 @@ class _Path:
         return stop
 
     def _within(self, start: int, stop: int) -> bool:
-        return self.extent(start, stop)[1] <= self.radius
+        # Two samples that are farther apart than twice the radius decide without a median.
+        few = self.columns[:, start : stop : max((stop - start) // FEW, 1)]
+        apart = self._across(few - few[:, :1], start, stop)
+        return (
+            not apart.max() > FARTHER * self.radius**2
+            and self.extent(start, stop)[1] <= self.radius
+        )
+
+
+def _median(rows: Floats) -> Floats:
+    """The median of each row, as by nanmedian, which takes three times as long."""
+    if np.isnan(rows).any():
+        unknown: Floats = np.nanmedian(rows, axis=1)
+        return unknown
+    count = rows.shape[1]
+    middle = (count - 1) // 2, count // 2
+    found: Floats = np.partition(rows, middle, axis=1)[:, middle].mean(axis=1)
+    return found
 
 
 def travel(position: Floats, force: Floats) -> float:

@@ -53,7 +53,7 @@ def read(path: Path, request: Request) -> Recording:
     remedy = "copy it again or let the recorder close its file"
     with request.explain_damage("the file is cut off or damaged", remedy, _DAMAGED):
         if begin.startswith(b"PAR1"):
-            with parquet.ParquetFile(path, page_checksum_verification=True) as table:
+            with open_parquet(path) as table:
                 # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
                 # process.
                 rows, schema = table.metadata.num_rows, table.schema_arrow
@@ -71,6 +71,16 @@ def read(path: Path, request: Request) -> Recording:
         _reserve(memoryview(content), request)
         batches = _batches(pa.BufferReader(content), draft.losses)
         return read_columns(batches.schema, lambda n: batches.select([n]), draft)
+
+
+def open_parquet(path: Path) -> parquet.ParquetFile:
+    """Open Parquet; repeated words stay in a dictionary until their size is known."""
+    table = parquet.ParquetFile(path, page_checksum_verification=True)
+    words = [form.name for form in table.schema_arrow if _is_text(form.type)]
+    if not words:
+        return table
+    table.close()
+    return parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=words)
 
 
 class _ParquetColumns:
@@ -240,8 +250,8 @@ def _size_of_words(values: pa.ChunkedArray) -> int:
     """Size of a dictionary-encoded text column after decoding."""
     if not _is_text(values.type.value_type):
         return 0
-    lengths = (compute.binary_length(chunk.dictionary) for chunk in values.chunks)
-    return max((compute.max(each).as_py() or 0 for each in lengths), default=0) * len(values)
+    lengths = (compute.binary_length(each.dictionary).take(each.indices) for each in values.chunks)
+    return sum(compute.sum(each.cast(pa.int64())).as_py() or 0 for each in lengths)
 
 
 def _is_text(kind: pa.DataType) -> bool:

@@ -254,7 +254,6 @@ class _LeRobot:
 
     def __init__(self, root: Path, only: Path | None, request: Request) -> None:
         self._arrow = import_extra("palpate.recordings.arrow", "a LeRobot data set", "recordings")
-        self._parquet = import_extra("pyarrow.parquet", "a LeRobot data set", "recordings")
         info = json.loads(read_whole(root / "meta/info.json", request))
         self._features = dict(info["features"])
         self.name = f"LeRobot {info['codebase_version']}"
@@ -295,7 +294,7 @@ class _LeRobot:
         parts = [np.empty((len(columns), 0), np.int64)]
         for path in sorted(root.glob("meta/episodes/*/*.parquet")):
             regular_size(path)
-            with self._parquet.ParquetFile(path) as file:
+            with self._arrow.open_parquet(path) as file:
                 count = sum(part.shape[1] for part in parts) + file.metadata.num_rows
                 request.check_count("episodes", count, _EPISODE)
                 self._arrow.check_integers(file.schema_arrow, columns)
@@ -341,7 +340,7 @@ class _LeRobot:
         """Read rows of a file; a file with several episodes is decoded once."""
         if self._decoded is None or self._decoded[0] != path:
             try:
-                with self._parquet.ParquetFile(path, page_checksum_verification=True) as file:
+                with self._arrow.open_parquet(path) as file:
                     names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
                     table = self._arrow.read_in_parts(file, names, _MOST_ROWS, request)
             except FileNotFoundError:

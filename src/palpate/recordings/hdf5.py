@@ -20,7 +20,15 @@ from palpate.recordings.nested import (
     plain_numbers,
     read_text,
 )
-from palpate.recordings.opening import FAULTS, FORCE_CURVES, Request, excess, first_line
+from palpate.recordings.opening import (
+    DEFLATE_RATIO,
+    FAULTS,
+    FORCE_CURVES,
+    Request,
+    excess,
+    first_line,
+    size_of_deflate,
+)
 from palpate.recordings.recording import Recording
 
 _LONGEST_TEXT = 4096
@@ -221,6 +229,11 @@ class Walk:
             self.found.lose(whole, "its chunks are longer than they state")
         elif piece > (most := max(claimed, self.found.request.largest_block)):
             self.found.lose(whole, excess("a chunk needs", piece, most))
+        elif (unpacked := _largest_chunk(item, self.found.request.max_size)) > max(
+            piece, self.found.request.max_size
+        ):
+            words = excess("a chunk needs", unpacked, self.found.request.max_size)
+            self.found.lose(whole, words)
         else:
             if written < pieces:
                 missing = f"{pieces - written} of its {pieces} chunks were never written"
@@ -256,6 +269,25 @@ def _pieces(item: h5py.Dataset) -> tuple[int, int]:
         return 1, 1
     sides = zip(item.shape, item.chunks, strict=True)
     return item.id.get_num_chunks(), math.prod(-(-side // piece) for side, piece in sides)
+
+
+def _largest_chunk(item: h5py.Dataset, most: int) -> int:
+    """Return the size of the largest chunk that may unpack to more than the cap, as far as the cap.
+
+    HDF5 unpacks all that a chunk holds, whatever its stated size.
+    """
+    filters = item.id.get_create_plist()
+    kinds = [filters.get_filter(k)[0] for k in range(filters.get_nfilters())]
+    packings = kinds.count(h5py.h5z.FILTER_DEFLATE)
+    if packings > 1 or item.id.get_storage_size() * DEFLATE_RATIO <= most:
+        return most + 1 if packings > 1 else 0
+    largest = 0
+    for k in range(item.id.get_num_chunks() if packings else 0):
+        chunk = item.id.get_chunk_info(k)
+        if chunk.size * DEFLATE_RATIO > most:
+            packed = item.id.read_direct_chunk(chunk.chunk_offset)[1]
+            largest = max(largest, size_of_deflate(packed, most))
+    return largest
 
 
 def _no_numbers(item: h5py.Dataset) -> str:

@@ -36,6 +36,7 @@ MAX_SIZE = 4 << 30
 # Below that the default is this multiple of the size of the file: real recordings unpack to less.
 _MOST_UNPACKED = 128
 _LEAST_DEFAULT = 64 << 20
+DEFLATE_RATIO = 1032  # the largest
 _OBJECTS_OF_TEXT = 24  # bytes of Python objects per byte of JSON: {} takes 64
 
 
@@ -43,6 +44,16 @@ def excess(what: str, size: int, most: int) -> str:
     """Say that something exceeds a cap, and which option raises the cap."""
     there, cap = format_bytes(size), format_bytes(most)
     return f"{what} {there} of memory, more than {cap}; if that is right, pass a larger --max-size"
+
+
+def size_of_deflate(packed: bytes, most: int) -> int:
+    """Return the unpacked size of zlib or gzip, as far as the cap; they do not state it."""
+    size = 0
+    while packed and size + len(packed) * DEFLATE_RATIO > most >= size:
+        unpacker = zlib.decompressobj(wbits=47)
+        size += len(unpacker.decompress(packed, most + 1 - size))
+        packed = unpacker.unused_data
+    return size
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,9 @@ MOST_EXCLUDED = 0.02  # fraction of the rows of a transform; more is a finding w
 _SHOWN = 8  # frames of a chain in a message
 
 
+INVERSE = (-1.0, -1.0, -1.0, 1.0)  # times a quaternion x, y, z, w
+
+
 def rotate(vectors: Floats, quaternions: Floats) -> Floats:
     """Rotate vectors, shape (k, 3), by unit quaternions, shape (k, 4)."""
     axis, scalar = quaternions[..., :3], quaternions[..., 3:]
@@ -368,6 +371,30 @@ class Transforms:
             return []
         chains = (self.chain(end, ancestor) for end in sorted(self._above.keys() - parents))
         return [chain for chain in chains if chain]
+
+    def fixed_turn(self, child: str, other: str) -> tuple[Floats, list[Step]] | None:
+        """Return the quaternion of a frame in another at rest to it, and the steps between them.
+
+        None if they are at rest to each other by no transforms from one root.
+        """
+        turns, between, roots = [], list[Step](), set[str]()
+        for frame in (other, child):
+            try:
+                steps = self.chain(frame)
+            except RecordingError:  # several roots
+                return None
+            links = [self._link(step, []) for step in steps]
+            if any(time.size > 1 for time, _ in links):
+                return None
+            turn = np.array([[0.0, 0.0, 0.0, 1.0]])
+            for _, rows in links:
+                turn = multiply(turn, rows[:, 3:])
+            turns.append(turn)
+            between += steps
+            roots.add(steps[0].parent if steps else frame.lstrip("/"))
+        if len(roots) > 1 or not between:
+            return None
+        return multiply(turns[0] * INVERSE, turns[1])[0], between
 
     def compose(self, steps: Sequence[Step], name: str) -> tuple[Recording, list[Finding]] | None:
         """Add the pose at the end of a chain, in the frame at its beginning.

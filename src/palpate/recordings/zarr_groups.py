@@ -5,8 +5,9 @@ The formats are those of https://zarr-specs.readthedocs.io, versions 2 and 3.
 
 import json
 import math
-import zlib
-from collections.abc import Iterator, Mapping
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 import zarr
 from zarr.storage import LocalStore, WrapperStore, ZipStore
 
-from palpate.recordings.opening import Request, check_members, excess
+from palpate.recordings.opening import Request, check_members, excess, size_of_deflate
 
 # Codecs that only move, pack or scale numbers. Others run code, build objects, or state no size.
 _CODECS = frozenset((
@@ -23,7 +24,8 @@ _CODECS = frozenset((
     "astype", "packbits",
 ))  # fmt: skip
 _METADATA = (".zarray", ".zgroup", ".zattrs", "zarr.json")
-_DEFLATE_RATIO = 1032  # the largest
+_MISSING = (1 << 64) - 1  # place of a chunk that a shard does not have
+_CHECKSUM = 4  # bytes after the index of a shard
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
@@ -47,7 +49,8 @@ class _CheckedStore(WrapperStore[Any]):
     def __init__(self, store: Any, request: Request | None = None) -> None:
         super().__init__(store)
         self._request = request or Request("")
-        self._arrays: dict[str, tuple[list[str], int]] = {}  # codecs, largest size of a chunk
+        self._arrays: dict[str, _Packing] = {}
+        self._checked: set[str] = set()  # keys of shards
 
     def _with_store(self, store: Any) -> "_CheckedStore":
         return type(self)(store, self._request)
@@ -69,14 +72,18 @@ class _CheckedStore(WrapperStore[Any]):
             about = json.loads(value.to_bytes())
             if name == ".zarray" or about.get("node_type") == "array":
                 self._arrays[folder] = self._check_array(about)
-        elif byte_range is None:
-            array = next((self._arrays[f] for f in _folders(key) if f in self._arrays), None)
-            if array is not None:
-                _check_chunk(value.to_bytes(), *array)
+        elif key not in self._checked:
+            packing = next((self._arrays[f] for f in _folders(key) if f in self._arrays), None)
+            if packing is not None and byte_range is not None:  # a part of a shard
+                whole = await super().get(key, prototype)
+                packing.check((whole or value).to_bytes())
+                self._checked.add(key)
+            elif packing is not None:
+                packing.check(value.to_bytes())
         return value
 
-    def _check_array(self, about: Mapping[str, Any]) -> tuple[list[str], int]:
-        """Return the codecs of an array, and the largest size of a chunk."""
+    def _check_array(self, about: Mapping[str, Any]) -> "_Packing":
+        """Return how the chunks of an array are packed."""
         kind = about.get("dtype", about.get("data_type"))
         if not isinstance(kind, str) or np.dtype(kind).kind not in "iufbcmM":
             raise ValueError(f"holds {kind}, not numbers")
@@ -85,8 +92,70 @@ class _CheckedStore(WrapperStore[Any]):
             raise ValueError(f"has the codec {wrong[0]!r}, which palpate does not run")
         grid = about.get("chunk_grid", {}).get("configuration", {})
         sides = about.get("chunks", grid.get("chunk_shape", ()))
-        chunk = math.prod(map(int, sides)) * np.dtype(kind).itemsize
-        return codecs, max(chunk, self._request.largest_block)
+        packings = [name for name in codecs if name in _SIZES]
+        if len(packings) > 1:
+            raise ValueError("packs its chunks several times, which palpate does not unpack")
+        whole, shard = math.prod(map(int, sides)), None
+        chunk = whole
+        if "sharding_indexed" in codecs:
+            shard = _shard_of(about["codecs"])
+            chunk = math.prod(map(int, shard["chunk_shape"]))
+        size = chunk * np.dtype(kind).itemsize
+        return _Packing(
+            next(iter(packings), ""),
+            max(size, self._request.largest_block),
+            0 if shard is None else whole // chunk,
+            index_first=shard is not None and shard.get("index_location") == "start",
+        )
+
+
+def _shard_of(codecs: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
+    """Return how shards are laid out; raise ValueError if their index cannot be read."""
+    shard: Mapping[str, Any] = codecs[-1].get("configuration") or {}
+    index = [codec["name"] for codec in shard.get("index_codecs", ())]
+    inner = [codec["name"] for codec in shard.get("codecs", ())]
+    if index != ["bytes", "crc32c"] or "sharding_indexed" in inner:
+        raise ValueError("has packed or nested shards, which palpate does not unpack")
+    return shard
+
+
+@dataclass(frozen=True, slots=True)
+class _Packing:
+    """How the chunks of an array are packed.
+
+    Attributes
+    ----------
+    codec : str
+        The codec that unpacks, if any.
+    most : int
+        Largest unpacked size of a chunk, bytes.
+    in_shard : int
+        Number of chunks in a shard; 0 without shards.
+    index_first : bool
+        Whether the index of a shard is at its beginning.
+    """
+
+    codec: str
+    most: int
+    in_shard: int
+    index_first: bool
+
+    def check(self, packed: bytes) -> None:
+        """Raise ValueError for a chunk, or one in a shard, that unpacks to more than the cap."""
+        for chunk in self._chunks(packed) if self.codec else ():
+            size = _SIZES[self.codec](chunk, self.most)
+            if size > self.most:
+                raise ValueError(excess("a chunk needs", size, self.most))
+
+    def _chunks(self, packed: bytes) -> Iterator[bytes]:
+        if not self.in_shard:
+            yield packed
+            return
+        length = 16 * self.in_shard
+        index = packed[:length] if self.index_first else packed[-length - _CHECKSUM : -_CHECKSUM]
+        for begin, size in struct.iter_unpack("<QQ", index):
+            if begin != _MISSING:
+                yield packed[begin : begin + size]
 
 
 def _codecs(about: Mapping[str, Any]) -> Iterator[str]:
@@ -107,23 +176,6 @@ def _folders(key: str) -> Iterator[str]:
         yield key
 
 
-def _check_chunk(packed: bytes, codecs: list[str], most: int) -> None:
-    """Raise ValueError for a chunk that unpacks to more than the cap."""
-    size = next((_SIZES[name](packed, most) for name in codecs if name in _SIZES), 0)
-    if size > most:
-        raise ValueError(excess("a chunk needs", size, most))
-
-
-def _size_of_deflate(packed: bytes, most: int) -> int:
-    """The unpacked size of zlib or gzip, as far as the cap; they do not state it."""
-    size = 0
-    while packed and size + len(packed) * _DEFLATE_RATIO > most >= size:
-        unpacker = zlib.decompressobj(wbits=47)
-        size += len(unpacker.decompress(packed, most + 1 - size))
-        packed = unpacker.unused_data
-    return size
-
-
 def _size_of_zstd(packed: bytes, most: int) -> int:
     """The size that the header of a Zstandard frame states (RFC 8878); above the cap if none."""
     if not packed.startswith(_ZSTD_MAGIC):
@@ -140,6 +192,6 @@ _SIZES = {
     "blosc": lambda packed, _: int.from_bytes(packed[4:8], "little"),
     "lz4": lambda packed, _: int.from_bytes(packed[:4], "little"),
     "zstd": _size_of_zstd,
-    "gzip": _size_of_deflate,
-    "zlib": _size_of_deflate,
+    "gzip": size_of_deflate,
+    "zlib": size_of_deflate,
 }
