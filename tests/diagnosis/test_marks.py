@@ -8,8 +8,9 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
-from palpate.diagnosis.bars import IN_STEP, BarPart, _best_remedy
-from palpate.diagnosis.nuisances import NUISANCES, remaining_part
+from palpate.diagnosis.bars import BarPart, _best_remedy
+from palpate.diagnosis.clock import IN_STEP
+from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
 from palpate.findings import Check
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
@@ -161,13 +162,13 @@ def test_what_no_recording_can_show_is_told_from_the_law():
 
 
 def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_better():
-    """Unseen √π p; found all of it; excluded to s ≪ p less than s."""
-    prior = NUISANCES[Check.DELAY]
+    """Unseen 1.3 √π p; found all of it; excluded to s ≪ p less than s."""
+    prior = NUISANCES[Check.GAIN_DRIFT]
 
     def left(amount: float, error: float) -> float:
-        return amount * remaining_part(None, Check.DELAY, amount, amount / error)
+        return amount * remaining_part(None, Check.GAIN_DRIFT, amount, amount / error)
 
-    unseen = math.sqrt(prior.odds) * prior.width
+    unseen = FACTOR * math.sqrt(prior.odds) * prior.width
     assert left(prior.width, 100.0 * prior.width) == pytest.approx(unseen, rel=0.01)
     assert left(prior.width, 0.1 * prior.width) == pytest.approx(prior.width, rel=0.01)
     assert left(0.01 * prior.width, 0.01 * prior.width) < 0.003 * prior.width
@@ -272,10 +273,10 @@ def test_a_clean_fast_motion_is_trusted_and_its_damping_is_right():
 # A lag that the law cannot tell from damping.
 
 
-def kelvin(**given) -> palpate.diagnosis.Diagnosis:
+def kelvin(damper=17.0, **given) -> palpate.diagnosis.Diagnosis:
     """F = 1300 x + 17 v in touches at 1 kHz, by the law that is selected."""
     time, x, v = touches(1000.0)
-    force = np.where(x > 0.0, 1300.0 * x + 17.0 * v, 0.0)
+    force = np.where(x > 0.0, 1300.0 * x + damper * v, 0.0)
     return found(time, x, faults.noisy(force), **given)
 
 
@@ -292,6 +293,12 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
     )
     assert usual.remedy == IN_STEP
     assert known.verdict.damping == "trust"
+
+
+@pytest.mark.parametrize("damper, mark", [(30.0, "with-care"), (40.0, "trust")])
+def test_without_a_known_clock_a_damping_that_survives_five_milliseconds_is_trusted(damper, mark):
+    """5 ms change it by 6.5 N·s/m: 22 and 16 %."""
+    assert kelvin(damper).verdict.damping == mark
 
 
 # One way: each depth at one speed.
