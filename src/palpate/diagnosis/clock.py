@@ -15,9 +15,10 @@ from palpate.force_laws import ForceLaw
 #: Skew between force and position that is assumed possible if nothing is known of their clocks, s.
 #: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
 USUAL_SKEW = 1e-3
-#: Skew that a trusted damping survives if nothing is known of the clocks, s. Up to 3 ms, 3 % of the
-#: dampings in ``benchmarks.known_clock`` would be trusted and more than 20 % off.
-LARGEST_SKEW = 5e-3
+#: Skew that a trusted damping survives if nothing is known of the clocks, s: far more than clocks
+#: differ, since a fault of a sensor can make palpate select such a law for a Hunt–Crossley contact.
+#: With 5 ms, 1.3 % more of the faulty ones in ``benchmarks.known_clock`` are trusted and wrong.
+LARGEST_SKEW = 10e-3
 ONE_CLOCK = "record position and force by one clock"
 IN_STEP = (
     "touch a steel spring with this rig (palpate skew), or, if one clock stamps both, run again "
