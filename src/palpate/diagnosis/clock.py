@@ -15,10 +15,6 @@ from palpate.force_laws import ForceLaw
 #: Skew between force and position that is assumed possible if nothing is known of their clocks, s.
 #: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
 USUAL_SKEW = 1e-3
-#: Skew that a trusted damping survives if nothing is known of the clocks, s: far more than clocks
-#: differ, since a fault of a sensor can make palpate select such a law for a Hunt–Crossley contact.
-#: With 5 ms, 1.3 % more of the faulty ones in ``benchmarks.known_clock`` are trusted and wrong.
-LARGEST_SKEW = 10e-3
 ONE_CLOCK = "record position and force by one clock"
 IN_STEP = (
     "touch a steel spring with this rig (palpate skew), or, if one clock stamps both, run again "
@@ -33,10 +29,9 @@ class Clock(NamedTuple):
     ----------
     error : float
         Its standard deviation, s; 0 if nothing but the fit of the law shows it.
-    largest : float
-        The skew that a trusted damping must survive, s.
     is_known : bool
-        Whether something other than the contact's law shows it.
+        Whether something other than the contact's law shows it. No skew that is assumed makes the
+        damping of a law that hides it safe to trust (``benchmarks.known_clock``).
     reason : str
         End of the sentence *the damping is known to ± 20 %, …*.
     remedy : str
@@ -44,7 +39,6 @@ class Clock(NamedTuple):
     """
 
     error: float
-    largest: float
     is_known: bool
     reason: str
     remedy: str
@@ -59,11 +53,11 @@ def clock_of(fit: Fit) -> Clock:
         remedy = ONE_CLOCK if two and applied.found else IN_STEP
         reason = f"by the standard error of the {what}"
         error, known = applied.standard_error, not applied.from_contact
-        return Clock(error, error, known, reason, remedy)
+        return Clock(error, known, reason, remedy)
     late = 0.0 if fit.response is None else fit.response.delay
     error = 0.0 if shows_skew(fit) else max(USUAL_SKEW, late)
     reason = f"since {rounded(1e3 * error, 2)} ms of skew between force and position is possible"
-    return Clock(error, max(LARGEST_SKEW, error), False, reason, IN_STEP)
+    return Clock(error, False, reason, IN_STEP)
 
 
 def shows_skew(fit: Fit) -> bool:
