@@ -166,7 +166,7 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[SystematicPart]:
         yield _part(fit, ONE_PRESS * values, reason, "press several times", is_factor=True)
     # If the law shows the skew of known clocks, it is among the causes.
     counted = any(cause.check is Check.DELAY for cause, _ in known.causes.counted)
-    if not (known.clock.is_known and shows_skew(fit) and counted):
+    if known.clock.error and not (known.clock.is_known and shows_skew(fit) and counted):
         errors = np.array([0.0, stiffness * known.clock.error])
         yield _part(fit, errors, known.clock.reason, known.clock.remedy)
     for finding in known.findings:

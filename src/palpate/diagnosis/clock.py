@@ -52,8 +52,10 @@ def clock_of(fit: Fit) -> Clock:
         what = "clocks' offset" if two else "delay"
         remedy = ONE_CLOCK if two and applied.found else IN_STEP
         reason = f"by the standard error of the {what}"
-        error, known = applied.standard_error, not applied.from_contact
-        return Clock(error, known, reason, remedy)
+        # Two clocks may be one: then a law that shows the skew knows it better than the offset.
+        left_alone = applied.from_contact and not applied.found
+        error = 0.0 if left_alone and shows_skew(fit) else applied.standard_error
+        return Clock(error, not applied.from_contact, reason, remedy)
     late = 0.0 if fit.response is None else fit.response.delay
     error = 0.0 if shows_skew(fit) else max(USUAL_SKEW, late)
     reason = f"since {rounded(1e3 * error, 2)} ms of skew between force and position is possible"
