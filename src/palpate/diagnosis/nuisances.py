@@ -108,13 +108,15 @@ NUISANCES: Mapping[Check, Nuisance] = {
 
 
 def _prior(fit: Fit, check: Check) -> Nuisance | None:
-    """Return the prior of a nuisance; a skew of known clocks is present, with their error."""
+    """Return the prior of a nuisance; that of a skew which the law shows is a known clock's error.
+
+    Beside a law that hides a skew, its column stands for damping of another form.
+    """
     prior = NUISANCES.get(check)
-    if prior is None or check is not Check.DELAY:
+    if prior is None or check is not Check.DELAY or not shows_skew(fit):
         return prior
-    if not (clock := clock_of(fit)).is_known:
-        return prior
-    return prior._replace(width=clock.error, odds=CERTAIN) if shows_skew(fit) else None
+    clock = clock_of(fit)
+    return prior._replace(width=clock.error, odds=CERTAIN) if clock.is_known else prior
 
 
 def remaining_part(fit: Fit, check: Check, amount: float, z: float) -> float:
