@@ -22,6 +22,7 @@ NO_SPRING = {
     "rubber that relaxes": {"relaxing": [(0.1, 0.03), (0.1, 0.3), (0.1, 3.0)]},
     "one speed": {"slow": 2.0, "quick": 4.0},
     "friction of 5 %": {"friction": 0.05},
+    "constant speeds": {"triangles": True},
 }
 
 

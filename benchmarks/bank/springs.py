@@ -22,6 +22,7 @@ def touch(
     quick: float = 4.0,
     rate: int = 1000,
     cycles: int = 4,
+    triangles: bool = False,
 ) -> tuple[palpate.Contact, float]:
     """A press of some millimetres, strokes at two speeds, and a withdrawal; and the true delay.
 
@@ -38,6 +39,8 @@ def touch(
     depth = -1e-3 + 4e-3 * rise((time - 1.0) / 0.8) * (1.0 - rise((time - begins[3]) / 0.8))
     for frequency, start, stop in ((slow, *begins[:2]), (quick, *begins[2:])):
         swing = np.sin(2.0 * np.pi * frequency * (time - start))
+        if triangles:
+            swing = 2.0 / np.pi * np.arcsin(swing)
         depth += np.where((time > start) & (time < stop), 1.8e-3 * swing, 0.0)
     velocity = np.gradient(depth, time)
     inside = np.maximum(depth, 0.0)

@@ -84,11 +84,15 @@ class Delay:
         Its standard error, s.
     found : bool
         Whether palpate found it; otherwise the user specified it.
+    from_contact : bool
+        Whether it is the delay by which a force law fits the contact best. Otherwise something else
+        showed it: a spring, the payload in free air, or one clock.
     """
 
     seconds: float
     standard_error: float
     found: bool = False
+    from_contact: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)

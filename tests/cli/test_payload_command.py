@@ -55,6 +55,13 @@ def test_the_tool_is_printed_saved_and_drawn(log, printed, tmp_path):
     assert all(words in text for words in ("As recorded", "Less weight", "two standard errors"))
 
 
+def test_a_stated_delay_is_in_the_file_of_the_tool(log, printed, tmp_path):
+    tool = tmp_path / "tool.toml"
+    out = printed("payload", log, "--delay", "10.1ms+-0.02ms", "--save-config", tool)
+    assert "force 10.100 ± 0.020 ms late" in out
+    assert Payload.load(tool).delay_error == pytest.approx(2e-5, rel=0.05)
+
+
 def test_the_json_has_the_fields_of_the_file(log, printed):
     found = json.loads(printed("payload", log, "--json"), parse_constant=pytest.fail)
     assert found["mark"] == "trust"

@@ -11,7 +11,7 @@ import palpate
 from benchmarks.bank import material_faults, sensor_faults
 from palpate import lab
 from palpate.diagnosis import Data
-from palpate.diagnosis.bars import IN_STEP
+from palpate.diagnosis.clock import IN_STEP
 from palpate.diagnosis.delay import _earlier_samples, find_delay
 from palpate.diagnosis.fit import Fit, FitInput
 from palpate.diagnosis.nuisances import NUISANCES

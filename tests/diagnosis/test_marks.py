@@ -8,8 +8,9 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
-from palpate.diagnosis.bars import IN_STEP, BarPart, _best_remedy
-from palpate.diagnosis.nuisances import NUISANCES, remaining_part
+from palpate.diagnosis.bars import BarPart, _best_remedy
+from palpate.diagnosis.clock import IN_STEP
+from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
 from palpate.findings import Check
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
@@ -161,13 +162,13 @@ def test_what_no_recording_can_show_is_told_from_the_law():
 
 
 def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_better():
-    """Unseen √π p; found all of it; excluded to s ≪ p less than s."""
-    prior = NUISANCES[Check.DELAY]
+    """Unseen 1.3 √π p; found all of it; excluded to s ≪ p less than s."""
+    prior = NUISANCES[Check.GAIN_DRIFT]
 
     def left(amount: float, error: float) -> float:
-        return amount * remaining_part(None, Check.DELAY, amount, amount / error)
+        return amount * remaining_part(None, Check.GAIN_DRIFT, amount, amount / error)
 
-    unseen = math.sqrt(prior.odds) * prior.width
+    unseen = FACTOR * math.sqrt(prior.odds) * prior.width
     assert left(prior.width, 100.0 * prior.width) == pytest.approx(unseen, rel=0.01)
     assert left(prior.width, 0.1 * prior.width) == pytest.approx(prior.width, rel=0.01)
     assert left(0.01 * prior.width, 0.01 * prior.width) < 0.003 * prior.width

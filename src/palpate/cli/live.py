@@ -138,7 +138,7 @@ class StreamOptions:
         if self.delay is not None:
             if self.payload is not None:
                 raise InvalidParameterError(
-                    "--payload takes out the delay of its own log: omit --delay"
+                    "--payload takes out the delay in its file: pass --delay to palpate payload"
                 )
             given["force_delay"] = parse_delay(self.delay)
         given |= {"velocity_window": self.velocity_window, "flip": channels_to_flip(self)}

@@ -29,6 +29,7 @@ from palpate.cli.printing import (
     say,
     say_path,
 )
+from palpate.cli.reading import negative_number_parameter, parse_delay
 from palpate.digits import percent
 
 if TYPE_CHECKING:
@@ -62,6 +63,8 @@ class LogOptions:
     "Frame of the force, which must be that of the tool (default: tool if free air fits it)."
     flip_force: Annotated[bool, cyclopts.Parameter(group=READ, negative="")] = False
     "Reverse the sign of the force, which the sensor reads on the material."
+    delay: Annotated[str | None, negative_number_parameter("DURATION")] = None
+    "Delay of the force, as palpate skew measures it: 3ms+-0.05ms (default: found in free air)."
     start: Annotated[float | None, _READ] = None
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
@@ -82,6 +85,7 @@ class LogOptions:
             "window": (self.start, self.stop),
             "force_frame": self.force_frame,
             "flip": ("force",) if self.flip_force else (),
+            "delay": 0.0 if self.delay is None else parse_delay(self.delay),
         }
 
 

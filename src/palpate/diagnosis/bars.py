@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.causes import CauseAssessment
-from palpate.diagnosis.delay import ONE_CLOCK, has_two_clocks
+from palpate.diagnosis.clock import Clock, clock_of, shows_skew
 from palpate.diagnosis.fit import (
     SIGNIFICANT,
     Fit,
@@ -23,7 +23,7 @@ from palpate.diagnosis.material import TASK_SPEED
 from palpate.diagnosis.misfit import exact_remedy, smooth_misfit
 from palpate.diagnosis.nuisances import FACTOR, NUISANCES
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
-from palpate.digits import format_quantity, rough_percent, rounded, with_error
+from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
 from palpate.validation import Floats
@@ -77,15 +77,14 @@ class SystematicErrors:
         Findings that state their effect.
     misfit : float
         Rms of the residual that a smooth function removes, over the force.
-    skew : float
-        Skew between force and position that the law cannot separate from damping, s; 0 if it can,
-        or if the clocks are known.
+    clock : Clock
+        What is known of the clocks of force and position.
     """
 
     causes: CauseAssessment
     findings: tuple[Finding, ...]
     misfit: float
-    skew: float
+    clock: Clock
 
     def all_parts(self, fit: Fit) -> list[SystematicPart]:
         """Return all systematic errors at the fit's depth."""
@@ -131,7 +130,7 @@ def systematic_errors(
 ) -> SystematicErrors:
     """Collect the systematic errors: of causes, misfit, delay, skew, velocity and free air."""
     stated = tuple(finding for finding in findings if finding.check in OWN_CHANGES)
-    return SystematicErrors(causes, stated, smooth_misfit(fit), _skew_budget(fit))
+    return SystematicErrors(causes, stated, smooth_misfit(fit), clock_of(fit))
 
 
 #: Checks whose findings state their effect on the result; none of them is a column of the fit.
@@ -165,17 +164,11 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[SystematicPart]:
     if presses_once(fit):
         reason = "since one press does not show how far the next one differs"
         yield _part(fit, ONE_PRESS * values, reason, "press several times", is_factor=True)
-    applied = fit.data.contact.delay
-    if applied is not None and applied.standard_error > 0.0:
-        what = "clocks' offset" if has_two_clocks(fit) else "delay"
-        reason = f"by the standard error of the {what}"
-        again = not (applied.found or has_two_clocks(fit))
-        remedy = "run again with --delay find" if again else ONE_CLOCK
-        yield _part(fit, np.array([0.0, stiffness * applied.standard_error]), reason, remedy)
-    if known.skew > 0.0:
-        skew = rounded(1e3 * known.skew, 2)
-        reason = f"since {skew} ms of skew between force and position is possible"
-        yield _part(fit, np.array([0.0, stiffness * known.skew]), reason, IN_STEP)
+    # If the law shows the skew of known clocks, it is among the causes.
+    counted = any(cause.check is Check.DELAY for cause, _ in known.causes.counted)
+    if known.clock.error and not (known.clock.is_known and shows_skew(fit) and counted):
+        errors = np.array([0.0, stiffness * known.clock.error])
+        yield _part(fit, errors, known.clock.reason, known.clock.remedy)
     for finding in known.findings:
         changes = finding.moves_stiffness_percent, finding.moves_damping_percent
         relative = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
@@ -195,23 +188,6 @@ def presses_once(fit: Fit) -> bool:
     speed = fit.windows.mean(fit.v)
     fast = np.sign(speed[np.abs(speed) > 0.3 * float(np.sqrt(np.mean(speed**2)))])
     return int(np.count_nonzero(np.diff(fast))) <= 1
-
-
-#: Skew between force and position that is assumed possible if nothing is known of their clocks, s.
-#: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
-USUAL_SKEW = 1e-3
-
-
-def _skew_budget(fit: Fit) -> float:
-    """Return the skew that the law cannot distinguish from damping, s; 0 for Hunt–Crossley.
-
-    A skew τ adds K n xⁿ⁻¹ v τ, which differs from the damping force B xⁿ v of Hunt–Crossley but not
-    from the force of half-space damping, of a linear damper or of a relaxation branch.
-    """
-    # If a delay was subtracted, its standard error counts instead.
-    if fit.given.estimate.law.power_law or fit.data.contact.delay is not None:
-        return 0.0
-    return max(USUAL_SKEW, 0.0 if fit.response is None else fit.response.delay)
 
 
 def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
@@ -308,10 +284,6 @@ def _change_with_depth(fit: Fit, deviation: float | None) -> Floats:
 #: Limits of the relative standard error, all causes together: a number is trusted below the first
 #: and not trusted above the second.
 TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
-IN_STEP = (
-    "touch a steel spring with this rig (palpate skew), or, if one clock stamps both, run again "
-    "with --delay 0ms+-0.1ms"
-)
 
 
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
@@ -339,13 +311,11 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             mark, remedy = "with-care", TASK_SPEED
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
         elif mark == "trust":
-            if not (number and systematic.skew):
+            clock = systematic.clock
+            if not number or clock.is_known or shows_skew(fit):
                 continue
-            # A sensor fault can make palpate select such a law for a Hunt–Crossley contact: of the
-            # 200 recordings with a fault in ``benchmarks.diagnosis.mix``, 32 get this mark, and the
-            # damping of 15 is more than 20 % off.
-            mark, remedy = "with-care", IN_STEP
-            step = format_quantity(systematic.skew, "s", digits=1)
+            mark, remedy = "with-care", clock.remedy
+            step = format_quantity(clock.error, "s", digits=1)
             reason = f"provided that force and position are in step to {step}, which no fit shows"
         more: Any = {name: mark, "brief": f"{sign}{reason}"}
         findings.append(Check.PRECISION.finding(f"{sentence}, {reason}", remedy, **more))

@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from palpate.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
-from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
+from palpate.diagnosis.nuisances import NUISANCES, remaining_part
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
@@ -258,10 +258,9 @@ def assess_causes(fit: Fit, causes: list[MisfitHypothesis], unexplained: float) 
 
 def _remaining_multiple(fit: Fit, cause: MisfitHypothesis) -> float:
     """Return the multiple of a cause's change that is in the error bars."""
-    remaining = remaining_part(fit, cause.check, cause.amount, cause.z)
-    if cause.z <= SIGNIFICANT:
-        return FACTOR * remaining
-    return remaining if cause.check in NUISANCES else OTHER_CAUSE
+    if cause.z > SIGNIFICANT and cause.check not in NUISANCES:
+        return OTHER_CAUSE
+    return remaining_part(fit, cause.check, cause.amount, cause.z)
 
 
 def _weigh_causes(

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis.causes import MisfitHypothesis, OtherLaw, cause_from_column
-from palpate.diagnosis.fit import Fit, MovedSamples, Solution, fit_with_column
+from palpate.diagnosis.clock import clock_of, has_two_clocks
+from palpate.diagnosis.fit import SIGNIFICANT, Fit, MovedSamples, Solution, fit_with_column
 from palpate.diagnosis.windows import WindowedSamples
 from palpate.digits import percent, rounded, with_error
 from palpate.findings import Check, Finding
@@ -54,21 +55,14 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
         "recording cannot tell which)"
     )
     # If a delay was found and applied before, the rest depends on the law identified here.
-    found = applied is not None and applied.found
+    found = applied is not None and applied.from_contact
     known = f"{total * 1e3:.4g}ms+-{error * 1e3:.2g}ms" if found else "find"
     remedy = f"run again with --delay {known} if the sensors can be out of step by that much"
-    if has_two_clocks(fit):
-        remedy = ONE_CLOCK
+    clock = clock_of(fit)
+    if has_two_clocks(fit) or (clock.is_known and fine.z <= SIGNIFICANT):
+        remedy = clock.remedy
     other_law = OtherLaw(moved.law, before.law) if shift else None
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
-
-
-ONE_CLOCK = "record position and force by one clock"
-
-
-def has_two_clocks(fit: Fit) -> bool:
-    """Whether palpate found the offset between the clocks of position and force."""
-    return any(each.check == Check.CLOCK_OFFSET for each in fit.data.contact.findings)
 
 
 BORDERS = 24  # borders that are tried, then as many between the neighbours of the best one

@@ -15,7 +15,8 @@ import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.clock import clock_of, shows_skew
+from palpate.diagnosis.fit import SIGNIFICANT, Fit
 from palpate.findings import Check
 
 # Prior odds of a nuisance. Chosen with the widths by the log score of the bars on seeds 0 to 300 of
@@ -24,6 +25,8 @@ ODDS = 0.05
 # A force that a sensor bends differs from one that a material bends in no recording, and materials
 # of another shape are common.
 GAIN_ODDS = 0.002
+# Odds of a skew of known clocks: its standard error is that of what shows it, and needs no factor.
+CERTAIN = 1.0 - 1e-9
 # Factor on what is not detected: it is rarely normal. Chosen with the odds.
 FACTOR = 1.3
 
@@ -104,12 +107,25 @@ NUISANCES: Mapping[Check, Nuisance] = {
 }
 
 
+def _prior(fit: Fit, check: Check) -> Nuisance | None:
+    """Return the prior of a nuisance; that of a skew which the law shows is a known clock's error.
+
+    Beside a law that hides a skew, its column stands for damping of another form.
+    """
+    prior = NUISANCES.get(check)
+    if prior is None or check is not Check.DELAY or not shows_skew(fit):
+        return prior
+    clock = clock_of(fit)
+    return prior._replace(width=clock.error, odds=CERTAIN) if clock.is_known else prior
+
+
 def remaining_part(fit: Fit, check: Check, amount: float, z: float) -> float:
     """Return the multiple of an estimated amount that may remain: √(P (w² A² + w s²))/|A|.
 
-    0 for a check that is no nuisance. ``z`` is |A|/s.
+    :data:`FACTOR` times as much of what is not detected; 0 for a check that is no nuisance. With
+    ``z`` = |A|/s.
     """
-    prior = NUISANCES.get(check)
+    prior = _prior(fit, check)
     size = abs(amount) / prior.unit(fit) if prior is not None else 0.0
     if prior is None or not 0.0 < size < math.inf:
         return 0.0
@@ -118,4 +134,5 @@ def remaining_part(fit: Fit, check: Check, amount: float, z: float) -> float:
     log_odds = math.log(prior.odds / (1.0 - prior.odds))
     log_odds += 0.5 * math.log(max(1.0 - kept, 1e-300)) + 0.5 * kept * z**2
     present = 1.0 / (1.0 + math.exp(-max(log_odds, -700.0)))
-    return math.sqrt(present * ((kept * size) ** 2 + kept * error**2)) / size
+    factor = 1.0 if z > SIGNIFICANT or prior.odds == CERTAIN else FACTOR
+    return factor * math.sqrt(present * ((kept * size) ** 2 + kept * error**2)) / size

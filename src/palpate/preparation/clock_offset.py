@@ -159,7 +159,7 @@ def fine_offset(contact: Contact, reach: float = LONGEST_FOUND) -> tuple[Delay, 
     middle, width = 0.5 * float(within[0] + within[-1]), float(within[-1] - within[0])
     # The force begins somewhere between two samples.
     error = math.hypot(width, contact.sample_time) / math.sqrt(12.0)
-    return Delay(middle, error, found=True), law.drift(middle, samples)
+    return Delay(middle, error, found=True, from_contact=True), law.drift(middle, samples)
 
 
 class _AnyLaw:

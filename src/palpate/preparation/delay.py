@@ -26,7 +26,9 @@ REPEATED = 0.25  # fraction of repeated readings above which a force counts as r
 LIGHT = 0.1  # fraction of the median depth; at smaller depths contact may be lost
 
 
-def remove_delay(contact: Contact, late: float | tuple[float, float] | Literal["find"]) -> Contact:
+def remove_delay(
+    contact: Contact, late: float | tuple[float, float] | Delay | Literal["find"]
+) -> Contact:
     """Remove the delay of the force, s, by linear interpolation.
 
     It shifts the force rather than the motion, because interpolation smooths, and a smoothed
@@ -112,7 +114,7 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     if not abs(shift) < reach:
         words = f"the best shift is {abs(shift) * step * 1e3:.3g} ms, the longest that is looked at"
         raise _unknown(contact, words)
-    return Delay(shift * step + rest, error, found=True)
+    return Delay(shift * step + rest, error, found=True, from_contact=True)
 
 
 def motion_period(contact: Contact) -> float:

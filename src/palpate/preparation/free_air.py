@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import run_slices
+from palpate.contact import Delay, run_slices
 from palpate.preparation.flange_motion import FlangeMotion
 from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
@@ -127,7 +127,7 @@ def fit_weight(g: Floats, f: Floats, weight: Floats) -> tuple[Floats, Floats, Fl
 
 
 def largest_consensus(
-    blocks: Blocks, known: Payload | None = None, delay: tuple[float, float] | None = None
+    blocks: Blocks, known: Payload | None = None, delay: Delay | None = None
 ) -> tuple[float, float, Floats, Floats, float]:
     """Return a cost, and the mass, mount, bias and delay that explain the most blocks.
 
@@ -135,7 +135,7 @@ def largest_consensus(
     (2000); then a grid of delays, because Gauss–Newton from zero ends in a local minimum.
     """
     random, floor = np.random.default_rng(0), blocks.floor
-    clock = 0.0 if delay is None else delay[0]
+    clock = 0.0 if delay is None else delay.seconds
     seen = blocks.seen(clock)
     rate = np.linalg.norm(seen[:, 3:6], axis=1)
     way = np.cumsum((seen[:, 15] / MOVED + rate / TURNED + 0.05) * (blocks.stop - blocks.start))
@@ -276,7 +276,7 @@ def remove_zeroings(
     wrench: Floats,
     blocks: Blocks,
     known: Payload | None,
-    delay: tuple[float, float] | None,
+    delay: Delay | None,
 ) -> tuple[Blocks, list[Zeroing]]:
     """Take out the steps after which one payload explains more of the log."""
     zeroed: list[Zeroing] = []

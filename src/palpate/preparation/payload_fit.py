@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import run_slices
+from palpate.contact import Delay, run_slices
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
 from palpate.preparation.payload import TENSOR, Payload
@@ -184,7 +184,7 @@ def fit_payload(
     *,
     known: Payload | None = None,
     fixed: Sequence[int] = (),
-    delay: tuple[float, float] | None = None,
+    delay: Delay | None = None,
 ) -> tuple[Payload, Mask, float]:
     """Find payload, mount, bias and clock from the free air of a log.
 
@@ -199,8 +199,8 @@ def fit_payload(
         Known values of the ``fixed`` columns; its mass and mount also begin the search.
     fixed : sequence of int
         Columns that are known.
-    delay : tuple of float, optional
-        Delay of the wrench and its standard error, s, if they are known.
+    delay : Delay, optional
+        Delay of the wrench, if it is known.
 
     Returns
     -------
@@ -267,7 +267,7 @@ def fit_payload(
 
 
 def _prior(
-    known: Payload | None, fixed: Sequence[int], delay: tuple[float, float] | None, mass: float
+    known: Payload | None, fixed: Sequence[int], delay: Delay | None, mass: float
 ) -> tuple[Floats, Floats]:
     """Return the expected values of the payload and their standard deviations."""
     heavy, expected = max(mass, 0.05), np.zeros(SIZE)
@@ -278,7 +278,7 @@ def _prior(
         spread[list(fixed)] = FIXED
         expected[spread != FIXED] = 0.0
     if delay is not None:
-        expected[CLOCK], spread[CLOCK] = delay[0], max(delay[1], 1e-6)
+        expected[CLOCK], spread[CLOCK] = delay.seconds, max(delay.standard_error, 1e-6)
     return expected, spread
 
 

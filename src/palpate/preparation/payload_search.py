@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.contact import run_slices
+from palpate.contact import Delay, run_slices
 from palpate.digits import percent, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Check, Finding, Mark, worst
@@ -87,7 +87,7 @@ def find_payload(
     time: Floats,
     wrench: Floats,
     *,
-    delay: tuple[float, float] | None = None,
+    delay: Delay | None = None,
     known: Payload | None = None,
     weight: float | None = None,
     sign: float = 1.0,
@@ -105,8 +105,8 @@ def find_payload(
         Motion of the flange, filtered over 0.14 s if it turns, else over 0.1 s.
     time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
         s, N and N·m, as recorded; a torque of NaN is ignored.
-    delay : tuple of float, optional
-        Delay of the wrench and its standard error, s.
+    delay : Delay, optional
+        Delay of the wrench.
     known : Payload, optional
         Tool and mount; then only bias and clock are found.
     weight : float, optional
@@ -145,7 +145,7 @@ def find_payload(
 
     if known is not None:
         if delay is None and known.delay_error < DELAY_ERRORS[1]:
-            delay = known.delay, max(known.delay_error, 1e-3)
+            delay = Delay(known.delay, max(known.delay_error, 1e-3))
         found = fit(known, EVERYTHING)
         names = "mass_error", "centre_error", "mount_error", "lever_error"
         errors = {name: np.nan_to_num(getattr(known, name)) for name in names}
@@ -172,7 +172,7 @@ def find_payload(
         if weight:
             tool, fixed = replace(tool, mass=weight / GRAVITY), (MASS, *OF_MOUNT)
         if delay is None and own.delay_error <= DELAY_ERRORS[1]:
-            delay = own.delay, own.delay_error
+            delay = Delay(own.delay, own.delay_error)
         found = fit(tool, fixed)
         if not _is_free(found):
             return None

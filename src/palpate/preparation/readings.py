@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.contact import Delay
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.flange_motion import FlangeMotion
@@ -83,7 +84,7 @@ def fitting_readings(
     time: Floats,
     wrench: Floats,
     *,
-    delay: tuple[float, float] | None = None,
+    delay: Delay | None = None,
     known: Payload | None = None,
 ) -> tuple[list[Reading], bool]:
     """Return the readings that fit in free air, and whether there is enough of it to tell.

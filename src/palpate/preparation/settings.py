@@ -40,7 +40,7 @@ class Preparation:
     units: Mapping[str, str] = dataclasses.field(default_factory=dict)
     flip: Sequence[str] = ()
     tare: tuple[float, float] | Literal["find"] | None = None
-    delay: float | tuple[float, float] | Literal["find"] = 0.0
+    delay: float | tuple[float, float] | Delay | Literal["find"] = 0.0
     surface: float | SurfaceRule | None = None
     normal: str | Sequence[float] | None = None
     force_frame: ForceFrame | None = None
@@ -126,9 +126,11 @@ def _check_unit(channel: str, unit: Any) -> None:
 
 
 def check_delay(
-    name: str, given: float | tuple[float, float], sample_time: float = math.nan
+    name: str, given: float | tuple[float, float] | Delay, sample_time: float = math.nan
 ) -> Delay:
     """Return a delay, s, alone or with its standard error; by default that is half a sample."""
+    if isinstance(given, Delay):
+        return given
     late, *errors = given if isinstance(given, tuple) else (given,)
     if len(errors) > 1:
         allowed = "a time in s, or a time and its standard error"

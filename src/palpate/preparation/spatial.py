@@ -53,6 +53,7 @@ from palpate.preparation.settings import (
     Normal,
     Preparation,
     are_quaternions,
+    check_delay,
     grows,
     no_normal,
     normal_found,
@@ -293,8 +294,8 @@ class PosedWrench:
         s, m and unit quaternions, as recorded.
     time, wrench : numpy.ndarray, shapes (k,) and (k, 6)
         s, N and N·m.
-    delay : tuple of float or None
-        The given delay of the wrench and its standard error, s.
+    delay : Delay or None
+        The given delay of the wrench.
     """
 
     stamps: Floats
@@ -302,7 +303,7 @@ class PosedWrench:
     orientation: Floats
     time: Floats
     wrench: Floats
-    delay: tuple[float, float] | None
+    delay: Delay | None
     _motions: dict[tuple[Reading, float], FlangeMotion] = field(default_factory=dict)
 
     def motion(self, reading: Reading, window: float = WINDOW) -> FlangeMotion:
@@ -341,8 +342,8 @@ def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWr
     wrench = np.hstack([force, torque]) * (-1.0 if "force" in settings.flip else 1.0)
     late = settings.delay
     delay = None
-    if isinstance(late, tuple) or (not isinstance(late, str) and late):
-        delay = late if isinstance(late, tuple) else (late, 0.5 * float(np.median(np.diff(stamps))))
+    if late and not isinstance(late, str):
+        delay = check_delay("delay", late, float(np.median(np.diff(stamps))))
     turned = interpolate_columns(stamps, turns, orientation)
     return PosedWrench(stamps, position, turned, time, wrench, delay)
 
@@ -384,10 +385,8 @@ def compensate(
         return None
     payload = mark_payload(fit, delay_given=delay is not None)
     fit = replace(fit, payload=payload)
-    applied = None
-    if delay is not None:
-        applied = Delay(*delay)
-    elif payload.delay_mark != "do-not-trust":
+    applied = delay
+    if delay is None and payload.delay_mark != "do-not-trust":
         applied = Delay(payload.delay, payload.delay_error, found=True)
     at = signals.time + (0.0 if applied is None else applied.seconds)
     steps = [float(np.median(np.diff(each))) for each in (signals.time, time)]

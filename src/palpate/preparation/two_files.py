@@ -21,7 +21,7 @@ from palpate.preparation.clock_offset import fine_offset, rough_offset
 from palpate.preparation.clocks import SINCE_LONG_AGO, Stream, origin_of, stream_of
 from palpate.preparation.delay import LONGEST_FOUND
 from palpate.preparation.roles import Columns, Offer, offer_of
-from palpate.preparation.settings import Preparation
+from palpate.preparation.settings import Preparation, check_delay
 from palpate.recordings import Recording
 from palpate.recordings.recording import unit_size
 from palpate.validation import Floats
@@ -184,19 +184,22 @@ def align(
     if isinstance(given, str) or given == 0.0:
         lag, offset, drift = _find_lag(pair, settings, apart, prepare)
     else:
-        late, error = given if isinstance(given, tuple) else (given, USUAL_ERROR)
-        lag, offset = late - apart, Delay(late, error)
+        stated = (given, USUAL_ERROR) if isinstance(given, int | float) else given
+        offset = check_delay("delay", stated)
+        lag = offset.seconds - apart
     insignificant = abs(offset.seconds) < SIGNIFICANT * offset.standard_error
     if pair.dated and offset.found and insignificant and not drift:
         finding = _describe_one_clock(offset)
-        lag, error = -apart, 0.0
+        lag, rest, found = -apart, offset.seconds, False
     else:
         finding = _describe(pair.names[1], offset, drift)
-        error = math.hypot(offset.standard_error, drift / math.sqrt(12.0))
+        rest, found = drift / math.sqrt(12.0), offset.found
+    error = math.hypot(offset.standard_error, rest)
     recording = pair.moved(lag)
     notes = {**recording.notes, "clocks": finding.message}
     recording = replace(recording, notes=notes, findings=(*recording.findings, finding))
-    return recording, replace(settings, delay=(0.0, error) if error else 0.0)
+    left = replace(offset, seconds=0.0, standard_error=error, found=found)
+    return recording, replace(settings, delay=left if error else 0.0)
 
 
 def _find_lag(
