@@ -397,6 +397,7 @@ OTHER = ": it may have another unit or sign, or be another channel"
 MEAN = 15  # samples of a piece over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
 CARE = 0.05  # fraction of the damping, the same as for every cause
+SAME_SPEED = 0.01  # largest deviation of the slope from 1 that is not reported
 ALIKE = 0.9  # correlation above which the slope is meaningful
 VELOCITIES_AGAINST = -0.5
 
@@ -425,13 +426,13 @@ def check_velocity_column(data: Data) -> Finding | None:
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
         return Check.VELOCITY_COLUMN.finding(words + OTHER, VELOCITY_NONE, mark="do-not-trust")
-    if abs(slope - 1.0) <= CARE:
+    if abs(slope - 1.0) <= SAME_SPEED:
         return None
     wrong = f"{percent(abs(slope - 1.0))} too {'small' if slope > 1.0 else 'large'}"
     return Check.VELOCITY_COLUMN.finding(
         f"{words}: the damping is {wrong} if the penetration is right",
         VELOCITY_NONE,
-        damping="with-care",
+        damping="with-care" if abs(slope - 1.0) > CARE else "trust",
         moves_percent=(0.0, 100.0 * (slope - 1.0)),
     )
 

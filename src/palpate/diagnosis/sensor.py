@@ -1,6 +1,7 @@
 """Faults of the force sensor and of the velocity: range, dead band, offset, gain, noise."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from palpate.diagnosis.causes import (
     causes_from_columns,
     relative_time,
 )
-from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.fit import SIGNIFICANT, Fit
 from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.recording import VELOCITY_NONE
 from palpate.diagnosis.windows import FEWEST_FREE
@@ -229,7 +230,23 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
     # If the exponent is fixed, curvature is more likely due to the material.
     if law.power_law and not fit.fixed:
         columns[Check.SENSOR_GAIN] = force**2 / at_depth
-    return causes_from_columns(fit, columns, _explain_column)
+    return [_or_late(fit, cause) for cause in causes_from_columns(fit, columns, _explain_column)]
+
+
+# Part of the delay of a position that the mass of its second order implies: between none for a
+# mass that moves and all of it for a relaxing material, whose damping hides the first order.
+LATE_PART = 0.15
+
+
+def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
+    """Add to a mass m what a lag does that looks like it: K τ²/2 is the mass, K τ a damping."""
+    shows_mass = cause.check is Check.INERTIA and cause.z > SIGNIFICANT and cause.amount > 0.0
+    stiffness = fit.stiffness(fit.solution.law)
+    if not (shows_mass and stiffness > 0.0):
+        return cause
+    delay = math.sqrt(2.0 * cause.amount / stiffness)
+    change = replace(cause.change, branch=(0.0, LATE_PART * delay))
+    return replace(cause, change=change, damping=change.relative(fit)[1])
 
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:
