@@ -46,17 +46,22 @@ class Pressed:
         self.damping = self.stiffness * lag * n / self.depth
         self.power = np.maximum(x, 0.0) ** n
         self.force = self.stiffness * self.power + self.damping * self.power * v
-        self.position, self.amount = x, random.uniform(0.3, 1.0) * random.choice([-1.0, 1.0])
+        self.amount = random.uniform(0.3, 1.0) * random.choice([-1.0, 1.0])
+        self.past, self.slides = self.time / self.time[-1], np.tanh(50.0 * v / self.speed)
+        acceleration = np.gradient(v, self.time)
+        self.acceleration = acceleration / np.sqrt(np.mean(acceleration[inside] ** 2))
+        struck = random.random(x.size) < 0.004 * self.rate * (self.time[1] - self.time[0])
+        self.clicks = 0.5 * struck * random.standard_normal(x.size)
         self.truth: Truth = lambda depth, turns: (
             self.stiffness * n * depth ** (n - 1.0),
             self.damping * depth**n,
         )
 
-    def low_pass(self, values: Floats, hertz: float) -> Floats:
-        """Values behind a filter of second order."""
+    def low_pass(self, hertz: float) -> Floats:
+        """The force behind a filter of second order."""
         over = 1.0 / (self.time[1] - self.time[0])
         sections = butter(2, min(hertz, 0.45 * over), fs=over, output="sos")
-        filtered: Floats = values[0] + sosfilt(sections, values - values[0])
+        filtered: Floats = self.force[0] + sosfilt(sections, self.force - self.force[0])
         return filtered
 
 
@@ -110,99 +115,48 @@ def _taps(random: np.random.Generator, time: Floats) -> Floats:
 
 MOTIONS = (_wander, _triangles, _decay, _stairs, _two_sines, _taps)
 
-# Faults; the amount a of each is ± 0.3 to 1.
+# Faults of the force: what it is with a fault of the amount ± 0.3 to 1.
+
+FAULTS: dict[str, Callable[[Pressed], Floats]] = {
+    "skew": lambda p: np.interp(p.time - 4e-3 * p.amount, p.time, p.force),
+    "friction": lambda p: p.force * (1.0 + 0.05 * abs(p.amount) * p.slides),
+    "guide": lambda p: p.force + 0.02 * abs(p.amount) * p.peak * p.slides,
+    "mass": lambda p: p.force + 0.03 * abs(p.amount) * p.peak * p.acceleration,
+    "zero": lambda p: p.force + 0.04 * p.amount * p.peak * p.past,
+    "curved": lambda p: p.force * (1.0 + 0.03 * p.amount * p.force / p.peak),
+    "span": lambda p: p.force * (1.0 + 0.08 * p.amount * p.past),
+    "wave": lambda p: p.force + 0.03 * p.amount * p.peak * np.sin(10.0 * p.past + 1.0),
+    "slow": lambda p: p.low_pass(p.random.uniform(8.0, 60.0) * max(p.turns / 12.0, 0.3)),
+    "shifts": lambda p: p.force + 0.02 * p.amount * p.peak * (p.past > p.random.uniform(0.2, 0.8)),
+}
+#: Faults of a kind that neither bank was chosen with.
+KINDS: dict[str, Callable[[Pressed], Floats]] = {
+    "warming": lambda p: p.force + 0.04 * p.amount * p.peak * (1.0 - np.exp(-3.0 * p.past)),
+    "half-space": lambda p: _half_space(p),
+    "clicks": lambda p: p.force + p.peak * p.clicks,
+    "creep": lambda p: p.force + 0.03 * abs(p.amount) * (p.low_pass(0.1) - p.force),
+}
 
 
-def _slides(p: Pressed) -> Floats:
-    return np.tanh(50.0 * p.velocity / p.speed)
+def _half_space(p: Pressed) -> Floats:
+    """A material whose damping grows as xⁿ⁻¹."""
+    power, damping = p.exponent - 1.0, p.damping * p.depth
+    stiffness = p.truth
+    p.truth = lambda depth, turns: (stiffness(depth, turns)[0], damping * depth**power)
+    return p.stiffness * p.power + damping * np.maximum(p.penetration, 0.0) ** power * p.velocity
 
 
-def _skew(p: Pressed) -> None:
-    p.force = np.interp(p.time - 4e-3 * p.amount, p.time, p.force)
-
-
-def _friction(p: Pressed) -> None:
-    p.force = p.force + 0.05 * abs(p.amount) * p.stiffness * p.power * _slides(p)
-
-
-def _guide(p: Pressed) -> None:
-    p.force = p.force + 0.02 * abs(p.amount) * p.peak * _slides(p)
-
-
-def _mass(p: Pressed) -> None:
-    acceleration = np.gradient(p.velocity, p.time)
-    size = np.sqrt(np.mean(acceleration[p.inside] ** 2))
-    p.force = p.force + 0.03 * abs(p.amount) * p.peak * acceleration / size
-
-
-def _zero(p: Pressed) -> None:
-    p.force = p.force + 0.04 * p.amount * p.peak * p.time / p.time[-1]
-
-
-def _curved(p: Pressed) -> None:
-    p.force = p.force * (1.0 + 0.03 * p.amount * p.force / p.peak)
-
-
-def _span(p: Pressed) -> None:
-    p.force = p.force * (1.0 + 0.08 * p.amount * p.time / p.time[-1])
-
-
-def _slow_wave(p: Pressed) -> None:
-    turns = 2.0 * np.pi * p.random.uniform(0.5, 3.0) / p.time[-1]
-    p.force = p.force + 0.03 * p.amount * p.peak * np.sin(turns * p.time + 1.0)
-
-
-def _play(p: Pressed) -> None:
-    reach, at = 0.02 * abs(p.amount) * p.deepest, float(p.position[0])
-    follows = np.empty_like(p.position)
-    for k, place in enumerate(p.position.tolist()):
-        at = min(max(at, place - reach), place + reach)
-        follows[k] = at
-    p.position = follows
-
-
-def _slow_force(p: Pressed) -> None:
-    hertz = p.random.uniform(8.0, 60.0) * max(p.turns / 12.0, 0.3)
-    p.force = p.low_pass(p.force, hertz)
-
-
-def _eccentric(p: Pressed) -> None:
-    wave = np.sin(1.5 * 2.0 * np.pi * p.position / p.deepest)
-    p.position = p.position + 0.01 * p.amount * p.deepest * wave
-
-
-def _warming(p: Pressed) -> None:
-    warm = 1.0 - np.exp(-p.time / (0.3 * p.time[-1]))
-    p.force = p.force + 0.04 * p.amount * p.peak * warm
-
-
-def _clicks(p: Pressed) -> None:
-    hit = p.random.random(p.time.size) < 0.004 * p.rate * (p.time[1] - p.time[0])
-    p.force = p.force + 0.5 * p.peak * hit * p.random.standard_normal(p.time.size)
-
-
-def _half_space(p: Pressed) -> None:
-    """A material whose damping grows as xⁿ⁻¹; the truth goes with it."""
-    n, damping = p.exponent, p.damping * p.depth
-    xs = np.maximum(p.penetration, 0.0)
-    p.force = p.stiffness * p.power + damping * xs ** (n - 1.0) * p.velocity
-    p.truth = lambda depth, turns: (
-        p.stiffness * n * depth ** (n - 1.0),
-        damping * depth ** (n - 1.0),
-    )
-
-
-def _relaxing(p: Pressed) -> None:
-    """One or three relaxation times, with a damper or without."""
+def _relaxing(p: Pressed) -> Floats:
+    """A material of one or three relaxation times, with a damper or without."""
     n, count = p.exponent, int(p.random.choice([1, 3]))
     times = np.exp(p.random.uniform(math.log(0.02), math.log(p.time[-1] / 3.0), count))
     sizes = p.random.uniform(0.1, 0.6, count) * p.stiffness / count
     damping, step = p.damping * p.random.choice([0.0, 0.5]), float(p.time[1] - p.time[0])
-    p.force = (p.stiffness + damping * p.velocity) * p.power
+    force = (p.stiffness + damping * p.velocity) * p.power
+    rate = np.diff(p.power, prepend=p.power[0]) / step
     for size, time in zip(sizes, times, strict=True):
         decay = math.exp(-step / time)
-        rate = np.diff(p.power, prepend=p.power[0])
-        p.force = p.force + size * lfilter([(1.0 - decay) * time / step], [1.0, -decay], rate)
+        force = force + size * lfilter([(1.0 - decay) * time], [1.0, -decay], rate)
 
     def truth(depth: float, turns: float) -> tuple[float, float]:
         phase, slope = turns * times, n * depth ** (n - 1.0)
@@ -211,44 +165,28 @@ def _relaxing(p: Pressed) -> None:
         return slope * stored, damping * depth**n + slope * lost
 
     p.truth = truth
-
-
-Damage = Callable[[Pressed], None]
-FAULTS: dict[str, Damage] = {
-    "skew": _skew, "friction": _friction, "guide": _guide, "mass": _mass, "zero": _zero,
-    "curved": _curved, "span": _span, "slow wave": _slow_wave, "play": _play,
-    "slow force": _slow_force,
-}  # fmt: skip
-#: In neither bank's design.
-KINDS: dict[str, Damage] = {
-    "eccentric": _eccentric, "warming": _warming, "clicks": _clicks, "half-space": _half_space,
-}  # fmt: skip
-IN_AIR = (_guide, _zero, _slow_wave, _mass, _warming, _skew, _slow_force, _clicks)
+    return force
 
 
 def _noise(p: Pressed, color: str, force: Floats) -> Floats:
     """Noise of standard deviation 1 at the samples."""
     white = p.random.standard_normal(force.size + 4000)
+    if color == "∝ force":
+        return np.asarray((np.abs(force) / p.peak + 0.05) * white[4000:])
     if color == "AR(1)":
         share = p.random.uniform(0.8, 0.98)
-        made = lfilter([math.sqrt(1.0 - share**2)], [1.0, -share], white)
+        white = lfilter([1.0], [1.0, -share], white)
     elif color == "low-pass":
-        sections = butter(2, p.random.uniform(0.02, 0.2) * p.rate, fs=p.rate, output="sos")
-        made = sosfilt(sections, white)
+        hertz = p.random.uniform(0.02, 0.2) * p.rate
+        white = sosfilt(butter(2, hertz, fs=p.rate, output="sos"), white)
     elif color == "pink":
-        made = lfilter(*PINK, white)
+        white = lfilter(*PINK, white)
     elif color == "hum":
-        clock = np.arange(white.size) / p.rate
-        made = 0.6 * white + 1.1 * np.sin(2.0 * np.pi * 50.0 * clock + 1.0)
-    elif color == "∝ force":
-        made = np.r_[np.zeros(4000), np.abs(force) / p.peak + 0.05] * white
-        return np.asarray(made[4000:])
-    else:
-        return white[4000:]
-    return np.asarray(made[4000:] / made[4000:].std())
+        white = 0.6 * white + 1.1 * np.sin(100.0 * np.pi * np.arange(white.size) / p.rate)
+    return np.asarray(white[4000:] / white[4000:].std())
 
 
-COLORS = ("AR(1)", "low-pass", "pink", "hum")
+COLORS = {"filtered": ("AR(1)", "low-pass", "pink", "hum"), "clean": ("white", "∝ force")}
 
 
 def press(kind: str, seed: int) -> tuple[Contact, Truth]:
@@ -263,24 +201,19 @@ def press(kind: str, seed: int) -> tuple[Contact, Truth]:
     if motion not in (_triangles, _taps) and random.random() < 0.7:  # from free air
         x = -0.25 + rise((time / time[-1] - 0.05) / 0.1) * (x + 0.25)
     p = Pressed(random, time, x / x.max() * _log_uniform(random, 8e-4, 20e-3), rate)
-    damage = {**FAULTS, **KINDS, "relaxing": _relaxing}.get(kind)
-    if damage is not None:
-        damage(p)
-    if damage not in IN_AIR:
-        p.force = np.where(p.inside, p.force, 0.0)
-    force, position = p.force[::every], p.position[::every]
-    color = {"filtered": str(random.choice(COLORS)), "clean": str(random.choice(["", "∝ force"]))}
-    size = _log_uniform(random, 3e-4, 1.5e-2) * p.peak
-    force = force + size * _noise(p, color.get(kind, ""), force)
+    force = {**FAULTS, **KINDS, "relaxing": _relaxing}.get(kind, lambda p: p.force)(p)[::every]
+    color = str(random.choice(COLORS.get(kind, ("white",))))
+    force = force + _log_uniform(random, 3e-4, 1.5e-2) * p.peak * _noise(p, color, force)
     fine = _log_uniform(random, 1e-5, 2e-4) * p.deepest
-    position = position + fine * random.standard_normal(position.size)
+    position = p.penetration[::every] + fine * random.standard_normal(force.size)
     return prepare(time=time[::every], penetration=position, force=force), p.truth
 
 
 def strike(seed: int) -> tuple[Contact, Truth]:
     """Return blows of a hammer of which 7 to 50 % are beyond its force sensor."""
     random = np.random.default_rng([seed, 38])
-    n, mass, beyond = random.uniform(1.0, 2.0), _log_uniform(random, 0.05, 1.5), random.uniform(0.07, 0.5)
+    n, beyond = random.uniform([1.0, 0.07], [2.0, 0.5])
+    mass = _log_uniform(random, 0.05, 1.5)
     speed, touch = random.uniform(0.15, 1.2), _log_uniform(random, 4e-3, 4e-2)
     deepest = speed * touch / np.pi
     stiffness = 0.5 * mass * speed**2 * (n + 1.0) / deepest ** (n + 1.0)

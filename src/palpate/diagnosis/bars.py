@@ -110,17 +110,16 @@ class SystematicErrors:
             parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", LONGER))
         distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
         parts.append(_part(fit, distance, "since the method is off its least squares", remedy))
-        rounded_off = _change_with_depth(fit, ROUNDING * fit.data.penetration_noise)[1:]
-        parts.append(_part(fit, rounded_off, "by the noise of the position", FINER))
+        rounded_off = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
+        parts.append(_part(fit, rounded_off, "by the steps of the position", FINER))
         if not fit.with_offset:
             reason = "since the method has no offset"
             parts.append(_part(fit, _offset_sensitivity(fit)[1:], reason, remedy))
         return parts
 
 
-# Encoder counts shift whole touches, which no longer recording averages out: with 1.5 times
-# the noise of its position 40 of 40 runs of the laboratory's PVC are within two bars.
-ROUNDING = 1.5
+# Steps of an encoder shift whole touches, which no longer recording averages out.
+ROUNDING = 0.5
 LONGER, FINER = "record a longer motion", "record the position in finer steps"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)

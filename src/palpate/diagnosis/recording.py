@@ -80,6 +80,12 @@ class Data:
         return max(noise_of(self.penetration), step_of(self.penetration) / math.sqrt(12.0))
 
     @cached_property
+    def penetration_step(self) -> float:
+        """Step of the penetration, m; 0 if most samples differ, so that it is not rounded."""
+        distinct = np.unique(self.penetration).size
+        return step_of(self.penetration) if 2 * distinct < len(self) else 0.0
+
+    @cached_property
     def velocity_noise(self) -> float:
         """Standard deviation of the velocity's noise, m/s; after a filter, for white noise of x."""
         if self.velocity_filter is None:
