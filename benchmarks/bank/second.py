@@ -1,4 +1,4 @@
-"""A second bank, written apart from ``benchmarks.bank.trials``: other motions, rates, noises, faults.
+"""A second bank, apart from ``benchmarks.bank.trials``: other motions, rates, noises, faults.
 
 Each recording is a :class:`Pressed` with its truth K′ and B′ at any depth and frequency.
 """

@@ -1,4 +1,4 @@
-"""``python -m benchmarks.diagnosis.bars``: error bars and marks on banks written apart from ``mix``.
+"""``python -m benchmarks.diagnosis.bars``: bars and marks on banks written apart from ``mix``.
 
 Rows of a bank: recordings; mean log score of the bar as the scale of Student's t (ν 4); median bar
 over median error, clean and with a fault; within two bars; *trust*; *trust* and off by more than

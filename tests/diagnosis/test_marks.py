@@ -176,11 +176,11 @@ def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_bet
 
 def test_the_next_step_is_the_one_that_lowers_the_bar_most():
     """Two parts of 0.8 with one remedy are more than one of 1; of what is detected one counts."""
-    parts = [BarPart(1.0, "a", "first", False, False)]
-    parts += [BarPart(0.8, "b", "second", False, False)] * 2
-    assert _best_remedy(parts) == "second"
+    parts = [BarPart(np.array([1.0, 0.0]), "a", "first")]
+    parts += [BarPart(np.array([0.8, 0.0]), "b", "second")] * 2
+    assert _best_remedy(parts, 0) == "second"
     parts[1:] = [part._replace(detected=True) for part in parts[1:]]
-    assert _best_remedy(parts) == "first"
+    assert _best_remedy(parts, 0) == "first"
 
 
 def thrown(mass: float, beyond: float) -> tuple[Floats, Floats, Floats]:
