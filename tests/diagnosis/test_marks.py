@@ -128,14 +128,14 @@ def test_a_cable_that_pulls_in_free_air_is_found_and_in_the_stiffness():
     in_bars(diagnosis)
 
 
-@pytest.mark.parametrize("bend", [0.1, 0.25])
+@pytest.mark.parametrize("bend", [0.05, 0.25])
 def test_a_sensor_with_a_curved_gain_is_found_and_in_the_bars(bend):
-    """Of 10 % the bar is 9 % of the stiffness: it may be trusted to that."""
+    """The stiffness is off by about as much as the gain changes, so 5 % may be trusted."""
     time, x, v = touches()
     force = faults.pushed(x, v)
     force = force * (1.0 + bend * force / force.max())
     diagnosis = found(time, x, force + 0.02 * np.random.default_rng(8).standard_normal(force.size))
-    assert (diagnosis.verdict.stiffness == "trust") == (bend == 0.1)
+    assert (diagnosis.verdict.stiffness == "trust") == (bend == 0.05)
     assert "sensor gain" in [finding.check for finding in diagnosis.findings]
     in_bars(diagnosis)
 
