@@ -134,7 +134,7 @@ KINDS: dict[str, Callable[[Pressed], Floats]] = {
     "warming": lambda p: p.force + 0.04 * p.amount * p.peak * (1.0 - np.exp(-3.0 * p.past)),
     "half-space": lambda p: _half_space(p),
     "clicks": lambda p: p.force + p.peak * p.clicks,
-    "creep": lambda p: p.force + 0.03 * abs(p.amount) * (p.low_pass(0.1) - p.force),
+    "creep": lambda p: p.force + 0.03 * abs(p.amount) * p.low_pass(0.1),
 }
 
 

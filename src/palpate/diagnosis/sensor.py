@@ -236,13 +236,14 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
 # Part of the delay of a position that the mass of its second order implies: between none for a
 # mass that moves and all of it for a relaxing material, whose damping hides the first order.
 LATE_PART = 0.15
+LEAST_LATE = 0.2  # fraction of the residual that such a mass explains
 
 
 def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     """Add to a mass m what a lag does that looks like it: K τ²/2 is the mass, K τ a damping."""
-    shows_mass = cause.check is Check.INERTIA and cause.z > SIGNIFICANT and cause.amount > 0.0
+    large = cause.z > SIGNIFICANT and cause.explained_fraction > LEAST_LATE
     stiffness = fit.stiffness(fit.solution.law)
-    if not (shows_mass and stiffness > 0.0):
+    if not (cause.check is Check.INERTIA and large and cause.amount > 0.0 and stiffness > 0.0):
         return cause
     delay = math.sqrt(2.0 * cause.amount / stiffness)
     change = replace(cause.change, branch=(0.0, LATE_PART * delay))
