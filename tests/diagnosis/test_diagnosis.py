@@ -188,7 +188,7 @@ def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
 
 
 # A force that is reversed throughout is refused: tests/cli/test_diagnose_command.py.
-@pytest.mark.parametrize("name", sorted(MAY_CAP & {*INPUTS, *CAUSES} - {"signs"}))
+@pytest.mark.parametrize("name", sorted(MAY_CAP & {*INPUTS, *CAUSES} - {"signs", "time stamps"}))
 def test_what_no_bar_can_hold_caps_the_marks(name):
     diagnosis = palpate.diagnose({**INPUTS, **CAUSES}[name])
     verdict = diagnosis.verdict

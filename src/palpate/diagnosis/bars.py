@@ -138,7 +138,7 @@ def systematic_errors(
 
 
 #: Checks whose findings state their effect on the result; none of them is a column of the fit.
-OWN_CHANGES = (Check.VELOCITY_NOISE, Check.VELOCITY_COLUMN, Check.FREE_AIR)
+OWN_CHANGES = (Check.TIME_STAMPS, Check.VELOCITY_NOISE, Check.VELOCITY_COLUMN, Check.FREE_AIR)
 
 
 def _combined(parts: Iterable[BarPart]) -> Floats:

@@ -237,6 +237,7 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
 # mass that moves and all of it for a relaxing material, whose damping hides the first order.
 LATE_PART = 0.15
 LEAST_LATE = 0.2  # fraction of the residual that such a mass explains
+MOST_LATE = 0.03  # s; a mass that implies a longer delay is a mass
 
 
 def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
@@ -246,6 +247,8 @@ def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     if not (cause.check is Check.INERTIA and large and cause.amount > 0.0 and stiffness > 0.0):
         return cause
     delay = math.sqrt(2.0 * cause.amount / stiffness)
+    if delay > MOST_LATE:
+        return cause
     change = replace(cause.change, branch=(0.0, LATE_PART * delay))
     return replace(cause, change=change, damping=change.relative(fit)[1])
 
