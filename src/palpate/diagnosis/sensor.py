@@ -237,7 +237,7 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
 # mass that moves and all of it for a relaxing material, whose damping hides the first order.
 LATE_PART = 0.15
 LEAST_LATE = 0.2  # fraction of the residual that such a mass explains
-MOST_LATE = 0.03  # s; a mass that implies a longer delay is a mass
+MOST_LATE = 0.05  # s; a mass that implies a longer delay is a mass
 
 
 def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
