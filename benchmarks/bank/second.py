@@ -77,7 +77,7 @@ def _wander(random: np.random.Generator, time: Floats) -> Floats:
     over = 1.0 / (time[1] - time[0])
     band = butter(3, [0.3, random.uniform(2.0, 6.0)], "band", fs=over, output="sos")
     wave = sosfilt(band, random.standard_normal(time.size + int(6 * over)))[-time.size :]
-    return 1.0 + wave / np.abs(wave).max() * random.uniform(0.3, 0.9)
+    return np.asarray(1.0 + wave / np.abs(wave).max() * random.uniform(0.3, 0.9))
 
 
 def _triangles(random: np.random.Generator, time: Floats) -> Floats:
@@ -85,13 +85,13 @@ def _triangles(random: np.random.Generator, time: Floats) -> Floats:
     over, hertz = 1.0 / (time[1] - time[0]), random.uniform(0.5, 2.0)
     wave = 2.0 * np.abs(2.0 * ((time * hertz + random.random()) % 1.0) - 1.0) - 1.0
     smooth = sosfilt(butter(2, 8.0 * hertz, fs=over, output="sos"), np.tile(wave, 2))[time.size :]
-    return random.uniform(0.3, 1.3) + smooth * random.uniform(0.7, 1.0)
+    return np.asarray(random.uniform(0.3, 1.3) + smooth * random.uniform(0.7, 1.0))
 
 
 def _decay(random: np.random.Generator, time: Floats) -> Floats:
     """An oscillation that dies out."""
     faded = np.exp(-time / (time[-1] * random.uniform(0.3, 0.8)))
-    return 1.0 + 0.8 * faded * np.sin(2.0 * np.pi * random.uniform(1.0, 4.0) * time)
+    return np.asarray(1.0 + 0.8 * faded * np.sin(2.0 * np.pi * random.uniform(1.0, 4.0) * time))
 
 
 def _stairs(random: np.random.Generator, time: Floats) -> Floats:
@@ -99,12 +99,12 @@ def _stairs(random: np.random.Generator, time: Floats) -> Floats:
     place = time / random.uniform(0.4, 0.9)
     step = place.astype(int)
     levels = random.uniform(0.4, 1.4, int(step[-1]) + 2)
-    return levels[step] + np.diff(levels)[step] * rise(4.0 * (place - step))
+    return np.asarray(levels[step] + np.diff(levels)[step] * rise(4.0 * (place - step)))
 
 
 def _two_sines(random: np.random.Generator, time: Floats) -> Floats:
     slow, quick = 2.0 * np.pi * random.uniform([0.4, 2.0], [1.2, 5.0])
-    return 1.0 + 0.5 * np.sin(slow * time) + 0.25 * np.sin(quick * time + 1.0)
+    return np.asarray(1.0 + 0.5 * np.sin(slow * time) + 0.25 * np.sin(quick * time + 1.0))
 
 
 def _taps(random: np.random.Generator, time: Floats) -> Floats:
@@ -143,7 +143,9 @@ def _half_space(p: Pressed) -> Floats:
     power, damping = p.exponent - 1.0, p.damping * p.depth
     stiffness = p.truth
     p.truth = lambda depth, turns: (stiffness(depth, turns)[0], damping * depth**power)
-    return p.stiffness * p.power + damping * np.maximum(p.penetration, 0.0) ** power * p.velocity
+    return np.asarray(
+        p.stiffness * p.power + damping * np.maximum(p.penetration, 0.0) ** power * p.velocity
+    )
 
 
 def _relaxing(p: Pressed) -> Floats:
@@ -201,7 +203,8 @@ def press(kind: str, seed: int) -> tuple[Contact, Truth]:
     if motion not in (_triangles, _taps) and random.random() < 0.7:  # from free air
         x = -0.25 + rise((time / time[-1] - 0.05) / 0.1) * (x + 0.25)
     p = Pressed(random, time, x / x.max() * _log_uniform(random, 8e-4, 20e-3), rate)
-    force = {**FAULTS, **KINDS, "relaxing": _relaxing}.get(kind, lambda p: p.force)(p)[::every]
+    change = {**FAULTS, **KINDS, "relaxing": _relaxing}.get(kind)
+    force = (p.force if change is None else change(p))[::every]
     color = str(random.choice(COLORS.get(kind, ("white",))))
     force = force + _log_uniform(random, 3e-4, 1.5e-2) * p.peak * _noise(p, color, force)
     fine = _log_uniform(random, 1e-5, 2e-4) * p.deepest

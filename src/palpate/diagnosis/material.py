@@ -284,7 +284,7 @@ def check_unknown_law(
     elif alone and shape and first.z > SIGNIFICANT:
         what = "the force grows with depth as in no compared law, as of a sensor near its limit"
     elif (slope := local_slope(fit)) > LEAST_SLOPE:
-        what = f"at the working depth the slope of the force differs from the law's by {percent(slope)}"
+        what = f"at the working depth the force is {percent(slope)} steeper or flatter than the law"
     else:
         return None
     return Check.UNKNOWN_LAW.finding(

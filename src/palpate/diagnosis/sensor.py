@@ -9,6 +9,7 @@ from palpate.diagnosis.causes import (
     CARE,
     RISE,
     MisfitHypothesis,
+    ParameterChange,
     causes_from_columns,
     relative_time,
 )
@@ -243,13 +244,13 @@ MOST_LATE = 0.05  # s; a mass that implies a longer delay is a mass
 def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     """Add to a mass m what a lag does that looks like it: K τ²/2 is the mass, K τ a damping."""
     large = cause.z > SIGNIFICANT and cause.explained_fraction > LEAST_LATE
-    stiffness = fit.stiffness(fit.solution.law)
+    stiffness, change = fit.stiffness(fit.solution.law), cause.change
     if not (cause.check is Check.INERTIA and large and cause.amount > 0.0 and stiffness > 0.0):
         return cause
     delay = math.sqrt(2.0 * cause.amount / stiffness)
-    if delay > MOST_LATE:
+    if delay > MOST_LATE or not isinstance(change, ParameterChange):
         return cause
-    change = replace(cause.change, branch=(0.0, LATE_PART * delay))
+    change = replace(change, branch=(0.0, LATE_PART * delay))
     return replace(cause, change=change, damping=change.relative(fit)[1])
 
 

@@ -168,7 +168,7 @@ class Identified:
         """Identify a contact; if Hunt–Crossley is selected, identify it by variable projection.
 
         Variable projection has smaller errors of K, B and n. It is also used if the contact is
-        adhesive or changes, which a relaxing law would absorb, or if the motion shows no relaxation.
+        adhesive or changes, which a relaxing law would absorb, or if no relaxation can be seen.
         """
         selection = cls.of(data, estimator, trace=trace)
         if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
