@@ -19,8 +19,8 @@ from palpate.findings import Check, Finding, Mark
 
 # Chosen by hand.
 UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # fractions of the force
-# Residual over noise. Two of 1053 trusted stiffnesses of ``benchmarks.diagnosis.mix`` exceed it, and
-# none of recordings whose halves agree.
+# Residual over noise; 2 of 1053 trusted stiffnesses of ``benchmarks.diagnosis.mix`` exceed it, and
+# none of the 18 of recordings of others.
 FAR_ABOVE_NOISE = 30.0
 METHOD_Z = 5.0  # standard errors; a larger distance is at least a note
 
