@@ -255,10 +255,9 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
 
 # A cause explains at least the first fraction of the residual, and any other cause at most the
 # second fraction of that. Of 1593 trusted stiffnesses of ``benchmarks.diagnosis.mix`` (seeds 0,
-# 2000, 8000 to 11000) 23 are such, and 15 of these are more than 10 % off.
+# 2000, 8000 to 11000) 25 are such, and 15 of these are more than 10 % off.
 ALONE, SECOND = 0.25, 0.8
-# The least memory, as a fraction of the force, and the least effect of the shape on the stiffness.
-LEAST_MEMORY, LEAST_SHAPE = 0.03, 0.01
+LEAST_MEMORY = 0.03  # fraction of the force
 # Least slope of the residual, as a fraction of the stiffness and in standard errors, of at least so
 # many windows within this fraction of the working depth.
 LEAST_SLOPE, SLOPE_Z, NEAR_DEPTH, FEWEST_NEAR = 0.2, 3.0, 0.15, 6
@@ -278,10 +277,10 @@ def check_unknown_law(
     explained = first.explained_fraction
     alone = explained > ALONE and all(c.explained_fraction < SECOND * explained for c in others)
     memory = first.check is Check.MEMORY and fit.equivalent is None and unexplained > LEAST_MEMORY
-    shape = first.check is Check.SHAPE and abs(first.stiffness) > LEAST_SHAPE
+    shape = first.check is Check.SHAPE and first.z > SIGNIFICANT
     if alone and memory:
         what = "the force depends on its past as in no compared law, as by hysteresis"
-    elif alone and shape and first.z > SIGNIFICANT:
+    elif alone and shape:
         what = "the force grows with depth as in no compared law, as of a sensor near its limit"
     elif (slope := local_slope(fit)) > LEAST_SLOPE:
         what = f"at the working depth the force is {percent(slope)} steeper or flatter than the law"
