@@ -167,7 +167,7 @@ def _relaxing(p: Pressed) -> Floats:
         return slope * stored, damping * depth**n + slope * lost
 
     p.truth = truth
-    return force
+    return np.asarray(force)
 
 
 def _noise(p: Pressed, color: str, force: Floats) -> Floats:
