@@ -183,6 +183,49 @@ def test_the_next_step_is_the_one_that_lowers_the_bar_most():
     assert _best_remedy(parts, 0) == "first"
 
 
+def saturates(force: Floats, x: Floats, v: Floats) -> Floats:
+    """A sensor whose gain falls toward its limit."""
+    return 1.2 * force.max() * np.tanh(force / (1.2 * force.max()))
+
+
+def bottoms_out(force: Floats, x: Floats, v: Floats) -> Floats:
+    """A stop at 60 % of the depth, four times as stiff."""
+    knee = 0.6 * x.max()
+    return force + 4.0 * LAW.stiffness_at(knee) * np.maximum(x - knee, 0.0)
+
+
+@pytest.mark.parametrize("fault", [saturates, bottoms_out])
+def test_a_law_that_is_none_of_those_compared_costs_the_stiffness_its_trust(fault):
+    time, x, v = touches()
+    force = fault(faults.pushed(x, v), x, v)
+    noise = 0.003 * force.max() * np.random.default_rng(2).standard_normal(force.size)
+    diagnosis = found(time, x, force + noise)
+    assert diagnosis.verdict.stiffness != "trust"
+    assert "unknown law" in [finding.check for finding in diagnosis.findings]
+
+
+def test_a_law_that_relaxes_needs_a_withdrawal_or_a_hold():
+    """0.4 s of loading alone, faster and faster."""
+    time = np.arange(400) * 1e-3
+    x = -1e-3 + 9e-3 * (time / 0.4) ** 2
+    force = np.interp(x, np.linspace(0.0, 8e-3, 400), 4.0 * np.linspace(0.0, 1.0, 400) ** 1.3)
+    relaxed = force - 0.3 * lfilter([0.02], [1.0, -0.98], force)
+    result = palpate.identify(time=time, penetration=x, force=faults.noisy(relaxed))
+    assert result.selected.law.relaxes
+    assert not result.law.relaxes
+
+
+def test_a_velocity_column_that_is_too_small_is_in_the_bar_of_the_damping():
+    """By 3 % of the damping, which is no reason to distrust it."""
+    time, x, v = touches()
+    force = faults.noisy(faults.pushed(x, v))
+    diagnosis = found(time, x, force, velocity=0.97 * v)
+    damping = diagnosis.working_depth.damping
+    assert damping.systematic == pytest.approx(0.045 * damping.value, rel=0.7)
+    assert diagnosis.verdict.damping == "trust"
+    in_bars(diagnosis)
+
+
 def thrown(mass: float, beyond: float) -> tuple[Floats, Floats, Floats]:
     """Time, penetration and force of a mass at 0.5 m/s, of which a part moves beyond the sensor."""
     step, x, v, rows = 2e-5, -4e-3, 0.5, []
