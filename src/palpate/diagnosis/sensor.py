@@ -231,7 +231,8 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
     # If the exponent is fixed, curvature is more likely due to the material.
     if law.power_law and not fit.fixed:
         columns[Check.SENSOR_GAIN] = force**2 / at_depth
-    return [_or_late(fit, cause) for cause in causes_from_columns(fit, columns, _explain_column)]
+    causes = causes_from_columns(fit, columns, _explain_column)
+    return [_add_effect_of_delay(fit, cause) for cause in causes]
 
 
 # Part of the delay of a position that the mass of its second order implies: between none for a
@@ -241,8 +242,8 @@ LEAST_LATE = 0.2  # fraction of the residual that such a mass explains
 MOST_LATE = 0.05  # s; a mass that implies a longer delay is a mass
 
 
-def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
-    """Add to a mass m what a lag does that looks like it: K τ²/2 is the mass, K τ a damping."""
+def _add_effect_of_delay(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
+    """Add to a mass m the damping K τ of a delay τ that looks like it, as m = K τ²/2."""
     large = cause.z > SIGNIFICANT and cause.explained_fraction > LEAST_LATE
     stiffness, change = fit.stiffness(fit.solution.law), cause.change
     if not (cause.check is Check.INERTIA and large and cause.amount > 0.0 and stiffness > 0.0):
@@ -251,7 +252,8 @@ def _or_late(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     if delay > MOST_LATE or not isinstance(change, ParameterChange):
         return cause
     change = replace(change, branch=(0.0, LATE_PART * delay))
-    return replace(cause, change=change, damping=change.relative(fit)[1])
+    sentence = f"{cause.sentence}, or force and position are out of step"
+    return replace(cause, sentence=sentence, change=change, damping=change.relative(fit)[1])
 
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:

@@ -128,13 +128,13 @@ def diagnose_parts(
 
 def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagnosis:
     """Find causes, compute error bars at all depths, collect findings and decide the marks."""
-    found, changed = _find_causes(fit)
+    all_causes, changed = _find_causes(fit)
     unexplained = fraction_unexplained(fit)
-    causes = assess_causes(fit, found, unexplained)
+    causes = assess_causes(fit, all_causes, unexplained)
     if not has_reported(causes.findings, Check.CHANGE):
         changed = None
     findings = [*fit.given.data.findings, *causes.findings]
-    if (unknown := check_unknown_law(fit, found, unexplained)) is not None:
+    if (unknown := check_unknown_law(fit, all_causes, unexplained)) is not None:
         findings.append(unknown)
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
         findings += check_behind_relaxation(fit)
