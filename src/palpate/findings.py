@@ -91,6 +91,7 @@ class Check(StrEnum):
     GAIN_DRIFT = "gain drift", "material"
     MEMORY = "memory", "material"
     RELAXED_STIFFNESS = "relaxed stiffness", "material"
+    UNKNOWN_LAW = "unknown law", "material", CAPS | TIMELESS
     FRICTION = "friction", "material"
     GUIDE_FRICTION = "guide friction", "sensor"
     DAMPING_FORM = "damping form", "material"

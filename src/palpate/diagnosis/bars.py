@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,7 +30,7 @@ from palpate.validation import Floats
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
 # change of both by a cause that is found: with the cause another damping may fit as well. Chosen
 # with the priors of the nuisances.
-MISFIT, FOUND = np.array([3.1, 4.6]), np.array([1.0, 1.5])
+MISFIT, FOUND = np.array([3.1, 4.6]), np.array([1.15, 1.5])
 # Multiple of the statistical error that the selection of relaxation times adds: the covariance
 # holds the times without stiffness at 0.
 SPECTRUM = 0.6
@@ -40,14 +39,13 @@ SPECTRUM = 0.6
 ONE_PRESS = 0.065
 
 
-@dataclass(frozen=True, slots=True)
-class SystematicPart:
-    """A systematic error of stiffness and damping that does not show in the residual.
+class BarPart(NamedTuple):
+    """A part of the error bars.
 
     Attributes
     ----------
-    errors : tuple of float
-        Errors of stiffness and damping, relative to the fit's reference scales.
+    errors : numpy.ndarray, shape (2,)
+        Errors of stiffness and damping, SI.
     reason : str
         End of the sentence *the stiffness is known to ± 20 %, …*.
     remedy : str or None
@@ -58,7 +56,7 @@ class SystematicPart:
         Whether the recording shows it. Of what it shows there is one cause: the largest counts.
     """
 
-    errors: tuple[float, float]
+    errors: Floats
     reason: str
     remedy: str | None
     is_factor: bool = False
@@ -86,41 +84,46 @@ class SystematicErrors:
     misfit: float
     clock: Clock
 
-    def all_parts(self, fit: Fit) -> list[SystematicPart]:
+    def all_parts(self, fit: Fit) -> list[BarPart]:
         """Return all systematic errors at the fit's depth."""
-        parts = list(_parts(fit, self))
-        for cause, multiple in self.causes.counted:
-            detected = cause.z > SIGNIFICANT
-            if fit.steady_speed and not detected:
-                continue  # friction or a delay shifts the force or the depth, and not the slope
-            changes = multiple * np.abs(cause.change.relative(fit)) * (FOUND if detected else 1.0)
-            stiffness, damping = changes.tolist()
-            reason = f"since {cause.sentence}"
-            if not detected:
-                reason = f"since the recording does not exclude {NUISANCES[cause.check].sentence}"
-            kind = cause.check in FACTORS, detected
-            parts.append(SystematicPart((stiffness, damping), reason, cause.remedy, *kind))
-        if fit.response is not None:
-            spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-            if fit.equivalent is not None:
-                by_noise = fit.response.at(fit.depth, fit.frequency)[1]
-                reason = "by the choice of the relaxation times"
-                parts.append(_part(fit, SPECTRUM * by_noise, reason, LONGER))
-            parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", LONGER))
-        distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
-        parts.append(_part(fit, distance, "since the method is off its least squares", remedy))
-        rounded_off = _change_with_depth(fit, ROUNDING * fit.data.penetration_noise)[1:]
-        parts.append(_part(fit, rounded_off, "by the noise of the position", FINER))
-        if not fit.with_offset:
-            reason = "since the method has no offset"
-            parts.append(_part(fit, _offset_sensitivity(fit)[1:], reason, remedy))
-        return parts
+        parts = [*_parts(fit, self), *_parts_of_causes(fit, self.causes), *_parts_of_law(fit)]
+        return [part._replace(errors=np.nan_to_num(part.errors, posinf=0.0)) for part in parts]
 
 
-# Encoder counts shift whole touches, which no longer recording averages out: with 1.5 times
-# the noise of its position 40 of 40 runs of the laboratory's PVC are within two bars.
-ROUNDING = 1.5
+def _parts_of_causes(fit: Fit, causes: CauseAssessment) -> Iterator[BarPart]:
+    """Yield the errors by causes of misfit, found or not excluded."""
+    for cause, multiple in causes.counted:
+        detected = cause.z > SIGNIFICANT
+        if fit.steady_speed and not detected:
+            continue  # friction or a delay shifts the force or the depth, and not the slope
+        reason = f"since {cause.sentence}"
+        if not detected:
+            reason = f"since the recording does not exclude {NUISANCES[cause.check].sentence}"
+        errors = multiple * np.abs(cause.change.relative(fit)) * fit.reference_scales
+        errors = errors * (FOUND if detected else 1.0)
+        yield BarPart(errors, reason, cause.remedy, cause.check in FACTORS, detected)
+
+
+def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
+    """Yield the errors by the choice of the law, its method and the position's steps."""
+    if fit.response is not None:
+        spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
+        yield BarPart(FACTOR * spread, "since other laws fit as well", LONGER)
+        if fit.equivalent is not None:
+            by_noise = fit.response.at(fit.depth, fit.frequency)[1]
+            yield BarPart(SPECTRUM * by_noise, "by the choice of the relaxation times", LONGER)
+    distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
+    yield BarPart(distance, "since the method is off its least squares", remedy)
+    steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
+    yield BarPart(steps, "by the steps of the position", FINER)
+    if not fit.with_offset:
+        yield BarPart(_offset_sensitivity(fit)[1:], "since the method has no offset", remedy)
+
+
+# Steps of an encoder shift whole touches, which no longer recording averages out.
+ROUNDING = 0.5
 LONGER, FINER = "record a longer motion", "record the position in finer steps"
+MOVE_MORE = "move faster and over a wider range of depths"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
 
@@ -134,53 +137,46 @@ def systematic_errors(
 
 
 #: Checks whose findings state their effect on the result; none of them is a column of the fit.
-OWN_CHANGES = (Check.VELOCITY_NOISE, Check.VELOCITY_COLUMN, Check.FREE_AIR)
+OWN_CHANGES = (Check.TIME_STAMPS, Check.VELOCITY_NOISE, Check.VELOCITY_COLUMN, Check.FREE_AIR)
 
 
-def _part(
-    fit: Fit, errors: Floats, reason: str, remedy: str | None, **kind: bool
-) -> SystematicPart:
-    """Return the part of errors in SI."""
-    stiffness, damping = np.nan_to_num(errors / fit.reference_scales, posinf=0.0).tolist()
-    return SystematicPart((stiffness, damping), reason, remedy, **kind)
-
-
-def _combined(errors: Floats, detected: Sequence[bool]) -> Floats:
-    """Return the whole of some errors: all that are hidden, and the largest that is detected."""
-    shown = np.array(detected, dtype=bool)
-    hidden = np.sum(errors[~shown] ** 2, axis=0)
-    whole: Floats = np.sqrt(hidden + np.max(errors[shown] ** 2, axis=0, initial=0.0))
+def _combined(parts: Iterable[BarPart]) -> Floats:
+    """Return the whole of some parts: all that are hidden, and the largest that is detected."""
+    chosen = list(parts)
+    hidden = np.array([part.errors for part in chosen if not part.detected]).reshape(-1, 2)
+    detected = np.array([part.errors for part in chosen if part.detected]).reshape(-1, 2)
+    largest = np.max(detected**2, axis=0, initial=0.0)
+    whole: Floats = np.sqrt(np.sum(hidden**2, axis=0) + largest)
     return whole
 
 
-def _parts(fit: Fit, known: SystematicErrors) -> Iterator[SystematicPart]:
+def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
     """Yield the errors that are no causes, at the fit's depth."""
     values = np.abs(fit.force_stiffness_damping(fit.solution.law)[1:])
     stiffness, damping = values.tolist()
     if fit.frequency > 0.0 and known.misfit:
         errors = MISFIT * known.misfit * stiffness * np.array([1.0, 1.0 / fit.frequency])
         reason = "since the law does not follow the force"
-        yield _part(fit, errors, reason, deeper_half_remedy(fit))
+        yield BarPart(errors, reason, deeper_half_remedy(fit))
     if presses_once(fit):
         reason = "since one press does not show how far the next one differs"
-        yield _part(fit, ONE_PRESS * values, reason, "press several times", is_factor=True)
+        yield BarPart(ONE_PRESS * values, reason, "press several times", is_factor=True)
     # If the law shows the skew of known clocks, it is among the causes.
     counted = any(cause.check is Check.DELAY for cause, _ in known.causes.counted)
     if known.clock.error and not (known.clock.is_known and shows_skew(fit) and counted):
         errors = np.array([0.0, stiffness * known.clock.error])
-        yield _part(fit, errors, known.clock.reason, known.clock.remedy)
+        yield BarPart(errors, known.clock.reason, known.clock.remedy)
     for finding in known.findings:
         changes = finding.moves_stiffness_percent, finding.moves_damping_percent
         relative = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
         # Those of the velocity are relative to the damping, not to its scale.
         scales = fit.reference_scales if finding.check == Check.FREE_AIR else values
         reason = f"since {finding.brief or finding.message}"
-        yield _part(fit, relative * scales, reason, finding.remedy, detected=True)
+        yield BarPart(relative * scales, reason, finding.remedy, detected=True)
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
         error = np.array([0.0, _velocity_error(fit, used) * damping])
-        yield _part(
-            fit, error, "by the error of the differentiated velocity", fit.data.wider_window
-        )
+        reason = "by the error of the differentiated velocity"
+        yield BarPart(error, reason, fit.data.wider_window)
 
 
 def presses_once(fit: Fit) -> bool:
@@ -214,10 +210,7 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
 def numbers_at_depth(fit: Fit, systematic: SystematicErrors) -> WorkingDepth:
     """Return force, stiffness and damping at the fit's depth, with both standard errors."""
     errors = standard_errors(fit)
-    scales = fit.reference_scales
-    parts = systematic.all_parts(fit)
-    each = np.array([part.errors for part in parts]) * scales
-    wrong = np.array([0.0, *_combined(each, [part.detected for part in parts])])
+    wrong = np.array([0.0, *_combined(systematic.all_parts(fit))])
     wrong[0] = abs(distance_to_least_squares(fit)[0])
     if not fit.with_offset:
         wrong[0] = max(wrong[0], _offset_sensitivity(fit)[0])
@@ -288,25 +281,28 @@ TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
 
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
     """Report the numbers whose error bars are too wide to trust, with the main reason."""
+    noise = np.array([at.stiffness.standard_error, at.damping.standard_error])
+    statistical = BarPart(noise, "by the noise and the motion", MOVE_MORE)
+    parts = [statistical, *systematic.all_parts(fit)]
+    largest = np.argmax([part.errors for part in parts], axis=0)
+    turning = _combined(part for part in parts if not part.is_factor)
     findings = []
     for number, (name, unit) in enumerate((("stiffness", "N/m"), ("damping", "N·s/m"))):
         quantity: Quantity = getattr(at, name)
         error, size = quantity.whole_error, abs(quantity.value)
-        parts = _parts_of_bar(fit, systematic, number, quantity)
-        turning = _whole(part for part in parts if not part.is_factor)
         relative = rough_percent(error / size if size else math.inf)
         sentence, sign = f"the {name} is known to ± {relative}", ""
         mark: Mark = "trust"
         if not error <= TRUSTED[number] * size:
             mark = "with-care" if error <= STOPPED[number] * size else "do-not-trust"
-        if not size > 2.0 * turning:
+        if not size > 2.0 * turning[number]:
             mark, sign = "do-not-trust", "its sign is open, "
             value = with_error(quantity.value, error, unit=unit)
             sentence = f"the sign of the {name} is open: {value}"
         elif quantity.value < 0.0:  # passive materials have none
             mark, sign = "do-not-trust", "it is negative, "
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
-        reason, remedy = max(parts, key=attrgetter("error")).reason, _best_remedy(parts)
+        reason, remedy = parts[largest[number]].reason, _best_remedy(parts, number)
         if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
             mark, remedy = "with-care", TASK_SPEED
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
@@ -333,39 +329,11 @@ def _differs_at_rest(fit: Fit, systematic: SystematicErrors, damping: Quantity) 
     return False
 
 
-class BarPart(NamedTuple):
-    """A part of the bar of one number, SI."""
-
-    error: float
-    reason: str
-    remedy: str | None
-    is_factor: bool
-    detected: bool
-
-
-def _whole(parts: Iterable[BarPart]) -> float:
-    """Return the bar of some parts."""
-    chosen = list(parts)
-    errors = np.array([part.error for part in chosen])
-    return float(_combined(errors, [part.detected for part in chosen]))
-
-
-def _parts_of_bar(
-    fit: Fit, systematic: SystematicErrors, number: int, quantity: Quantity
-) -> list[BarPart]:
-    """Return the parts of the bar of stiffness (0) or damping (1)."""
-    scale = float(fit.reference_scales[number])
-    remedy = "move faster and over a wider range of depths"
-    parts = [BarPart(quantity.standard_error, "by the noise and the motion", remedy, False, False)]
-    for part in systematic.all_parts(fit):
-        error = scale * part.errors[number]
-        parts.append(BarPart(error, part.reason, part.remedy, part.is_factor, part.detected))
-    return parts
-
-
-def _best_remedy(parts: Sequence[BarPart]) -> str | None:
-    """Return the next step that is predicted to lower the bar most."""
+def _best_remedy(parts: Sequence[BarPart], number: int) -> str | None:
+    """Return the next step that is predicted to lower the bar of stiffness (0) or damping most."""
     remedies = dict.fromkeys(part.remedy for part in parts if part.remedy is not None)
     return min(
-        remedies, key=lambda each: _whole(p for p in parts if p.remedy != each), default=None
+        remedies,
+        key=lambda each: float(_combined(p for p in parts if p.remedy != each)[number]),
+        default=None,
     )

@@ -80,6 +80,12 @@ class Data:
         return max(noise_of(self.penetration), step_of(self.penetration) / math.sqrt(12.0))
 
     @cached_property
+    def penetration_step(self) -> float:
+        """Step of the penetration, m; 0 if most samples differ, so that it is not rounded."""
+        distinct = np.unique(self.penetration).size
+        return step_of(self.penetration) if 2 * distinct < len(self) else 0.0
+
+    @cached_property
     def velocity_noise(self) -> float:
         """Standard deviation of the velocity's noise, m/s; after a filter, for white noise of x."""
         if self.velocity_filter is None:
@@ -281,7 +287,12 @@ UNEVEN = 0.2  # sd(Δt)/mean
 
 
 def check_time_stamps(data: Data) -> Finding | None:
-    """A local parabola fits the time stamps twice worse than it fits the sample index."""
+    """A local parabola fits the time stamps twice worse than it fits the sample index.
+
+    Penetration and force have the same stamp, so only a differentiated velocity is wrong. A
+    standard deviation σ of the stamps is a noise v σ of the position; the relative noise of the
+    velocity, squared, is missing in the damping.
+    """
     part = slice(0, MOST_STAMPS)
     time, x = data.time[part], data.penetration[part]
     steps = np.diff(time)
@@ -292,12 +303,19 @@ def check_time_stamps(data: Data) -> Finding | None:
     ratio = _distance_to_parabola(time, x) / by_index if by_index > 0.0 else 0.0
     if ratio <= RATIO:
         return None
+    lost = 0.0
+    if data.velocity_filter is not None:
+        even = np.convolve(time, np.full(data.filter_samples, 1.0 / data.filter_samples), "valid")
+        half = data.filter_samples // 2
+        error = float(np.std(time[half : half + even.size] - even))
+        lost = (error * noise_gain(data.velocity_filter) / data.sample_time) ** 2
     return Check.TIME_STAMPS.finding(
         "the time stamps jump where the penetration is smooth: they are times of arrival, not of "
         "sampling",
         "record the time at which the sensor is sampled",
         z=ratio,
-        mark="with-care",
+        damping="with-care" if lost > CARE else "trust",
+        moves_percent=(0.0, -100.0 * lost),
     )
 
 
@@ -397,6 +415,7 @@ OTHER = ": it may have another unit or sign, or be another channel"
 MEAN = 15  # samples of a piece over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
 CARE = 0.05  # fraction of the damping, the same as for every cause
+SAME_SPEED = 0.01  # largest deviation of the slope from 1 that is not reported
 ALIKE = 0.9  # correlation above which the slope is meaningful
 VELOCITIES_AGAINST = -0.5
 
@@ -425,13 +444,13 @@ def check_velocity_column(data: Data) -> Finding | None:
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
         return Check.VELOCITY_COLUMN.finding(words + OTHER, VELOCITY_NONE, mark="do-not-trust")
-    if abs(slope - 1.0) <= CARE:
+    if abs(slope - 1.0) <= SAME_SPEED:
         return None
     wrong = f"{percent(abs(slope - 1.0))} too {'small' if slope > 1.0 else 'large'}"
     return Check.VELOCITY_COLUMN.finding(
         f"{words}: the damping is {wrong} if the penetration is right",
         VELOCITY_NONE,
-        damping="with-care",
+        damping="with-care" if abs(slope - 1.0) > CARE else "trust",
         moves_percent=(0.0, 100.0 * (slope - 1.0)),
     )
 

@@ -1,6 +1,7 @@
 """Faults of the force sensor and of the velocity: range, dead band, offset, gain, noise."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,10 +9,11 @@ from palpate.diagnosis.causes import (
     CARE,
     RISE,
     MisfitHypothesis,
+    ParameterChange,
     causes_from_columns,
     relative_time,
 )
-from palpate.diagnosis.fit import Fit
+from palpate.diagnosis.fit import SIGNIFICANT, Fit
 from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.recording import VELOCITY_NONE
 from palpate.diagnosis.windows import FEWEST_FREE
@@ -229,7 +231,29 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
     # If the exponent is fixed, curvature is more likely due to the material.
     if law.power_law and not fit.fixed:
         columns[Check.SENSOR_GAIN] = force**2 / at_depth
-    return causes_from_columns(fit, columns, _explain_column)
+    causes = causes_from_columns(fit, columns, _explain_column)
+    return [_add_effect_of_delay(fit, cause) for cause in causes]
+
+
+# Part of the delay of a position that the mass of its second order implies: between none for a
+# mass that moves and all of it for a relaxing material, whose damping hides the first order.
+LATE_PART = 0.15
+LEAST_LATE = 0.2  # fraction of the residual that such a mass explains
+MOST_LATE = 0.05  # s; a mass that implies a longer delay is a mass
+
+
+def _add_effect_of_delay(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
+    """Add to a mass m the damping K τ of a delay τ that looks like it, as m = K τ²/2."""
+    large = cause.z > SIGNIFICANT and cause.explained_fraction > LEAST_LATE
+    stiffness, change = fit.stiffness(fit.solution.law), cause.change
+    if not (cause.check is Check.INERTIA and large and cause.amount > 0.0 and stiffness > 0.0):
+        return cause
+    delay = math.sqrt(2.0 * cause.amount / stiffness)
+    if delay > MOST_LATE or not isinstance(change, ParameterChange):
+        return cause
+    change = replace(change, branch=(0.0, LATE_PART * delay))
+    sentence = f"{cause.sentence}, or force and position are out of step"
+    return replace(cause, sentence=sentence, change=change, damping=change.relative(fit)[1])
 
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:

@@ -17,7 +17,7 @@ from palpate.diagnosis.bars import (
     systematic_errors,
     unknown_working_depth,
 )
-from palpate.diagnosis.causes import CauseAssessment, MisfitHypothesis, Search, assess_causes
+from palpate.diagnosis.causes import MisfitHypothesis, Search, assess_causes
 from palpate.diagnosis.change import Changes, find_changes
 from palpate.diagnosis.delay import check_skew, find_delay, find_skew_jump
 from palpate.diagnosis.excitation import (
@@ -33,6 +33,7 @@ from palpate.diagnosis.geometry import check_known_surface, check_unobservable, 
 from palpate.diagnosis.material import (
     check_behind_relaxation,
     check_relaxed_stiffness,
+    check_unknown_law,
     find_adhesion_or_relaxation,
     find_material_causes,
 )
@@ -127,8 +128,14 @@ def diagnose_parts(
 
 def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagnosis:
     """Find causes, compute error bars at all depths, collect findings and decide the marks."""
-    causes, changed = _find_causes(fit)
+    all_causes, changed = _find_causes(fit)
+    unexplained = fraction_unexplained(fit)
+    causes = assess_causes(fit, all_causes, unexplained)
+    if not has_reported(causes.findings, Check.CHANGE):
+        changed = None
     findings = [*fit.given.data.findings, *causes.findings]
+    if (unknown := check_unknown_law(fit, all_causes, unexplained)) is not None:
+        findings.append(unknown)
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
         findings += check_behind_relaxation(fit)
     for check in CHECKS:
@@ -149,16 +156,15 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     return assemble_diagnosis(findings, depths, episodes, fit.laws)
 
 
-def _find_causes(fit: Fit) -> tuple[CauseAssessment, Changes | None]:
-    """Search for all causes and assess them; also return the changes, if change is a finding."""
+def _find_causes(fit: Fit) -> tuple[list[MisfitHypothesis], Changes | None]:
+    """Search for all causes; also return the changes of the material."""
     changed = find_changes(fit)
     causes: list[MisfitHypothesis] = [] if changed is None else [changed.cause]
     for search in SEARCHES:
         begun = time.perf_counter()
         causes += search(fit)
         _LOGGER.debug("%s: %.4f s", search.__name__, time.perf_counter() - begun)
-    assessment = assess_causes(fit, causes, fraction_unexplained(fit))
-    return assessment, changed if has_reported(assessment.findings, Check.CHANGE) else None
+    return causes, changed
 
 
 def has_reported(findings: Iterable[Finding], *checks: str) -> bool:

@@ -168,7 +168,7 @@ class Identified:
         """Identify a contact; if Hunt–Crossley is selected, identify it by variable projection.
 
         Variable projection has smaller errors of K, B and n. It is also used if the contact is
-        adhesive or changes, which a relaxing law would absorb.
+        adhesive or changes, which a relaxing law would absorb, or if no relaxation can be seen.
         """
         selection = cls.of(data, estimator, trace=trace)
         if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
@@ -183,7 +183,7 @@ class Identified:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
         if selected == own or own not in self.estimator.offered:
             return selected == own
-        absorbed = (Check.CHANGE, Check.ADHESION)
+        absorbed = (Check.CHANGE, Check.ADHESION, Check.EXCITATION)
         # With too few samples no law is selected, and nothing is estimated.
         return selected is None or any(f.check in absorbed for f in self.diagnosis.findings)
 
