@@ -111,6 +111,7 @@ class Check(StrEnum):
     INDENTATION = "indentation", "geometry", CAPS | TIMELESS
     EXCITATION = "excitation", "motion", CAPS | TIMELESS
     ONE_WAY = "one way", "motion", CAPS | TIMELESS
+    LOADING_ALONE = "loading alone", "motion", CAPS | TIMELESS
     DEPTH = "depth", "motion", CAPS | TIMELESS
     WEAK_PRIOR = "weak prior", "motion", CAPS
     LIGHT_CONTACT = "light contact", "motion", TIMELESS

@@ -59,7 +59,7 @@ def check_one_way(fit: Fit) -> Finding | None:
         held = np.mean(deep & (np.abs(v) < HELD_SPEED * fit.speed)) > HELD
         if fit.equivalent is None or held or -v[v < 0.0].sum() > WITHDRAWN * v[v > 0.0].sum():
             return None
-        return Check.EXCITATION.finding(
+        return Check.LOADING_ALONE.finding(
             "the probe never withdraws: the law that relaxes is only known while it presses",
             "press and release",
             damping="do-not-trust",

@@ -183,7 +183,7 @@ class Identified:
         own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
         if selected == own or own not in self.estimator.offered:
             return selected == own
-        absorbed = (Check.CHANGE, Check.ADHESION, Check.EXCITATION)
+        absorbed = (Check.CHANGE, Check.ADHESION, Check.LOADING_ALONE)
         # With too few samples no law is selected, and nothing is estimated.
         return selected is None or any(f.check in absorbed for f in self.diagnosis.findings)
 
