@@ -66,8 +66,8 @@ MATERIALS: dict[str, lab.Material] = {
     ONE_TIME.name: ONE_TIME,
 }
 # The zones, frozen: before, after, and the tolerance of K′.
-SOFT, HARD = HuntCrossley(1e5, 2e5, 2.0), HuntCrossley(3e5, 3e5, 2.0)
-ALIKE = HuntCrossley(1.07e5, 2.14e5, 2.0)
+SOFT, HARD = HuntCrossley(K=1e5, B=2e5, n=2.0), HuntCrossley(K=3e5, B=3e5, n=2.0)
+ALIKE = HuntCrossley(K=1.07e5, B=2.14e5, n=2.0)
 CHANGES = {
     "three times apart": ((SOFT, HARD, 0.1), (HARD, SOFT, 0.1)),
     "7 % apart": ((SOFT, ALIKE, 0.02), (ALIKE, SOFT, 0.02)),

@@ -75,7 +75,7 @@ SHOWN = {
 def stiffer(by: float) -> lab.Homogeneous:
     """Return a phantom whose stiffness and damping are larger by a fraction."""
     stiffness, damping, exponent = lab.PVC.law.parameters.tolist()
-    law = palpate.HuntCrossley((1.0 + by) * stiffness, (1.0 + by) * damping, exponent)
+    law = palpate.HuntCrossley(K=(1.0 + by) * stiffness, B=(1.0 + by) * damping, n=exponent)
     return lab.Homogeneous(law)
 
 

@@ -49,7 +49,7 @@ class _Hysteresis(Experiment):
         contact = rig.simulated_contact("ball", "near-surface", seed)
         truth = rig.session("ball", "near-surface", seed).truth.window(rig.START)
         inside = _inside(contact)
-        damped = replace(rig.BALL_LAW, damping=3.0 * rig.BALL_LAW.damping)
+        damped = replace(rig.BALL_LAW, B=3.0 * rig.BALL_LAW.B)
         numbers = {
             "least force measured [N]": contact.force[inside].min(),
             "least force felt [N]": truth.force[inside].min(),

@@ -98,12 +98,12 @@ def starts_of(contact: palpate.Contact, kind: Method) -> Starts:
     models have a low and a high set.
     """
     if kind.law_type is not palpate.HuntCrossley:
-        low = kind.law_type(*[SMALL] * len(kind.law_type.symbols))
-        return {"low": low, "high": kind.law_type(*_high(contact, kind, low))}
-    small = palpate.HuntCrossley(SMALL, SMALL, 1.0)
+        low = kind.law_type.from_parameters([SMALL] * len(kind.law_type.symbols))
+        return {"low": low, "high": kind.law_type.from_parameters(_high(contact, kind, low))}
+    small = palpate.HuntCrossley(K=SMALL, B=SMALL, n=1.0)
     stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small)
-    third = palpate.HuntCrossley(stiffness, damping, 1.0)
-    return {"I": small, "II": palpate.HuntCrossley(SMALL, SMALL, 2.0), "III": third}
+    third = palpate.HuntCrossley(K=stiffness, B=damping, n=1.0)
+    return {"I": small, "II": palpate.HuntCrossley(K=SMALL, B=SMALL, n=2.0), "III": third}
 
 
 def _high(contact: palpate.Contact, kind: Method, start: palpate.ForceLaw) -> list[float]:

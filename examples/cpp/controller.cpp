@@ -8,7 +8,7 @@
 
 int main() {
   // The simulated material: soft rubber, F = K xⁿ + B xⁿ v; the force sensor has 0.05 N of noise.
-  const palpate::HuntCrossley rubber{.stiffness = 20000.0, .damping = 20000.0, .exponent = 1.5};
+  const palpate::HuntCrossley rubber{.K = 20000.0, .B = 20000.0, .n = 1.5};
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.05);
 
@@ -55,8 +55,8 @@ int main() {
   }
 
   const palpate::ContactResponse last = estimator.response();
-  const double n = rubber.exponent;
-  const double exact = n * rubber.stiffness * std::pow(last.depth, n - 1.0);
+  const double n = rubber.n;
+  const double exact = n * rubber.K * std::pow(last.depth, n - 1.0);
   std::printf("truth          K' = %4.0f N/m\n", exact);
   const bool recovered =
       last.stiffness.usable && std::abs(last.stiffness.value - exact) < 0.02 * exact;

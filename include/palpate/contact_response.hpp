@@ -69,15 +69,15 @@ double variance_along(const Vector<Size>& a, const Matrix<Size>& covariance) noe
 
 inline LawResponse law_response(const Fit<KelvinVoigt>& fit, double) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
-  return {law.stiffness, covariance[0][0], law.damping,    covariance[1][1], 1.0,
+  return {law.K, covariance[0][0], law.B,    covariance[1][1], 1.0,
           0.0,           offset.value,     offset.variance};
 }
 
 inline LawResponse law_response(const Fit<ExtendedKelvinVoigt>& fit, double x) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
-  return {law.stiffness + 2.0 * law.quadratic_stiffness * x,
+  return {law.K1 + 2.0 * law.K2 * x,
           variance_along({1.0, 2.0 * x, 0.0}, covariance),
-          law.damping,
+          law.B,
           covariance[2][2],
           1.5,
           0.1,
@@ -87,9 +87,9 @@ inline LawResponse law_response(const Fit<ExtendedKelvinVoigt>& fit, double x) n
 
 inline LawResponse law_response(const Fit<HuntCrossley>& fit, double x) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
-  const double n = law.exponent, depth = std::log(x), power = bounded_exp(n * depth);
-  const double stiffness = saturate(n * law.stiffness * power / x);
-  const double damping = saturate(law.damping * power);
+  const double n = law.n, depth = std::log(x), power = bounded_exp(n * depth);
+  const double stiffness = saturate(n * law.K * power / x);
+  const double damping = saturate(law.B * power);
   return {stiffness,
           variance_along({n * power / x, 0.0, stiffness * (1.0 / n + depth)}, covariance),
           damping,

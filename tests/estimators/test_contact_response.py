@@ -219,7 +219,7 @@ def test_a_force_in_free_air_that_moves_is_flagged():
 @pytest.mark.parametrize("kind", [SingleStageRLS, palpate.DoubleStageRLS, palpate.KelvinVoigtRLS])
 def test_the_published_methods_have_the_same_numbers(kind):
     motion = pressed()
-    law = palpate.HuntCrossley(2000.0, 200.0, 1.0)
+    law = palpate.HuntCrossley(K=2000.0, B=200.0, n=1.0)
     gate = palpate.ContactGate(1e-3, 1.0, 0.8)
     now = fed(kind(gate=gate), motion, felt(law, motion, 7)).estimate(at=10e-3)
     assert now.stiffness.usable
