@@ -69,8 +69,8 @@ double variance_along(const Vector<Size>& a, const Matrix<Size>& covariance) noe
 
 inline LawResponse law_response(const Fit<KelvinVoigt>& fit, double) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
-  return {law.K, covariance[0][0], law.B,    covariance[1][1], 1.0,
-          0.0,           offset.value,     offset.variance};
+  return {law.K, covariance[0][0], law.B,          covariance[1][1], 1.0,
+          0.0,   offset.value,     offset.variance};
 }
 
 inline LawResponse law_response(const Fit<ExtendedKelvinVoigt>& fit, double x) noexcept {
@@ -130,6 +130,10 @@ class ContactWatch {
   // after two.
   void compare(double force, double predicted, double variance) noexcept {
     const double error = force - predicted;
+    // The covariance of neighbouring errors: white noise has none.
+    const float gain = std::max(1.0F / static_cast<float>(count_), misfit_gain);
+    misfit_ += gain * (static_cast<float>(error) * last_error_ - misfit_);
+    last_error_ = static_cast<float>(error);
     const bool firm = predicted * predicted > 100.0 * variance;
     const bool continues = run_ == 0 || (error > 0.0) == (run_force_ > run_law_);
     if (error * error > 9.0 * variance && firm && continues) {
@@ -185,6 +189,7 @@ class ContactWatch {
                static_cast<float>(old.exponent), static_cast<float>(error)};
     duration_ = count_ = sum_x_ = sum_xx_ = sum_v_ = sum_vv_ = run_force_ = run_law_ = 0.0;
     fast_in_ = fast_out_ = run_ = 0;
+    misfit_ = last_error_ = 0.0F;
   }
 
   double position() const noexcept { return position_; }
@@ -206,33 +211,39 @@ class ContactWatch {
     if (ratio != 1.0) checks |= changed_material;
     const double stiffness = law.stiffness * ratio, damping = law.damping * ratio;
     const bool cycle = both_ways() && duration_ * frequency > 2.0 * std::numbers::pi;
-    // A first stroke does not tell laws apart: their K′ differ by some percent.
-    const double between_laws = cycle ? 0.0 : 0.04 * stiffness;
-    const double stiffness_error =
-        combined(std::sqrt(law.stiffness_variance) * ratio, between_laws);
-    const double damping_error = std::sqrt(law.damping_variance) * ratio;
+    // A first stroke does not tell laws apart: their K′ differ by some percent. Later, a force that
+    // the law does not explain counts at the speed and the amplitude of the motion.
+    const double unexplained = std::sqrt(std::max(static_cast<double>(misfit_), 0.0));
+    const double by_speed =
+        0.4 * unexplained / (std::sqrt(sum_vv_ / std::max(count_, 1.0)) + smallest);
+    const double systematic = cycle ? by_speed * frequency : 0.04 * stiffness;
+    const double stiffness_deviation = std::sqrt(law.stiffness_variance) * ratio;
+    const double damping_deviation = std::sqrt(law.damping_variance) * ratio;
+    const double stiffness_error = combined(stiffness_deviation, systematic);
+    const double damping_error = combined(damping_deviation, by_speed);
     const bool solved = stiffness > 0.0 && stiffness_error < largest_parameter;
     if (solved && both_ways() && damping < -2.5 * damping_error) checks |= late_force;
     // On a first approach K′/(F/x) is n/(1 + v B/K), whatever a law of few samples says.
     const double force = sprung_force(law), spring = stiffness * depth_;
     const bool plausible =
         cycle || velocity < 0.0 || (spring < 2.5 * force && spring > 0.3 * force);
-    const bool stiff = solved && plausible && stiffness_error < largest_stiffness_error * stiffness;
     // The damping is the energy that a whole cycle loses.
-    const bool damped =
-        stiff && cycle && damping > 0.0 && damping_error < largest_damping_error * damping;
+    const double stiff = largest_stiffness_error * stiffness;
+    const double damped = largest_damping_error * damping;
+    const bool knows_stiffness = solved && plausible && stiffness_deviation < stiff;
+    const bool knows_damping = knows_stiffness && cycle && damping_deviation < damped;
     constexpr std::uint16_t disturbing =
         stuck_channel | saturated_force | lost_contact | changed_material;
-    const bool undisturbed = (checks & disturbing) == 0;
+    const bool usable = knows_stiffness && stiffness_error < stiff && (checks & disturbing) == 0;
 
-    ContactResponse r{{stiffness, stiffness_error, stiff && undisturbed},
-                      {damping, damping_error, damped && undisturbed},
+    ContactResponse r{{stiffness, stiffness_error, usable},
+                      {damping, damping_error, usable && knows_damping && damping_error < damped},
                       depth,
                       frequency,
                       age_,
                       checks};
-    if (!stiff) r.stiffness = bounded_stiffness(law, force, solved);
-    if (!damped) r.damping = bounded_damping(r, solved);
+    if (!knows_stiffness) r.stiffness = bounded_stiffness(law, force, solved);
+    if (!knows_damping) r.damping = bounded_damping(r, solved);
     const auto& [softest, stiffest, least, most] = prior;
     r.stiffness.value = std::clamp(r.stiffness.value, softest, stiffest);
     r.damping.value = std::clamp(r.damping.value, least, most);
@@ -245,6 +256,7 @@ class ContactWatch {
   static constexpr std::uint32_t fewest_fast = 20;
   static constexpr std::uint16_t repeats = 20;
   static constexpr std::uint16_t slow_air = 4096;
+  static constexpr float misfit_gain = 1.0F / 512.0F;
   static constexpr double largest_stiffness_error = 0.15;  // of the value
   static constexpr double largest_damping_error = 0.3;
   static constexpr double smallest = 1e-300;
@@ -353,6 +365,7 @@ class ContactWatch {
   };
   Anchor anchor_{};
   double force_at_repeat_ = 0.0, position_at_repeat_ = 0.0;
+  float misfit_ = 0.0F, last_error_ = 0.0F;  // N², N
   float air_force_ = 0.0F, recent_air_ = 0.0F, air_variance_ = 0.0F;
   std::uint32_t fast_in_ = 0, fast_out_ = 0;
   std::uint16_t run_ = 0, spiky_ = 0, same_force_ = 0, same_position_ = 0, air_samples_ = 0;
