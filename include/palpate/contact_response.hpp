@@ -100,7 +100,7 @@ inline LawResponse law_response(const Fit<HuntCrossley>& fit, double x) noexcept
           offset.variance};
 }
 
-// Follows the motion and the forces of a contact: some additions at every sample, 152 bytes.
+// Follows the motion and the forces of a contact: some additions at every sample, 184 bytes.
 class ContactWatch {
  public:
   // A sample in contact, SI. `fresh`: whether the method's solution was renewed.
@@ -132,8 +132,9 @@ class ContactWatch {
     const double error = force - predicted;
     // The covariance of neighbouring errors: white noise has none.
     const float gain = std::max(1.0F / static_cast<float>(count_), misfit_gain);
-    misfit_ += gain * (static_cast<float>(error) * last_error_ - misfit_);
-    last_error_ = static_cast<float>(error);
+    const float rest = short_of(error);
+    misfit_ += gain * (rest * last_error_ - misfit_);
+    last_error_ = rest;
     const bool firm = predicted * predicted > 100.0 * variance;
     const bool continues = run_ == 0 || (error > 0.0) == (run_force_ > run_law_);
     if (error * error > 9.0 * variance && firm && continues) {
@@ -151,7 +152,7 @@ class ContactWatch {
     age_ += dt;
     leave();
     air_samples_ = std::min<std::uint16_t>(air_samples_ + 1, slow_air);
-    const float samples = air_samples_, force = static_cast<float>(s.force);
+    const float samples = air_samples_, force = short_of(s.force);
     air_force_ += (force - air_force_) / samples;
     recent_air_ += (force - recent_air_) / std::min(samples, 64.0F);
     const float away = force - recent_air_;
@@ -185,8 +186,8 @@ class ContactWatch {
     const double ratio = this->ratio();
     const bool known = ratio != 1.0 && old.stiffness > 0.0;
     const double error = known ? 0.015 + 0.15 * std::abs(std::log(ratio)) : 0.0;
-    anchor_ = {static_cast<float>(old.stiffness * ratio), static_cast<float>(position_),
-               static_cast<float>(old.exponent), static_cast<float>(error)};
+    anchor_ = {short_of(old.stiffness * ratio), short_of(position_), short_of(old.exponent),
+               short_of(error)};
     duration_ = count_ = sum_x_ = sum_xx_ = sum_v_ = sum_vv_ = run_force_ = run_law_ = 0.0;
     fast_in_ = fast_out_ = run_ = 0;
     misfit_ = last_error_ = 0.0F;
@@ -199,8 +200,9 @@ class ContactWatch {
     if (!(count_ > 0.0)) return 0.0;
     const double travel = sum_xx_ - sum_x_ * sum_x_ / count_;
     const double speed = sum_vv_ - sum_v_ * sum_v_ / count_;
-    return std::sqrt(both_ways() && travel > 0.0 ? std::max(speed, 0.0) / travel
-                                                 : sum_vv_ / (sum_xx_ + smallest));
+    const double squared =
+        both_ways() && travel > 0.0 ? speed / travel : sum_vv_ / (sum_xx_ + smallest);
+    return std::sqrt(within(squared, 0.0, largest_parameter));
   }
 
   ContactResponse response(LawResponse law, double depth, double frequency, double velocity,
@@ -214,8 +216,8 @@ class ContactWatch {
     // A first stroke does not tell laws apart: their K′ differ by some percent. Later, a force that
     // the law does not explain counts at the speed and the amplitude of the motion.
     const double unexplained = std::sqrt(std::max(static_cast<double>(misfit_), 0.0));
-    const double by_speed =
-        0.4 * unexplained / (std::sqrt(sum_vv_ / std::max(count_, 1.0)) + smallest);
+    const double speed = std::sqrt(sum_vv_ / std::max(count_, 1.0)) + smallest;
+    const double by_speed = std::min(0.4 * unexplained / speed, largest_parameter);
     const double systematic = cycle ? by_speed * frequency : 0.04 * stiffness;
     const double stiffness_deviation = std::sqrt(law.stiffness_variance) * ratio;
     const double damping_deviation = std::sqrt(law.damping_variance) * ratio;
@@ -245,8 +247,8 @@ class ContactWatch {
     if (!knows_stiffness) r.stiffness = bounded_stiffness(law, force, solved);
     if (!knows_damping) r.damping = bounded_damping(r, solved);
     const auto& [softest, stiffest, least, most] = prior;
-    r.stiffness.value = std::clamp(r.stiffness.value, softest, stiffest);
-    r.damping.value = std::clamp(r.damping.value, least, most);
+    r.stiffness.value = within(r.stiffness.value, softest, stiffest);
+    r.damping.value = within(r.damping.value, least, most);
     return r;
   }
 
@@ -260,6 +262,16 @@ class ContactWatch {
   static constexpr double largest_stiffness_error = 0.15;  // of the value
   static constexpr double largest_damping_error = 0.3;
   static constexpr double smallest = 1e-300;
+
+  // As a float whose square is finite.
+  static float short_of(double value) noexcept {
+    return static_cast<float>(std::clamp(value, -1e18, 1e18));
+  }
+
+  // The lower bound for NaN.
+  static double within(double value, double low, double high) noexcept {
+    return value >= low ? std::min(value, high) : low;
+  }
 
   bool both_ways() const noexcept { return std::min(fast_in_, fast_out_) >= fewest_fast; }
 
