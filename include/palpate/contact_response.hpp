@@ -213,33 +213,35 @@ class ContactWatch {
     if (ratio != 1.0) checks |= changed_material;
     const double stiffness = law.stiffness * ratio, damping = law.damping * ratio;
     const bool cycle = both_ways() && duration_ * frequency > 2.0 * std::numbers::pi;
-    // A first stroke does not tell laws apart: their K′ differ by some percent. Later, a force that
-    // the law does not explain counts at the speed and the amplitude of the motion.
+    // A first cycle does not tell laws apart, which differ by some percent of K′. Later, a force
+    // that the law does not explain counts at the speed and the amplitude of the motion.
     const double unexplained = std::sqrt(std::max(static_cast<double>(misfit_), 0.0));
     const double speed = std::sqrt(sum_vv_ / std::max(count_, 1.0)) + smallest;
     const double by_speed = std::min(0.4 * unexplained / speed, largest_parameter);
-    const double systematic = cycle ? by_speed * frequency : 0.04 * stiffness;
+    const double of_stiffness = cycle ? by_speed * frequency : 0.04 * stiffness;
+    const double of_damping = cycle ? by_speed : 0.3 * damping;
     const double stiffness_deviation = std::sqrt(law.stiffness_variance) * ratio;
     const double damping_deviation = std::sqrt(law.damping_variance) * ratio;
-    const double stiffness_error = combined(stiffness_deviation, systematic);
-    const double damping_error = combined(damping_deviation, by_speed);
+    const double stiffness_error = combined(stiffness_deviation, of_stiffness);
+    const double damping_error = combined(damping_deviation, of_damping);
     const bool solved = stiffness > 0.0 && stiffness_error < largest_parameter;
     if (solved && both_ways() && damping < -2.5 * damping_error) checks |= late_force;
     // On a first approach K′/(F/x) is n/(1 + v B/K), whatever a law of few samples says.
     const double force = sprung_force(law), spring = stiffness * depth_;
     const bool plausible =
         cycle || velocity < 0.0 || (spring < 2.5 * force && spring > 0.3 * force);
-    // The damping is the energy that a whole cycle loses.
     const double stiff = largest_stiffness_error * stiffness;
     const double damped = largest_damping_error * damping;
     const bool knows_stiffness = solved && plausible && stiffness_deviation < stiff;
-    const bool knows_damping = knows_stiffness && cycle && damping_deviation < damped;
+    const bool knows_damping = knows_stiffness && both_ways() && damping_deviation < damped;
     constexpr std::uint16_t disturbing =
         stuck_channel | saturated_force | lost_contact | changed_material;
     const bool usable = knows_stiffness && stiffness_error < stiff && (checks & disturbing) == 0;
+    // The damping is the energy that a whole cycle loses.
+    const bool usable_damping = usable && knows_damping && cycle && damping_error < damped;
 
     ContactResponse r{{stiffness, stiffness_error, usable},
-                      {damping, damping_error, usable && knows_damping && damping_error < damped},
+                      {damping, damping_error, usable_damping},
                       depth,
                       frequency,
                       age_,
