@@ -10,6 +10,7 @@
 #include <type_traits>
 
 #include "palpate/change_detection.hpp"
+#include "palpate/contact_response.hpp"
 #include "palpate/estimate.hpp"
 #include "palpate/method.hpp"
 #include "palpate/outliers.hpp"
@@ -119,6 +120,16 @@ class Recursion {
   // The part of an estimate that a trace contains for every sample.
   Snapshot<Law> snapshot() const noexcept { return method_.snapshot(units_); }
 
+  // Stiffness and damping that a controller may act on, at a depth [m]; default: the present one.
+  // Without a solution of its own: a tenth of the time of estimate().
+  ContactResponse response(double depth = std::numeric_limits<double>::quiet_NaN(),
+                           const ResponsePrior& prior = {}) const noexcept {
+    const double frequency = watch_.frequency();
+    if (!std::isfinite(depth)) depth = watch_.position();
+    return watch_.response(law_response(depth, frequency), std::max(depth, shallowest), frequency,
+                           velocity_, taken(status_), prior);
+  }
+
   double last_velocity() const noexcept { return velocity_; }
   const Units& units() const noexcept { return units_; }
 
@@ -160,7 +171,8 @@ class Recursion {
         if constexpr (requires { method_.withdraw(std::size_t{}); }) {
           if (const std::size_t count = outliers->withdrawn()) method_.withdraw(count);
         }
-        pass(dt);
+        if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
+        watch_.reject(sample, dt);
         return {Status::rejected, predict_force ? expected_force(sample) : unknown};
       }
     }
@@ -176,6 +188,7 @@ class Recursion {
     if constexpr (requires { method_.free(inner, dt, 1.0); }) {
       method_.free(inner, dt, forgetting_.factor());
     }
+    watch_.free(sample, dt);
     enter(phase);
     return {status_, predicted};
   }
@@ -183,6 +196,7 @@ class Recursion {
   void leave_contact(OutlierRejection* outliers) noexcept {
     if constexpr (requires { method_.interrupt(); }) method_.interrupt();
     if (outliers) outliers->interrupt();
+    watch_.leave();
     enter(gate_.without_contact());
   }
 
@@ -196,9 +210,24 @@ class Recursion {
   }
 
  private:
+  static constexpr double shallowest = 1e-9;  // m
+
+  detail::LawResponse law_response(double depth, double frequency) const noexcept {
+    depth = std::max(depth, shallowest);
+    if constexpr (requires { method_.response(units_, depth, frequency); }) {
+      return method_.response(units_, depth, frequency);
+    } else if constexpr (requires { method_.latest_fit(units_); }) {
+      const Fit<Law> fit = method_.latest_fit(units_);
+      return detail::law_response(fit, std::max(depth - fit.surface.value, shallowest));
+    } else {
+      return detail::law_response(method_.fit(units_), depth);
+    }
+  }
+
   // Advances the time for a sample that is not taken.
   void pass(double dt) noexcept {
     if constexpr (requires { method_.pass(dt); }) method_.pass(dt);
+    watch_.pass(dt);
   }
 
   static ContactGate::Settings gate_of(M& method, const ContactGate::Settings& given,
@@ -209,9 +238,9 @@ class Recursion {
 
   // Learns a sample in contact and in range. The loop's state changes only after the method has
   // learned it.
-  Outcome take(const Sample& sample, const Sample& inner, double dt,
-               const SelfPerturbation& self_perturbation, ChangeDetector* changes,
-               bool predict_force) noexcept {
+  [[gnu::always_inline]] Outcome take(const Sample& sample, const Sample& inner, double dt,
+                                      const SelfPerturbation& self_perturbation,
+                                      ChangeDetector* changes, bool predict_force) noexcept {
     Forgetting forgetting = forgetting_;
     if (gate_.phase() == ContactGate::Phase::contact) {
       forgetting.advance(dt);
@@ -232,10 +261,18 @@ class Recursion {
 
     Status status = method_.learn(row, dt, forgetting.factor(), perturbation);
     if (status == Status::held) {  // undecided: the method keeps it; the contact phase stays
+      watch_.approach(sample, dt);
       enter(gate_.phase());
       return {status_, predicted};
     }
     if (!taken(status)) return {status, predicted};
+    if constexpr (requires { method_.residual_variance(); }) {
+      const double unit = units_.force;
+      watch_.touch(sample, dt, method_.renewed());
+      watch_.compare(sample.force, row.predicted * unit, method_.residual_variance() * unit * unit);
+    } else {
+      watch_.touch(sample, dt, true);
+    }
 
     if (changes) {
       const double expected = sample.force - error;
@@ -273,6 +310,7 @@ class Recursion {
              double error, Forgetting& forgetting) noexcept {
     if (gate_.phase() != ContactGate::Phase::contact) changes.interrupt();
     if (changes.observe(inner, dt, predicted, error)) {
+      watch_.restart(law_response(watch_.position(), watch_.frequency()));
       method_.reinitialise();
       relearn(changes, changes.post_change_samples(), forgetting);
       changes.rearm();
@@ -302,6 +340,7 @@ class Recursion {
   M method_;
   ContactGate gate_;
   Forgetting forgetting_;
+  detail::ContactWatch watch_;
   double velocity_ = 0.0;
   Status status_ = Status::waiting;
   std::uint64_t samples_ = 0;

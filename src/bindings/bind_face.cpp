@@ -35,6 +35,8 @@ void replay_arrays(Face& face, const InputArray& penetration, const InputArray& 
   face.replay(in, out, samples ? TraceRows{samples->data(), samples->size()} : TraceRows{});
 }
 
+using Bounds = std::array<double, 4>;  // of K′ [N/m], then of B′ [N·s/m]
+
 constexpr const char* update_doc =
     R"(update(self, penetration, velocity, force, dt=None)
 --
@@ -195,7 +197,12 @@ void bind_face(nb::module_& module) {
           nb::arg("penetration"), nb::arg("velocity"),
           "Force [N] that the present estimate predicts for the sensor at a penetration [m] and "
           "velocity [m/s]; out of contact only the offset.")
-      .def("_estimate", [](Face& self) { return self.core().estimate(); })
+      .def(
+          "_estimate",
+          [](Face& self, double depth, const Bounds& bounds) {
+            return self.core().estimate(depth, {bounds[0], bounds[1], bounds[2], bounds[3]});
+          },
+          nb::arg("depth"), nb::arg("bounds"))
       .def("reset", &Face::reset, "Forget everything but the settings.")
       .def(
           "leave_contact", [](Face& self) { self.core().leave_contact(); },

@@ -180,20 +180,30 @@ nb::tuple evidence_of(ViscoelasticFace& face) {
                         core.method().began_in_contact(), motion.one_way);
 }
 
-// The spectrum of the solution: relaxation times, s; K, n, B, p and mᵢ; their covariance with the
-// offset as the last; and the force, N, that each column for an unknown start adds, with its decay
-// time.
-nb::tuple spectrum_of(ViscoelasticFace& face) {
+// The spectrum of a solution, copied: its covariance takes ten times as long as an update.
+struct SpectrumValue {
+  viscoelastic::Solution solution;
+  viscoelastic::Ladder ladder;
+  Units units;
+};
+
+SpectrumValue spectrum_value_of(ViscoelasticFace& face) {
   const auto& core = core_of(face);
-  const viscoelastic::Solution& now = core.method().solver().solution();
-  const viscoelastic::Ladder& ladder = core.method().solver().samples().ladder();
-  const auto numbers = viscoelastic::numbers_in_si(now.fit, core.units());
-  const auto covariance = viscoelastic::covariance_in_si(now, core.units());
+  const viscoelastic::Solver& solver = core.method().solver();
+  return {solver.solution(), solver.samples().ladder(), core.units()};
+}
+
+// Relaxation times, s; K, n, B, p and mᵢ; their covariance with the offset as the last; and the
+// force, N, that each column for an unknown start adds, with its decay time.
+nb::tuple numbers_of(const SpectrumValue& spectrum) {
+  const auto& [now, ladder, units] = spectrum;
+  const auto numbers = viscoelastic::numbers_in_si(now.fit, units);
+  const auto covariance = viscoelastic::covariance_in_si(now, units);
   nb::list start;
   for (std::size_t a = 0; a < viscoelastic::start_columns; ++a) {
     const double time =
         a == 0 ? viscoelastic::first_start_steps * ladder.sample_time() : ladder.longest();
-    start.append(nb::make_tuple(now.fit.value[viscoelastic::start + a] * core.units().force, time));
+    start.append(nb::make_tuple(now.fit.value[viscoelastic::start + a] * units.force, time));
   }
   return nb::make_tuple(
       copied_array(ladder.times().data(), {viscoelastic::rungs}),
@@ -250,6 +260,11 @@ void bind_projection(nb::module_& module) {
 }
 
 void bind_viscoelastic(nb::module_& module) {
+  nb::class_<SpectrumValue>(module, "SpectrumValue", "A spectrum of relaxation times.")
+      .def("numbers", &numbers_of,
+           nb::sig("def numbers(self) -> tuple[numpy.typing.NDArray[numpy.float64], "
+                   "numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], "
+                   "list[tuple[float, float]]]"));
   module.def("relaxation_branches", &branches_of, nb::arg("alpha"), nb::arg("shortest_time"),
              nb::arg("longest_time"),
              nb::sig("def relaxation_branches(alpha: float, shortest_time: float, longest_time: "
@@ -274,10 +289,7 @@ void bind_viscoelastic(nb::module_& module) {
       .def("_evidence", &evidence_of,
            nb::sig("def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, "
                    "int, float, float, bool, float]"))
-      .def("_spectrum", &spectrum_of,
-           nb::sig("def _spectrum(self) -> tuple[numpy.typing.NDArray[numpy.float64], "
-                   "numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], "
-                   "list[tuple[float, float]]]"))
+      .def("_spectrum", &spectrum_value_of)
       .def("_beside", &beside_of,
            nb::sig("def _beside(self, candidate: int, without: int, free_damping: bool) -> "
                    "tuple[float, numpy.typing.NDArray[numpy.float64], float]"));

@@ -51,14 +51,15 @@ struct EstimateValue : AnyEstimate {
   std::array<double, capacity> parameters;
   std::array<double, (capacity + 1) * (capacity + 1)>
       covariance;  // rows of size + 1, the offset's last
+  ContactResponse response;
 
   double& entry(std::size_t i, std::size_t j) { return covariance[i * (size + 1) + j]; }
 };
 
 template <std::size_t Size>
-EstimateValue value_of(const Estimate<Size>& estimate) {
+EstimateValue value_of(const Estimate<Size>& estimate, const ContactResponse& response) {
   static_assert(Size <= EstimateValue::capacity);
-  EstimateValue value{estimate, Size, estimate.offset.value, {}, {}};
+  EstimateValue value{estimate, Size, estimate.offset.value, {}, {}, response};
   for (std::size_t i = 0; i < Size; ++i) {
     value.parameters[i] = estimate.parameters[i];
     value.entry(i, Size) = value.entry(Size, i) = estimate.offset.covariance[i];
@@ -111,7 +112,7 @@ class Core {
   virtual Status update(double penetration, double velocity, double force, double dt) noexcept = 0;
   virtual void replay(const Signals& in, const TraceColumns& out, const TraceRows& rows) = 0;
   virtual double predict(double penetration, double velocity) const = 0;
-  virtual EstimateValue estimate() const = 0;
+  virtual EstimateValue estimate(double depth, const ResponsePrior& prior) const = 0;
   virtual void leave_contact() = 0;
   virtual void reset() = 0;
   virtual nb::bytes state() = 0;
@@ -140,7 +141,9 @@ class CoreOf final : public Core, public Zeroed {
   double predict(double penetration, double velocity) const override {
     return estimator.predict(penetration, velocity);
   }
-  EstimateValue estimate() const override { return value_of(estimator.estimate()); }
+  EstimateValue estimate(double depth, const ResponsePrior& prior) const override {
+    return value_of(estimator.estimate(), estimator.response(depth, prior));
+  }
   void leave_contact() override { estimator.leave_contact(); }
   void reset() override { estimator.reset(); }
   nb::bytes state() override { return saved(name_, parts()); }

@@ -3,6 +3,7 @@
 #include <array>
 #include <cmath>
 #include <cstddef>
+#include <limits>
 #include <string>
 
 #include "face.hpp"
@@ -47,7 +48,10 @@ void make_estimate(EstimateValue* self, const InputArray& parameters, const Inpu
                               .c_str());
   }
   const AnyEstimate common{{}, 0, margin, status, samples, guarded, restarts, rejected};
-  new (self) EstimateValue{common, size, offset, {}, {}};
+  constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+  constexpr ResponseNumber none{unknown, unknown, false};
+  new (self)
+      EstimateValue{common, size, offset, {}, {}, {none, none, unknown, unknown, unknown, 0}};
   std::copy_n(parameters.data(), size, self->parameters.begin());
   for (std::size_t i = 0; i < rows; ++i) {
     std::copy_n(covariance.data() + i * rows, rows, &self->entry(i, 0));
@@ -93,7 +97,13 @@ void bind_status(nb::module_& module) {
 
 void bind_estimate(nb::module_& module) {
   bind_status(module);
+  nb::class_<ResponseNumber>(module, "ResponseNumber",
+                             "A number that a controller may act on while it is usable.")
+      .def_ro("value", &ResponseNumber::value, "SI; within physical bounds if not usable.")
+      .def_ro("standard_error", &ResponseNumber::standard_error, "SI.")
+      .def_ro("usable", &ResponseNumber::usable, "Whether the samples determine it.");
   nb::class_<EstimateValue>(module, "EstimateValue", "The numbers of an estimate, SI.")
+      .def(nb::init<const EstimateValue&>())
       .def("__init__", &make_estimate, nb::arg("parameters"), nb::arg("covariance"),
            nb::arg("status"), nb::arg("samples"), nb::arg("validity_margin") = 1.0,
            nb::arg("guarded") = 0, nb::arg("restarts") = 0, nb::arg("rejected") = 0,
@@ -102,7 +112,6 @@ void bind_estimate(nb::module_& module) {
                    "covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, "
                    "validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, "
                    "rejected: int = 0, offset: float = 0.0) -> None"))
-      .def(nb::init<const EstimateValue&>())
       .def_prop_ro(
           "parameters",
           [](const EstimateValue& e) { return copied_array(e.parameters.data(), {e.size}); },
@@ -128,6 +137,22 @@ void bind_estimate(nb::module_& module) {
       .def_prop_ro(
           "surface_standard_error", [](const EstimateValue& e) { return root(e.surface.variance); },
           "Its standard error, m; 0 if not estimated.")
+      .def_prop_ro(
+          "stiffness", [](const EstimateValue& e) { return e.response.stiffness; },
+          "Stiffness K′ = ∂F/∂x of small oscillations at ``depth`` and ``frequency``, N/m.")
+      .def_prop_ro(
+          "damping", [](const EstimateValue& e) { return e.response.damping; },
+          "Damping B′ = ∂F/∂v of small oscillations at ``depth`` and ``frequency``, N·s/m.")
+      .def_prop_ro(
+          "depth", [](const EstimateValue& e) { return e.response.depth; },
+          "Penetration of ``stiffness`` and ``damping``, m.")
+      .def_prop_ro(
+          "frequency", [](const EstimateValue& e) { return e.response.frequency; },
+          "Angular frequency of the motion so far, rad/s.")
+      .def_prop_ro(
+          "age", [](const EstimateValue& e) { return e.response.age; },
+          "Time since the latest sample that ``stiffness`` and ``damping`` contain, s.")
+      .def_prop_ro("_checks", [](const EstimateValue& e) { return e.response.checks; })
       .def_ro("_flags", &EstimateValue::flags)
       .def_ro("validity_margin", &EstimateValue::validity_margin,
               "Condition 10 as a margin: 1 at rest, 0 at the limit, negative beyond it.")

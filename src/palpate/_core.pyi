@@ -55,14 +55,29 @@ class Status(enum.IntEnum):
     REJECTED = 8
     """Rejected as an outlier."""
 
+class ResponseNumber:
+    """A number that a controller may act on while it is usable."""
+
+    @property
+    def value(self) -> float:
+        """SI; within physical bounds if not usable."""
+
+    @property
+    def standard_error(self) -> float:
+        """SI."""
+
+    @property
+    def usable(self) -> bool:
+        """Whether the samples determine it."""
+
 class EstimateValue:
     """The numbers of an estimate, SI."""
 
     @overload
-    def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, rejected: int = 0, offset: float = 0.0) -> None: ...
+    def __init__(self, arg: EstimateValue, /) -> None: ...
 
     @overload
-    def __init__(self, arg: EstimateValue, /) -> None: ...
+    def __init__(self, parameters: numpy.typing.NDArray[numpy.float64], covariance: numpy.typing.NDArray[numpy.float64], status: Status, samples: int, validity_margin: float = 1.0, guarded: int = 0, restarts: int = 0, rejected: int = 0, offset: float = 0.0) -> None: ...
 
     @property
     def parameters(self) -> numpy.typing.NDArray[numpy.float64]:
@@ -95,6 +110,35 @@ class EstimateValue:
     @property
     def surface_standard_error(self) -> float:
         """Its standard error, m; 0 if not estimated."""
+
+    @property
+    def stiffness(self) -> ResponseNumber:
+        """
+        Stiffness K′ = ∂F/∂x of small oscillations at ``depth`` and ``frequency``, N/m.
+        """
+
+    @property
+    def damping(self) -> ResponseNumber:
+        """
+        Damping B′ = ∂F/∂v of small oscillations at ``depth`` and ``frequency``, N·s/m.
+        """
+
+    @property
+    def depth(self) -> float:
+        """Penetration of ``stiffness`` and ``damping``, m."""
+
+    @property
+    def frequency(self) -> float:
+        """Angular frequency of the motion so far, rad/s."""
+
+    @property
+    def age(self) -> float:
+        """
+        Time since the latest sample that ``stiffness`` and ``damping`` contain, s.
+        """
+
+    @property
+    def _checks(self) -> int: ...
 
     @property
     def _flags(self) -> int: ...
@@ -197,7 +241,7 @@ class RecursiveEstimator:
         Force [N] that the present estimate predicts for the sensor at a penetration [m] and velocity [m/s]; out of contact only the offset.
         """
 
-    def _estimate(self) -> EstimateValue: ...
+    def _estimate(self, depth: float, bounds: Sequence[float]) -> EstimateValue: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""
@@ -236,6 +280,11 @@ class VariableProjection(RecursiveEstimator):
 class DriftTracking(RecursiveEstimator):
     def __init__(self, arg0: tuple[float, Sequence[float], float, bool, float], arg1: Sequence[float], arg2: tuple[Sequence[float], Sequence[float], Sequence[float] | None, float | None, Sequence[float], Sequence[float], float], /) -> None: ...
 
+class SpectrumValue:
+    """A spectrum of relaxation times."""
+
+    def numbers(self) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], list[tuple[float, float]]]: ...
+
 def relaxation_branches(alpha: float, shortest_time: float, longest_time: float) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64]]: ...
 
 def generalised_force_along(elastic: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], stiffnesses: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], time_steps: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], penetration: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], velocity: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], state: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], force: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')]) -> None: ...
@@ -252,7 +301,7 @@ class ViscoelasticContact(RecursiveEstimator):
 
     def _evidence(self) -> tuple[list[tuple[int, float, float]], float, float, int, float, float, bool, float]: ...
 
-    def _spectrum(self) -> tuple[numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], numpy.typing.NDArray[numpy.float64], list[tuple[float, float]]]: ...
+    def _spectrum(self) -> SpectrumValue: ...
 
     def _beside(self, candidate: int, without: int, free_damping: bool) -> tuple[float, numpy.typing.NDArray[numpy.float64], float]: ...
 

@@ -105,6 +105,7 @@ class Check(StrEnum):
     LOAD_TRANSFER = "load transfer", "geometry", CAPS | TIMELESS
     DIRECTION = "direction", "geometry", CAPS | TIMELESS
     ORIENTATION = "orientation", "geometry", CAPS | TIMELESS
+    LOST_CONTACT = "lost contact", "geometry", TIMELESS
     UNSEEN = "unseen", "geometry"
     CONTACT_POINT = "contact point", "geometry", CAPS | TIMELESS
     TIP_SHAPE = "tip shape", "geometry", CAPS | TIMELESS

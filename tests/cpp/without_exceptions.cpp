@@ -24,8 +24,8 @@ constexpr bool fit_for_a_controller() noexcept {
          noexcept(e->update(0.0, 0.0, 0.0)) && noexcept(e->update(0.0, 0.0, 0.0, 0.0)) &&
          noexcept(e->update(Sample{}, 0.0, *number)) && noexcept(e->reset()) &&
          noexcept(e->leave_contact()) && noexcept(known->predict(0.0, 0.0)) &&
-         noexcept(known->law()) && noexcept(known->estimate()) && noexcept(known->snapshot()) &&
-         noexcept(replay(*e, Signals{}, TraceColumns{}));
+         noexcept(known->law()) && noexcept(known->estimate()) && noexcept(known->response()) &&
+         noexcept(known->snapshot()) && noexcept(replay(*e, Signals{}, TraceColumns{}));
 }
 
 static_assert(fit_for_a_controller<KelvinVoigtRLS>());

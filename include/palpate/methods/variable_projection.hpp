@@ -210,6 +210,15 @@ class VariableProjectionMethod {
     return without_errors(last_solution_, units);
   }
 
+  // The fit of that solution.
+  Fit<Law> latest_fit(const Units& units) const noexcept {
+    return fit(last_solution_, widened(last_solution_), units);
+  }
+
+  // Whether the latest sample renewed it, and the variance of its residual, in scaled units.
+  bool renewed() const noexcept { return samples_since_solve_ <= 1; }
+  double residual_variance() const noexcept { return last_solution_.noise_variance; }
+
   Fit<Law> fit(const Units& units) const noexcept {
     const Solution now = solve();
     return fit(now, widened(now), units);

@@ -161,6 +161,15 @@ class ViscoelasticMethod {
     return snapshot;
   }
 
+  detail::LawResponse response(const Units& units, double depth, double frequency) const noexcept {
+    return viscoelastic::response_of(solver_.solution(), solver_.samples().ladder().times(), units,
+                                     depth, frequency);
+  }
+
+  // Whether the latest sample renewed the solution, and the variance of its residual.
+  bool renewed() const noexcept { return solver_.renewed(); }
+  double residual_variance() const noexcept { return solver_.priors().variance; }
+
   const viscoelastic::Solver& solver() const noexcept { return solver_; }
   bool sound() const noexcept { return solver_.sound() && air_.sound(); }
 

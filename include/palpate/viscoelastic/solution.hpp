@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "palpate/contact_response.hpp"
 #include "palpate/force_laws.hpp"
 #include "palpate/matrix.hpp"
 #include "palpate/sample.hpp"
@@ -181,6 +182,62 @@ inline Matrix<GeneralisedHuntCrossley::size + 1> law_covariance(
   }
   detail::bound_variances(result, detail::largest_variance);
   return result;
+}
+
+// K′ and B′ of small oscillations, with their variances by the delta method:
+//
+//   K′ + iωB′ = n x^(n−1) [K + Σ mᵢ iωτᵢ/(1 + iωτᵢ)] + iωB xᵖ.
+[[gnu::noinline]] inline detail::LawResponse response_of(const Solution& s,
+                                                         const std::array<double, rungs>& times,
+                                                         const Units& u, double depth,
+                                                         double frequency) noexcept {
+  if (s.known == 0) {
+    constexpr double unknown = detail::largest_variance;
+    return {0.0, unknown, 0.0, unknown, 0.0, unknown, 0.0, unknown};
+  }
+  const double n = s.fit.n, p = damping_exponent(s.fit),
+               log_depth = std::log(depth / u.penetration);
+  const double slope = n * detail::bounded_exp((n - 1.0) * log_depth);
+  const double power = detail::bounded_exp(p * log_depth);
+  // In scaled units, with rows of derivatives.
+  Vector<unknowns> stiff{}, damped{};
+  stiff[stiffness] = slope;
+  damped[damping] = power;
+  const double per_time = u.velocity / u.penetration;  // 1/s
+  for (std::size_t i = 0; i < rungs; ++i) {
+    const double phase = frequency * times[i], share = 1.0 / (1.0 + phase * phase);
+    stiff[memory + i] = slope * phase * phase * share;
+    damped[memory + i] = slope * times[i] * share * per_time;
+  }
+  double spring = 0.0, lossy = 0.0;
+  for (std::size_t i = stiffness; i < parts; ++i) {
+    if (i != damping) spring += stiff[i] * s.fit.value[i];
+    if (i >= memory && i < memory + rungs) lossy += damped[i] * s.fit.value[i];
+  }
+  const double damper = power * s.fit.value[damping];
+  const double by_node = Grid::step * (1.0 / n + log_depth);
+  const bool moves = s.law().damping != Damping::linear;
+  stiff[exponent_node] = spring * by_node;
+  damped[exponent_node] = lossy * by_node + (moves ? damper * Grid::step * log_depth : 0.0);
+  const auto variance = [&s](const Vector<unknowns>& row) noexcept {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < unknowns; ++i) {
+      if (row[i] == 0.0) continue;
+      for (std::size_t j = 0; j <= i; ++j) {
+        sum += (j < i ? 2.0 : 1.0) * row[i] * row[j] * s.covariance[in_triangle(i, j)];
+      }
+    }
+    return std::max(sum, 0.0);
+  };
+  const double k = u.force / u.penetration, b = u.force / u.velocity;
+  return {spring * k,
+          variance(stiff) * k * k,
+          (lossy + damper) * b,
+          variance(damped) * b * b,
+          n,
+          Grid::step * Grid::step * s.covariance[in_triangle(exponent_node, exponent_node)],
+          s.fit.value[offset] * u.force,
+          s.covariance[in_triangle(offset, offset)] * u.force * u.force};
 }
 
 }  // namespace palpate::viscoelastic

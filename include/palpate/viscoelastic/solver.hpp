@@ -47,6 +47,7 @@ class Solver {
   // Whether the solution comes from a verdict on these samples, and not on samples that were
   // cleared since.
   bool decided() const noexcept { return decided_; }
+  bool renewed() const noexcept { return samples_since_fit_ == 0; }
 
   double predict(const Sample& s) const noexcept {
     return force_of(solution_.fit, samples_.branches(), s);

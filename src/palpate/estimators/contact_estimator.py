@@ -4,6 +4,8 @@ The command line, ``compare``, the reports and the conformance tests all use tha
 """
 
 import copy
+import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
@@ -28,11 +30,15 @@ from palpate.validation import (
     check_choice,
     instance,
     number_in,
+    pair_in,
     same_length,
     shown,
     signal,
     signals,
 )
+
+#: Bounds of stiffness, N/m, and damping, N·s/m.
+ResponsePrior = tuple[tuple[float, float], tuple[float, float]]
 
 
 class ContactEstimator(Configured):
@@ -162,12 +168,30 @@ class CompiledEstimator(ContactEstimator):
 
     if TYPE_CHECKING:  # the compiled class defines these
 
-        def _estimate(self) -> _core.EstimateValue: ...
+        def _estimate(self, depth: float, bounds: Sequence[float]) -> _core.EstimateValue: ...
         def _replay(self, *arrays: Any) -> None: ...
 
-    def estimate(self) -> Estimate:
-        """Return the current estimate."""
-        return Estimate(self._estimate(), self.law_type, self.fixed)
+    def estimate(self, at: float | None = None, prior: ResponsePrior | None = None) -> Estimate:
+        """Return the current estimate.
+
+        Parameters
+        ----------
+        at : float, optional
+            Depth of ``stiffness`` and ``damping``, m, > 0. Default: that of the latest sample.
+        prior : tuple of two pairs of floats, optional
+            Bounds that are known of the stiffness, N/m, and of the damping, N·s/m, as
+            ((least, largest), (least, largest)). Default: from 0.
+
+        Raises
+        ------
+        InvalidParameterError
+            The depth or a bound is outside its range.
+        """
+        return self._name(self._estimate(*_response_settings(at, prior)))
+
+    def _name(self, value: _core.EstimateValue) -> Estimate:
+        """Return an estimate with the names of its law."""
+        return Estimate(value, self.law_type, self.fixed)
 
     def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
         learned = trace.parameters, trace.standard_errors
@@ -206,6 +230,33 @@ class PythonEstimator(ContactEstimator):
 
     def _restore(self, state: Any) -> None:
         vars(self).update(copy.deepcopy(state))
+
+
+_UNKNOWN_RESPONSE = math.nan, (0.0, 1e100, 0.0, 1e100)
+
+
+def _response_settings(
+    at: float | None, prior: ResponsePrior | None
+) -> tuple[float, tuple[float, ...]]:
+    """Check the depth and the bounds of a response for the compiled estimate."""
+    if at is None and prior is None:
+        return _UNKNOWN_RESPONSE
+    depth = math.nan if at is None else number_in("at", at, 0.0, 1e100, open_low=True)
+    if prior is None:
+        return depth, _UNKNOWN_RESPONSE[1]
+    if not (isinstance(prior, tuple | list) and len(prior) == 2):
+        raise InvalidParameterError(
+            f"prior must be ((least, largest) stiffness, (least, largest) damping), not "
+            f"{shown(prior)}"
+        )
+    pairs = [
+        pair_in(f"prior {name}", pair, 0.0, 1e100)
+        for name, pair in zip(("stiffness", "damping"), prior, strict=True)
+    ]
+    for least, largest in pairs:
+        if not least <= largest:
+            raise InvalidParameterError(f"prior must be from least to largest, not {shown(prior)}")
+    return depth, (*pairs[0], *pairs[1])
 
 
 def _time_steps(dt: "ArrayLike", samples: int) -> Floats:

@@ -47,6 +47,17 @@ ADVICE = {
     ),
 }
 
+# Keys: the bits of LoopCheck in include/palpate/contact_response.hpp.
+LOOP_CHECKS = {
+    1: Check.STUCK_FORCE,
+    2: Check.SATURATION,
+    4: Check.SPIKES,
+    8: Check.LATE_FORCE,
+    16: Check.LOST_CONTACT,
+    32: Check.BASELINE,
+    64: Check.CHANGE,
+}
+
 
 def flag_findings(bits: int) -> tuple[Finding, ...]:
     """Return the findings of an estimate's flag bits."""
@@ -79,9 +90,19 @@ class Estimate(EstimateValue):
         it.
     joint_covariance : numpy.ndarray, shape (p + 1, p + 1)
         Covariance of the law's parameters and, last, the offset.
+    stiffness, damping : ResponseNumber
+        K′ = ∂F/∂x [N/m] and B′ = ∂F/∂v [N·s/m] of small oscillations at ``depth`` and
+        ``frequency``, each with its ``value``, ``standard_error`` and whether it is ``usable``:
+        what a controller may act on (``docs/online.md``). NaN for a method written in Python.
+    depth, frequency : float
+        Penetration, m, and angular frequency of the motion so far, rad/s.
+    age : float
+        Time since the latest sample that ``stiffness`` and ``damping`` contain, s.
     findings : tuple of Finding
-        Parameters that this motion does not identify, and a motion that would; ``flags`` has the
-        text.
+        Parameters that this motion does not identify, and a motion that would.
+    flags : tuple of str
+        The text of the findings, and the ids of the loop's checks: stuck force, saturation, spikes,
+        late force, lost contact, baseline (the force in free air has moved), change.
     fixed : tuple of str
         Names of the law's parameters that were specified, such as a known exponent; their standard
         errors are 0.
@@ -226,8 +247,9 @@ class Estimate(EstimateValue):
 
     @property
     def flags(self) -> tuple[str, ...]:
-        """The findings as text."""
-        return tuple(map(str, self.findings))
+        """The findings as text, and the ids of what the loop's checks found."""
+        found = [check for bit, check in LOOP_CHECKS.items() if self._checks & bit]
+        return (*map(str, self.findings), *found)
 
     @property
     def valid(self) -> bool:

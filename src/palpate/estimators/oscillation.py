@@ -75,7 +75,7 @@ class Oscillation:
         if not (evidence.rows and np.count_nonzero(taken) > 1):
             return None
         samples = _Samples(estimator, penetration, velocity, force, time_steps, taken)
-        times, numbers, _, _ = estimator._spectrum()
+        times, numbers, _, _ = estimator._spectrum().numbers()
         columns = _Columns(samples, candidate, numbers)
         fits = [
             estimator._beside(index, left_out, False)
@@ -195,7 +195,7 @@ class _Columns:
 
     def __init__(self, samples: _Samples, candidate: Candidate, numbers: Floats) -> None:
         self.candidate, self.numbers = candidate, numbers
-        times, _, _, start = samples.estimator._spectrum()
+        times, _, _, start = samples.estimator._spectrum().numbers()
         self.times = times
         active = np.flatnonzero(numbers[4:])
         n, steps, path, rows = numbers[1], samples.steps, samples.path, samples.rows

@@ -191,9 +191,8 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
     default_initial = HuntCrossley.from_parameters(_core.defaults["SingleStageRLS"]["initial"])
     default_covariance = _core.defaults["SingleStageRLS"]["initial_covariance"]
 
-    def estimate(self) -> Estimate:
-        """Return the current estimate; its standard errors are too small, as a finding says."""
-        return SingleStageEstimate(self._estimate(), self.law_type, self.fixed)
+    def _name(self, value: _core.EstimateValue) -> Estimate:
+        return SingleStageEstimate(value, self.law_type, self.fixed)
 
     def _plain_settings(self) -> tuple[Any, ...]:
         plain = super()._plain_settings()

@@ -56,11 +56,18 @@ class RelaxingEstimate(Estimate):
         that models an unknown start.
     """
 
-    __slots__ = ("spectrum",)
+    __slots__ = ("_spectrum",)
 
     def __init__(self, value: _core.EstimateValue, fixed: tuple[str, ...], spectrum: Any) -> None:
         super().__init__(value, GeneralisedHuntCrossley, fixed)
-        self.spectrum = spectrum
+        self._spectrum = spectrum
+
+    @property
+    def spectrum(self) -> Any:
+        """Relaxation times, numbers, covariance and start, computed on first access."""
+        if isinstance(self._spectrum, _core.SpectrumValue):
+            self._spectrum = self._spectrum.numbers()
+        return self._spectrum
 
     @property
     def law(self) -> GeneralisedHuntCrossley:
@@ -175,9 +182,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             loop_settings({**self._settings, "sample_time": self._step}, PROBING),
         )
 
-    def estimate(self) -> Estimate:
-        """Return the current estimate."""
-        return RelaxingEstimate(self._estimate(), self.fixed, self._spectrum())
+    def _name(self, value: _core.EstimateValue) -> Estimate:
+        return RelaxingEstimate(value, self.fixed, self._spectrum())
 
     @property
     def offered(self) -> tuple[Candidate, ...]:
@@ -196,7 +202,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     def evidence(self) -> Evidence:
         """Return the numbers of a verdict, in some microseconds, for use in another process."""
         offered = _candidate_bits(self._settings["damping"], self._settings["memory"])
-        longest = float(self._spectrum()[3][-1][1])
+        longest = float(self._spectrum().numbers()[3][-1][1])
         return Evidence(*self._evidence(), offered, longest)
 
     def verdict(self) -> LawVerdict:

@@ -92,6 +92,8 @@ class LawsInForce:
         The preferred law.
     changes : int
         Changes of the preferred law since the evidence was last discarded.
+    time : float
+        Time of the latest sample, s: a verdict speaks of the samples up to it.
     turns : deque
         Time, s, of each change; the law preferred from then on, or None; the number of samples.
     """
@@ -99,6 +101,7 @@ class LawsInForce:
     shown: list[int]
     now: Candidate | None = None
     changes: int = 0
+    time: float = math.nan
     turns: deque[Any] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
 
     @classmethod
@@ -112,6 +115,7 @@ class LawsInForce:
 
     def see(self, time: float, estimator: ContactEstimator) -> None:
         """Note the preferred law after a sample, if the estimator compares laws."""
+        self.time = time
         if not estimator.chooses_law:
             return
         if (now := estimator.candidate) is self.now:
@@ -137,7 +141,8 @@ class LawsInForce:
             # Some 350 numbers: as decimal digits, JSON would take ten times as long.
             "covariance": _pack_numbers(estimate.covariance) if learned else None,
             "spectrum": [*map(_pack_numbers, estimate.spectrum[:3])] if learned else None,
-            "flags": estimate.flags,
+            "flags": [*map(str, estimate.findings)],
+            "time": finite_or_none(self.time),
             "changes": self.changes,
             "turns": list(self.turns),
         }

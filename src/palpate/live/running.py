@@ -29,7 +29,7 @@ from palpate.preparation import OnlinePreparation, Payload, PayloadCompensation
 from palpate.settings import ChangeDetector, OutlierRejection
 
 ASKED_EVERY = 0.02  # s between reads of commands
-TOLD_EVERY = 0.25  # s between writes of the status
+TOLD_EVERY = 0.2  # s between writes of the status: at least four a second
 PATIENCE = 5.0  # s for a sink to end
 _THERE = "there"  # sent by a sink that is ready
 _IMPORTING = 30.0  # s for a sink to start, on a busy machine

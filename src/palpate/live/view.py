@@ -28,6 +28,7 @@ from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import why_undiagnosed
 from palpate.results.parameters import describe_relaxation
 from palpate.results.view import NumberLine, describe_place
+from palpate.validation import or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
 _FEW = 1.0 / 15.0
@@ -65,6 +66,8 @@ class LiveVerdict:
         Changes of the preferred law since the evidence was last discarded.
     turns : list of (float, str or None)
         Time, s, of each change, and the law preferred from then on; None: none.
+    time : float
+        Time of the latest sample that it speaks of, s; NaN before the first.
     """
 
     law: LawVerdict
@@ -73,6 +76,7 @@ class LiveVerdict:
     flags: list[str]
     changes: int
     turns: list[tuple[float, str | None]]
+    time: float
 
     @property
     def certainty(self) -> str:
@@ -178,7 +182,8 @@ def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
     flags = [*page["flags"], *(verdict.flags if learned else ())]
     flags += map(str, _open(page, verdict, estimate) if verdict.known else ())
     turns = [(time, law) for time, law, _ in page["turns"]]
-    return LiveVerdict(verdict, estimate, learned, flags, page["changes"], turns)
+    time = or_nan(page["time"])
+    return LiveVerdict(verdict, estimate, learned, flags, page["changes"], turns, time)
 
 
 def _estimate_in(page: Mapping[str, Any]) -> Estimate:
