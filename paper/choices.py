@@ -8,7 +8,7 @@ paper states is never varied: its motions, initial values, 1 kHz, λ of the sing
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -194,8 +194,3 @@ def shares() -> Mapping[str, Share]:
         return {}
     text = json.loads(_FILE.read_text(encoding="utf-8"))
     return {name: Share(tuple(sign == "1" for sign in signs)) for name, signs in text.items()}
-
-
-def signs(findings: Sequence[bool | None]) -> str:
-    """Return a claim's answers in all draws: 1 if it holds, 0 if not, - if unknown."""
-    return "".join({True: "1", False: "0", None: "-"}[each] for each in findings)

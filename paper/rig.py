@@ -99,7 +99,7 @@ def taken(result: palpate.Identification) -> Floats:
     return result.trace.parameters[result.trace.taken]
 
 
-def starts_of(contact: palpate.Contact, kind: Method) -> Starts:
+def starts_of(contact: palpate.Contact, kind: Method, **settings: Any) -> Starts:
     """Return the initial values of Tables I, III and V for a method, from the contact itself.
 
     Set I has small values, set II the same with n = 2, set III 2.5 times the stiffness and damping
@@ -108,16 +108,18 @@ def starts_of(contact: palpate.Contact, kind: Method) -> Starts:
     """
     if kind.law_type is not palpate.HuntCrossley:
         low = kind.law_type(*[SMALL] * len(kind.law_type.symbols))
-        return {"low": low, "high": kind.law_type(*_high(contact, kind, low))}
+        return {"low": low, "high": kind.law_type(*_high(contact, kind, low, **settings))}
     small = palpate.HuntCrossley(SMALL, SMALL, 1.0)
-    stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small)
+    stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small, **settings)
     third = palpate.HuntCrossley(stiffness, damping, 1.0)
     return {"I": small, "II": palpate.HuntCrossley(SMALL, SMALL, 2.0), "III": third}
 
 
-def _high(contact: palpate.Contact, kind: Method, start: palpate.ForceLaw) -> list[float]:
+def _high(
+    contact: palpate.Contact, kind: Method, start: palpate.ForceLaw, **settings: Any
+) -> list[float]:
     """Return 2.5 times the mean of each parameter over the second half of the contact."""
-    known = taken(identified(contact, kind, initial=start))
+    known = taken(identified(contact, kind, initial=start, **settings))
     return [float(each) for each in HIGH * known[len(known) // 2 :].mean(axis=0)]
 
 
