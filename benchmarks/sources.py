@@ -1,4 +1,4 @@
-"""Where the recordings of others come from, and how to fetch them: ``python -m benchmarks.sources``.
+"""Sources of the recordings of others, and how to fetch them: ``python -m benchmarks.sources``.
 
 They are not part of this project: some of their authors state no licence. The command prints what
 fetches them; nothing is downloaded. The page adds the checksums of the tidy files that the
@@ -175,7 +175,9 @@ def main(markdown: Path | None = None) -> None:
     lines = [WHY, "", TIDY, ""]
     for source in SOURCES:
         address = f"[{source.repository}](https://github.com/{source.repository})"
-        about = f"{address}, commit `{source.commit}`, licence: {source.licence}. Made: {source.made}."
+        about = (
+            f"{address}, commit `{source.commit}`, licence: {source.licence}. Made: {source.made}."
+        )
         rows = [
             [f"`{name}`", f"`{theirs}`", f"`{checksum}`"]
             for pattern, theirs in source.files.items()

@@ -91,6 +91,8 @@ def palpation(depth: float, share: float) -> lab.Palpation:
 #: Mean depth over the bar, m: the paper's lies 7 mm below the surface.
 DEPTH = 4e-3
 BAR = ", over a bar"
+
+
 @dataclass(frozen=True)
 class Case:
     """A phantom with two zones, the motion, and where stiffness is compared (None: by K)."""
@@ -118,6 +120,15 @@ ALIKE: dict[str, tuple[float, float, lab.Material]] = {
     "no bar but 7 % stiffer, 10 mm": (10e-3, 1.0, stiffer(0.07)),
 }
 
+ALIKE_NOTE = (
+    "The paper gives errors but neither the depth of the probe nor its force in either zone, and "
+    "its Fig. 19(c) is lost. A bar that is felt more, pressed less deeply, and even a zone "
+    "without a bar give the errors of its text alike, so the figure determines neither how much "
+    "the bar stiffens its zone nor that it does so with depth; the peak force of the second zone "
+    "would. That the parameters are constant after 10 s speaks for a small difference and a deep "
+    "probe."
+)
+
 
 def palpated(
     zone: lab.Material, seed: int, seconds: float, motion: lab.Palpation = lab.PALPATION
@@ -137,7 +148,7 @@ def stiffness_of(material: lab.Material, at: float | None) -> float:
 def stiffness_by(parameters: Floats, at: float | None) -> Floats:
     """Return the same by estimates of K, B and n, shape (k, 3)."""
     stiffness, _, exponent = parameters.T
-    return stiffness if at is None else exponent * stiffness * at ** (exponent - 1.0)
+    return np.asarray(stiffness if at is None else exponent * stiffness * at ** (exponent - 1.0))
 
 
 class _Intermittent(Experiment):
@@ -190,7 +201,9 @@ class _Intermittent(Experiment):
             rows.append((words, say(f"peak force, {words}"), *after, constancy, perturbed))
         header = ("second zone, mean depth", "peak force", "zone 2", "zone 1", "zone 2", "zone 1")
         title = "Second zones that suit Fig. 19: mean error of the regular single stage by visit"
-        return (Table(title, (*header, "K after 10 s", "self-perturbing"), tuple(rows), ALIKE_NOTE),)
+        return (
+            Table(title, (*header, "K after 10 s", "self-perturbing"), tuple(rows), ALIKE_NOTE),
+        )
 
 
 def _draw_zones(
@@ -315,7 +328,9 @@ def _time_of_stiffness(
     at: float | None,
     changes: tuple[float, ...] = CHANGES,
 ) -> float:
-    """Return the time, ms, until K, or the stiffness at a depth, stays within 5 % until the next change; mean of the changes."""
+    """Return the time, ms, until K, or the stiffness at a depth, stays within 5 % until the next
+    change; mean of the changes.
+    """
     time, times = result.contact.time, []
     for k, (start, end) in enumerate(itertools.pairwise((*changes, np.inf)), 1):
         there = stiffness_by(result.trace.parameters[(time >= start) & (time < end)], at)
@@ -323,15 +338,6 @@ def _time_of_stiffness(
         last = np.flatnonzero(outside)
         times.append(np.nan if outside[-1] else 1.0 + (last[-1] if last.size else -1.0))
     return 1e3 * result.contact.sample_time * float(np.mean(times))
-
-
-ALIKE_NOTE = (
-    "The paper gives errors but neither the depth of the probe nor its force in either zone, and its "
-    "Fig. 19(c) is lost. A bar that is felt more, pressed less deeply, and even a zone without a bar "
-    "give the errors of its text alike, so the figure determines neither how much the bar stiffens "
-    "its zone nor that it does so with depth; the peak force of the second zone would. That the "
-    "parameters are constant after 10 s speaks for a small difference and a deep probe."
-)
 
 
 def _alike(seed: int) -> dict[str, float]:

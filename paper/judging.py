@@ -275,7 +275,11 @@ JUDGES: dict[str, Mapping[str, Judge]] = {"today": {}}
 
 # On recordings of others: all, those of damped materials, and those whose stiffness grows.
 
-_RECORDED = {"all": number("peak force") > 0.0, "damped": number("B/K") >= 3.0, "growing": number("n") >= 1.5}
+_RECORDED = {
+    "all": number("peak force") > 0.0,
+    "damped": number("B/K") >= 3.0,
+    "growing": number("n") >= 1.5,
+}
 _RECORDED_OVER = least("rmse Kelvin–Voigt") / least("rmse single stage")
 _EXTENDED_OVER = least("rmse extended") / least("rmse single stage")
 
@@ -475,9 +479,7 @@ JUDGES["fig16"] = _concluded("double-stage", "kelvin-voigt", _EXTENDED) | {
     "quadratic-never": judge(
         least(f"time {_SAME} {_EXTENDED} K₂") >= NEVER, beside=f"time {_EXTENDED} K₂"
     ),
-    "best-error": judge(
-        _EXTENDED_OVER > 1.0, _RECORDED_OVER > 1.0, recorded=_RECORDED["growing"]
-    ),
+    "best-error": judge(_EXTENDED_OVER > 1.0, _RECORDED_OVER > 1.0, recorded=_RECORDED["growing"]),
     "as-good": judge(
         between(_EXTENDED_OVER, 0.8, 1.25),
         least("rmse extended") < least("rmse Kelvin–Voigt"),

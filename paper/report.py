@@ -299,8 +299,8 @@ def write_report(report: Report) -> None:
     folder = report.folder
     chapters = [
         ("claims", "Every claim of the paper", _claims(report)),
-        ("not-held", "Not tested", _not_held()),
-        ("settings", "Settings and materials", _tables(settings())),
+        ("not-held", "Not tested", _folded("Sentences that are not tested", _not_held())),
+        ("settings", "Settings and materials", _folded("Our choices", _tables(settings()))),
         *(
             (s.experiment.name, _heading(s.experiment), _section(s, folder))
             for s in report.sections
@@ -359,8 +359,8 @@ def _plain(value: float | None) -> float | None:
 
 def _markdown(report: Report) -> str:
     """Return the table of claims, to paste into a document."""
-    header = ("figure", "claim", "the paper's number", "ours", "verdict", "settings that hold")
-    header = (*header, "read as, depends on")
+    known = ("figure", "claim", "the paper's number", "ours", "verdict")
+    header = (*known, "settings that hold", "read as, depends on")
     rows: list[tuple[str, ...]] = [header]
     for each in report.judgements:
         claim, number = each.claim, each.ours_text
@@ -435,9 +435,10 @@ def _claims(report: Report) -> Iterator[str]:
     yield _list((_badge(verdict, f"{n} {verdict.value}") for verdict, n in counts), "counts")
     yield (
         "<p>Our number is the median over the seeds, with the range in brackets. A claim is "
-        "reproduced if it holds in all seeds. If it holds in none, but for a fifth or more of other "
-        "values of what the paper leaves open, the verdict says so. Below its figure, each claim states how its words "
-        "are interpreted, the other numbers, and on what the result depends.</p>"
+        "reproduced if it holds in all seeds. If it holds in none, but in a fifth or more of the "
+        "draws of what the paper leaves open, the verdict says so. Below its figure, each claim "
+        "states how its words are interpreted, the other numbers, and on what the result "
+        "depends.</p>"
     )
     header = ("figure", "claim", "the paper's number", "ours", "verdict", "settings that hold")
     rows = (
@@ -461,6 +462,13 @@ def _not_held() -> Iterator[str]:
         yield f"<h3>{escape(why)}</h3>"
         every = (f"<q>{escape(words)}</q> <small>{escape(at)}</small>" for at, words in sentences)
         yield _list(every)
+
+
+def _folded(summary: str, lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines that a click shows."""
+    yield f"<details><summary>{escape(summary)}</summary>"
+    yield from lines
+    yield "</details>"
 
 
 def _tables(tables: Iterable[Table]) -> Iterator[str]:
@@ -493,6 +501,4 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
         yield from (f'<p class="soft">{escape(w)}</p>' for w in remarks if w)
         yield "</div>"
     yield from _tables(section.experiment.tables(section.say))
-    yield "<details><summary>All measured numbers</summary>"
-    yield from _tables([section.say.every_number()])
-    yield "</details>"
+    yield from _folded("All measured numbers", _tables([section.say.every_number()]))

@@ -244,7 +244,9 @@ def judge_draw(experiments: Sequence[Experiment], seed: int, choice: Choice) -> 
     answers: dict[str, str] = {}
     with choosing(choice):
         for each in experiments:
-            checked = {c.key: each.judges[c.key] for c in each.claims if each.judges[c.key].searched}
+            checked = {
+                c.key: each.judges[c.key] for c in each.claims if each.judges[c.key].searched
+            }
             if not checked:
                 continue
             try:

@@ -343,7 +343,7 @@ SPONGE = Homogeneous(HuntCrossley(300.0, 3000.0, 1.0), "sponge")
 PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
 INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
 # The paper's bar lies 7 mm deep; α is ours: the force at 4 mm is 1.5 times the layer's.
-OVER_BAR = Layered(PVC.law, 7e-3, 0.63, "PVC phantom over a bar")
+OVER_BAR = Layered(HuntCrossley(1e5, 2e5, 2.0), 7e-3, 0.63, "PVC phantom over a bar")
 RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
 # Half of its stiffness relaxes, equally in each decade of time, as Fung found for tissue.
 TISSUE = Homogeneous(
