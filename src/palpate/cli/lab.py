@@ -65,8 +65,8 @@ def lab(
     ----------
     material
         ball, sponge, pvc, inclusion, tissue, relaxing-sponge, soft-and-hard or soft-and-bar (by
-        lateral position) or soft-then-hard (by time); or a force law, such as hunt-crossley, with its parameters as
-        options; or a MuJoCo scene from palpate export.
+        lateral position) or soft-then-hard (by time); or a force law, such as hunt-crossley, with
+        its parameters as options; or a MuJoCo scene from palpate export.
     output
         CSV file to write; the true parameters are in the comments above its header.
     trajectory
