@@ -251,7 +251,7 @@ def _above(name: str, curves: Curves, settings: dict[str, Any], fraction: float)
 
 def parameters(fits: CurveFits) -> tuple[Any, ...]:
     """Return K, B, n, F₀ and d, one array each."""
-    return fits.stiffness, fits.damping, fits.exponent, fits.offset, fits.surface
+    return fits.K, fits.B, fits.n, fits.offset, fits.surface
 
 
 def apart_from_the_recursion(curves: Curves, settings: dict[str, Any]) -> Any:

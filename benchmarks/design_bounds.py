@@ -17,9 +17,9 @@ from palpate.validation import Floats
 
 # The laboratory's, with exponents between the nodes of the method's grid, 0.3 + 0.1 j.
 MATERIALS = {
-    "ball": replace(BALL, exponent=1.05),
-    "sponge": replace(SPONGE, exponent=1.15),
-    "PVC": replace(PVC, exponent=1.85),
+    "ball": replace(BALL, n=1.05),
+    "sponge": replace(SPONGE, n=1.15),
+    "PVC": replace(PVC, n=1.85),
 }
 SENSORS = ((0.05, 0.0), (0.05, 0.125), (0.01, 0.125))  # N
 DURATIONS = (1.0, 5.0, 20.0)  # s

@@ -31,7 +31,7 @@ SEEDS, NOISE = 20, 0.05  # of a round trip; N
 LAWS: dict[str, ForceLaw] = {
     "ball": lab.BALL.law,
     "sponge": lab.SPONGE.law,
-    "n = 1.5": HuntCrossley(2e4, 3e4, 1.5),
+    "n = 1.5": HuntCrossley(K=2e4, B=3e4, n=1.5),
     "PVC": lab.PVC.law,
 }
 MODULES = {"drake": "pydrake", "opensim": "opensim", "mujoco": "mujoco"}
@@ -113,7 +113,7 @@ def measure_pair() -> Section:
 
 def measure_kelvin_voigt() -> Section:
     """Return K and B of a Kelvin–Voigt law, fitted to the engine's force by least squares."""
-    law = KelvinVoigt(2000.0, 16.6)
+    law = KelvinVoigt(K=2000.0, B=16.6)
     rows = []
     if there("mujoco"):
         fragment = exports.export(law, "mujoco", mass=1.0, form="kelvin-voigt").fragment

@@ -45,7 +45,7 @@ def write_files(folder: Path, count: int, damaged: int) -> None:
     for k in range(count):
         path = folder / f"touch-{k:05d}.mcap"
         if k < _FILES:  # an approach and a press of a stiffness of its own
-            law = HuntCrossley(np.random.default_rng(k).uniform(1000.0, 4000.0), 2000.0, 1.0)
+            law = HuntCrossley(K=np.random.default_rng(k).uniform(1000.0, 4000.0), B=2000.0, n=1.0)
             write_mcap(path, messages(SECONDS / 60.0, k, law))
             made.append(path.read_bytes())
         content = made[k % _FILES]

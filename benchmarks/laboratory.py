@@ -25,8 +25,10 @@ from palpate import (
 from palpate.validation import Floats
 
 MATERIALS = ("ball", "sponge", "pvc", "inclusion")
-HALF_SPACE = GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5)
-SINGLE = GeneralisedHuntCrossley(8000.0, 1.5, 4e3, 1.5, 4e3, SingleRelaxation(0.1))
+HALF_SPACE = GeneralisedHuntCrossley(K=8000.0, n=1.5, B=60.0, p=0.5)
+SINGLE = GeneralisedHuntCrossley(
+    K=8000.0, n=1.5, B=4e3, p=1.5, M=4e3, relaxation=SingleRelaxation(0.1)
+)
 REMEMBERING: dict[str, GeneralisedHuntCrossley] = {
     "half-space": HALF_SPACE,
     "one relaxation time": SINGLE,

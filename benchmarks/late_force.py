@@ -37,7 +37,12 @@ def relaxing_material(random: np.random.Generator) -> GeneralisedHuntCrossley:
         else FlatSpectrum(shortest, shortest * 10 ** random.uniform(1.5, 3.5))
     )
     return GeneralisedHuntCrossley(
-        stiffness, n, stiffness * random.uniform(0.1, 1.0), n, part * stiffness, spectrum
+        K=stiffness,
+        n=n,
+        B=stiffness * random.uniform(0.1, 1.0),
+        p=n,
+        M=part * stiffness,
+        relaxation=spectrum,
     )
 
 

@@ -384,7 +384,7 @@ PEER_SAMPLES = 20_000
 def palpate_single_stage(samples: Samples) -> Floats:
     """Run our estimator, with its gate and its checks; the law ln K = B/K = n = 0 is θ = 0."""
     estimator = SingleStageRLS(
-        initial=HuntCrossley(stiffness=1.0, damping=0.0, exponent=0.0),
+        initial=HuntCrossley(K=1.0, B=0.0, n=0.0),
         initial_covariance=START,
         forgetting=ConstantForgetting(1.0),
     )
@@ -393,7 +393,7 @@ def palpate_single_stage(samples: Samples) -> Floats:
         update(penetration, velocity, force)
     law = estimator.estimate().law
     assert isinstance(law, HuntCrossley)
-    return np.array([log(law.stiffness), law.dissipation, law.exponent])
+    return np.array([log(law.K), law.dissipation, law.n])
 
 
 def palpate_least_squares(samples: Samples) -> Floats:

@@ -19,12 +19,16 @@ from palpate.force_laws import FlatSpectrum, GeneralisedHuntCrossley, SingleRela
 from palpate.validation import Floats
 
 LAWS = {
-    "Hunt–Crossley": GeneralisedHuntCrossley(9000.0, 1.4, 15000.0, 1.4),
-    "ball": GeneralisedHuntCrossley(2000.0, 1.0, 10000.0, 1.0),
-    "Kelvin–Voigt": GeneralisedHuntCrossley(1000.0, 1.0, 10.0, 0.0),
-    "half-space": GeneralisedHuntCrossley(6000.0, 1.4, 60.0, 0.4),
-    "tissue": GeneralisedHuntCrossley(8000.0, 1.5, 2000.0, 1.5, 8000.0, FlatSpectrum(1e-3, 4.0)),
-    "relaxing": GeneralisedHuntCrossley(3000.0, 1.4, 2000.0, 1.4, 3000.0, SingleRelaxation(0.3)),
+    "Hunt–Crossley": GeneralisedHuntCrossley(K=9000.0, n=1.4, B=15000.0, p=1.4),
+    "ball": GeneralisedHuntCrossley(K=2000.0, n=1.0, B=10000.0, p=1.0),
+    "Kelvin–Voigt": GeneralisedHuntCrossley(K=1000.0, n=1.0, B=10.0, p=0.0),
+    "half-space": GeneralisedHuntCrossley(K=6000.0, n=1.4, B=60.0, p=0.4),
+    "tissue": GeneralisedHuntCrossley(
+        K=8000.0, n=1.5, B=2000.0, p=1.5, M=8000.0, relaxation=FlatSpectrum(1e-3, 4.0)
+    ),
+    "relaxing": GeneralisedHuntCrossley(
+        K=3000.0, n=1.4, B=2000.0, p=1.4, M=3000.0, relaxation=SingleRelaxation(0.3)
+    ),
 }
 FINE = 1.0 / 8000.0  # s
 RATES = ((125.0, 1000.0), (500.0, 500.0), (1000.0, 500.0), (250.0, 2000.0), (500.0, 1000.0))

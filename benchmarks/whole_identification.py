@@ -18,7 +18,7 @@ from benchmarks.reading import BEGIN, STEP, Sent, by_mcap_stream, stamped, write
 from palpate import HuntCrossley, identify, open_recording, prepare
 
 SEED = 1
-BALL = HuntCrossley(2000.0, 2000.0, 1.0)
+BALL = HuntCrossley(K=2000.0, B=2000.0, n=1.0)
 NORMAL = np.array([0.48, -0.36, 0.8])
 NOISE = 0.05  # N, on each axis
 PERIOD = 3.0  # s, of a stroke: down to 10 mm from 3 mm above, with a sine on it

@@ -94,9 +94,9 @@ def row_of(name: str, result: Identification) -> Row:
     parts = (stiffness.standard_error, stiffness.systematic)
     verdict, size = result.diagnosis.verdict.stiffness, abs(stiffness.value)
     whole, statistical = math.hypot(*parts) / size, parts[0] / size
-    coefficient = errors[0] / abs(law.stiffness)
+    coefficient = errors[0] / abs(law.K)
     known = (with_error(stiffness.value, *parts), _percent(whole), _percent(statistical))
-    k, n = with_error(law.stiffness, errors[0]), with_error(law.exponent, errors[2])
+    k, n = with_error(law.K, errors[0]), with_error(law.n, errors[2])
     cells = [name, verdict, rounded(1e3 * there.depth, 3), *known, k, _percent(coefficient), n]
     return Row(verdict, whole, statistical, coefficient, cells)
 

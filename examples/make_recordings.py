@@ -29,7 +29,7 @@ from palpate.lab import (
 )
 
 HERE = Path(__file__).parent
-GEL = Homogeneous(HuntCrossley(stiffness=40.0, damping=4e5, exponent=1.5), "gel under a bead")
+GEL = Homogeneous(HuntCrossley(K=40.0, B=4e5, n=1.5), "gel under a bead")
 
 
 def robot_on(material: Homogeneous, seed: int) -> Contact:

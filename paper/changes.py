@@ -77,7 +77,7 @@ SHOWN = {
 def stiffer(by: float) -> lab.Homogeneous:
     """Return a phantom whose stiffness and damping are larger by a fraction."""
     stiffness, damping, exponent = lab.PVC.law.parameters.tolist()
-    law = palpate.HuntCrossley((1.0 + by) * stiffness, (1.0 + by) * damping, exponent)
+    law = palpate.HuntCrossley(K=(1.0 + by) * stiffness, B=(1.0 + by) * damping, n=exponent)
     return lab.Homogeneous(law)
 
 
@@ -140,7 +140,7 @@ def palpated(
 def stiffness_of(material: lab.Material, at: float | None) -> float:
     """Return the stiffness ∂F/∂x at a depth, m, of a material pressed slowly; None: its K."""
     if at is None:
-        return float(material.describe()["stiffness"])
+        return float(material.describe()["K"])
     depth, zero = at + np.array([-1e-6, 1e-6]), np.zeros(2)
     return float(np.diff(material.force(zero, zero, depth, zero))[0] / 2e-6)
 

@@ -48,9 +48,7 @@ CLOSE = {"K": (1800.0, 2200.0), "B": (1600.0, 2400.0), "n": (0.96, 1.04)}
 WIDE = {"K": (1000.0, 3000.0), "B": (-1000.0, 5000.0), "n": (0.8, 1.2)}
 #: The ball alternates every two seconds with one whose stiffness and damping are 20 % higher.
 CHANGES = (4.0, 6.0, 8.0, 10.0)
-STIFFER = palpate.HuntCrossley(
-    1.2 * rig.BALL_LAW.stiffness, 1.2 * rig.BALL_LAW.damping, rig.BALL_LAW.exponent
-)
+STIFFER = palpate.HuntCrossley(K=1.2 * rig.BALL_LAW.K, B=1.2 * rig.BALL_LAW.B, n=rig.BALL_LAW.n)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +159,7 @@ def _varying(seed: int) -> dict[str, float]:
     varying = lab.TimeVaryingMaterial((lab.BALL, other, lab.BALL, other, lab.BALL), CHANGES)
     contact = rig.ideal_contact(varying, lab.THREE_SINES, seed)
     stiffer = np.searchsorted(CHANGES, contact.time, side="right") % 2 == 1
-    truth = np.where(stiffer, STIFFER.stiffness, rig.BALL_LAW.stiffness)
+    truth = np.where(stiffer, STIFFER.K, rig.BALL_LAW.K)
     numbers: dict[str, float] = {}
     for factor in (1.0, 0.99):
         forgetting = palpate.ConstantForgetting(factor)
@@ -332,7 +330,7 @@ def _logarithm(contact: palpate.Contact) -> dict[str, float]:
     """
     starts, linear = rig.starts_of(contact, SINGLE), rig.starts_of(contact, LINEAR)
     # Set II differs from set I only in n.
-    two, alone = {name: starts[name] for name in ("I", "III")}, {"exponent": rig.BALL_LAW.exponent}
+    two, alone = {name: starts[name] for name in ("I", "III")}, {"exponent": rig.BALL_LAW.n}
     models = [
         ("with ln", SINGLE, two, alone, rig.SI),
         ("without ln", DOUBLE, two, alone, rig.SI),
@@ -350,7 +348,7 @@ def _logarithm(contact: palpate.Contact) -> dict[str, float]:
             times = rig.convergence_times(rig.from_starts(contact, kind, each, **given).values())
             numbers |= by_symbol(f"time {words}, P₀ = {size:g}", times[:2], "s")
     known = contact.window(rig.START + 1.0)
-    power, one = known.penetration**rig.BALL_LAW.exponent, np.ones_like(known.velocity)
+    power, one = known.penetration**rig.BALL_LAW.n, np.ones_like(known.velocity)
     for words, regressors in {"with ln": one, "without ln": power}.items():
         columns = np.stack((regressors, regressors * known.velocity))
         numbers[f"condition number {words}"] = condition_number(columns)
@@ -369,8 +367,8 @@ def _threshold() -> dict[str, float]:
     x, v = motion.penetration, motion.velocity
     numbers = {"0.1 − ln 1.1": 0.1 - math.log1p(0.1), "−0.1 − ln 0.9": -0.1 - math.log1p(-0.1)}
     for share in SHARES:
-        damping = share * rig.BALL_LAW.stiffness / np.abs(v).max()
-        law = palpate.HuntCrossley(rig.BALL_LAW.stiffness, damping, rig.BALL_LAW.exponent)
+        damping = share * rig.BALL_LAW.K / np.abs(v).max()
+        law = palpate.HuntCrossley(K=rig.BALL_LAW.K, B=damping, n=rig.BALL_LAW.n)
         force = law.force(x, v)
         contact = palpate.Contact(time, penetration=x, velocity=v, force=force, source="exact")
         bias = rig.off(rig.identified(contact, SINGLE).law.parameters, law.parameters)
@@ -473,7 +471,7 @@ def _from(
 ) -> dict[str, palpate.Identification]:
     """Identify from initial values with a relative error, in several directions."""
     starts = {way: law * (1.0 + away * np.array(signs)) for way, signs in ways.items()}
-    laws = {way: palpate.HuntCrossley(*start.tolist()) for way, start in starts.items()}
+    laws = {way: palpate.HuntCrossley.from_parameters(start) for way, start in starts.items()}
     return rig.from_starts(contact, kind, laws, **settings)
 
 
@@ -487,7 +485,7 @@ def _conditions(
     starts = rig.starts_of(contact, DOUBLE)
     stiffness, damping, exponent = truth.tolist()
     right = {
-        name: palpate.HuntCrossley(stiffness, damping, law.parameters[2])
+        name: palpate.HuntCrossley(K=stiffness, B=damping, n=law.parameters[2])
         for name, law in starts.items()
     }
     # A P₀ this small fixes K and B.

@@ -65,7 +65,7 @@ class _Hysteresis(Experiment):
         truth = rig.session("ball", NEAR, seed, NEAR_SECONDS).truth.window(rig.START)
         usual = rig.simulated_contact("ball", "near-surface", seed, NEAR_SECONDS)
         inside = _inside(contact)
-        damped = replace(rig.BALL_LAW, damping=3.0 * rig.BALL_LAW.damping)
+        damped = replace(rig.BALL_LAW, B=3.0 * rig.BALL_LAW.B)
         numbers = {
             "least force measured [N]": contact.force[inside].min(),
             "least force felt [N]": truth.force[inside].min(),

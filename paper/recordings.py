@@ -94,7 +94,8 @@ def measure(path: Path) -> dict[str, float]:
 
 def _start(random: np.random.Generator) -> palpate.HuntCrossley:
     stiffness, dissipation = (10.0 ** random.uniform(*each) for each in (DECADES, DAMPING))
-    return palpate.HuntCrossley(stiffness, stiffness * dissipation, random.uniform(*EXPONENTS))
+    exponent = random.uniform(*EXPONENTS)
+    return palpate.HuntCrossley(K=stiffness, B=stiffness * dissipation, n=exponent)
 
 
 def _error(result: palpate.Identification) -> float:

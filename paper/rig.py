@@ -107,12 +107,15 @@ def starts_of(contact: palpate.Contact, kind: Method, **settings: Any) -> Starts
     models have a low and a high set.
     """
     if kind.law_type is not palpate.HuntCrossley:
-        low = kind.law_type(*[SMALL] * len(kind.law_type.symbols))
-        return {"low": low, "high": kind.law_type(*_high(contact, kind, low, **settings))}
-    small = palpate.HuntCrossley(SMALL, SMALL, 1.0)
+        low = kind.law_type.from_parameters([SMALL] * len(kind.law_type.symbols))
+        return {
+            "low": low,
+            "high": kind.law_type.from_parameters(_high(contact, kind, low, **settings)),
+        }
+    small = palpate.HuntCrossley(K=SMALL, B=SMALL, n=1.0)
     stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small, **settings)
-    third = palpate.HuntCrossley(stiffness, damping, 1.0)
-    return {"I": small, "II": palpate.HuntCrossley(SMALL, SMALL, 2.0), "III": third}
+    third = palpate.HuntCrossley(K=stiffness, B=damping, n=1.0)
+    return {"I": small, "II": palpate.HuntCrossley(K=SMALL, B=SMALL, n=2.0), "III": third}
 
 
 def _high(

@@ -283,7 +283,7 @@ def _draw_limits(axes: Axes, outcomes: Sequence[Outcome], name: str) -> None:
     experiment.lines(axes, time, projected, linestyle="--", linewidth=1.1)
     described = lab.MATERIALS[name].describe()
     if described["kind"] == "hunt-crossley":
-        experiment.truth(axes, 100.0 * described["stiffness"] / described["damping"])
+        experiment.truth(axes, 100.0 * described["K"] / described["B"])
     axes.set_ylim(0.0, 2.6 * float(np.nanmax(speed)))
 
 

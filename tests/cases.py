@@ -21,8 +21,8 @@ KINDS = {
 # The laboratory's truths, and one of each other law with forces of the same order.
 MATERIALS = {
     **{name: lab.MATERIALS[name].law for name in ("ball", "sponge", "pvc")},
-    "linear": palpate.KelvinVoigt(1500.0, 8.0),
-    "quadratic": palpate.ExtendedKelvinVoigt(500.0, 4e4, 5.0),
+    "linear": palpate.KelvinVoigt(K=1500.0, B=8.0),
+    "quadratic": palpate.ExtendedKelvinVoigt(K1=500.0, K2=4e4, B=5.0),
 }
 THREE_SINES = lab.THREE_SINES.motion
 ONE_SINE = lab.ONE_SINE.motion

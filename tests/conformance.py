@@ -72,7 +72,7 @@ def _tapping(seconds: float = 0.7) -> Signals:
     x = 1.5e-3 + 1.8e-3 * np.sin(11.0 * time) + 1.8e-3 * np.sin(15.0 * time)
     v = 19.8e-3 * np.cos(11.0 * time) + 27e-3 * np.cos(15.0 * time)
     noise = np.random.default_rng(11).standard_normal(time.size)
-    return x, v, HuntCrossley(2000.0, 2000.0, 1.0).force(x, v) + 0.02 * noise
+    return x, v, HuntCrossley(K=2000.0, B=2000.0, n=1.0).force(x, v) + 0.02 * noise
 
 
 def _knowledge(estimator: ContactEstimator) -> tuple[Any, ...]:
@@ -252,7 +252,9 @@ def units_do_not_matter(kind: Kind, settings: dict[str, Any]) -> None:
         given["perturbation"] = SelfPerturbation(shaken.gain, shaken.sensitivity / unit**2)
     if start is not None:
         names = zip(start.parameters.tolist(), start.units, strict=True)
-        given["initial"] = type(start)(*(unit * p if "N" in u else p for p, u in names))
+        given["initial"] = type(start).from_parameters(
+            [unit * p if "N" in u else p for p, u in names]
+        )
     other = kind(**given)
     plain.replay(x, v, force)
     other.replay(x, v, unit * force)

@@ -59,7 +59,7 @@ def episode(
 
 def episodes(count=6, free=(2, 4), **options):
     """So many episodes with Hunt–Crossley laws of known stiffness, two of them in free air."""
-    laws = (HuntCrossley(k, 10.0 * k, 1.0) for k in np.resize(STIFFNESS, count).tolist())
+    laws = (HuntCrossley(K=k, B=10.0 * k, n=1.0) for k in np.resize(STIFFNESS, count).tolist())
     offsets = {4: 3.0}  # not tared
     return [
         episode(seed, None if seed in free else law, offset=offsets.get(seed, 0.0), **options)

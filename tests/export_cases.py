@@ -10,10 +10,10 @@ from palpate.lab import BALL, PVC, SPONGE
 BALL_LAW = GeneralisedHuntCrossley.of(BALL.law)
 SPONGE_LAW = GeneralisedHuntCrossley.of(SPONGE.law)
 PVC_LAW = GeneralisedHuntCrossley.of(PVC.law)
-HERTZ_LAW = GeneralisedHuntCrossley(2e4, 1.5, 3e4, 1.5)
-KELVIN_VOIGT_LAW = GeneralisedHuntCrossley(2000.0, 1.0, 16.6, 0.0)
+HERTZ_LAW = GeneralisedHuntCrossley(K=2e4, n=1.5, B=3e4, p=1.5)
+KELVIN_VOIGT_LAW = GeneralisedHuntCrossley(K=2000.0, n=1.0, B=16.6, p=0.0)
 # Of a sphere on a Kelvin–Voigt half-space: p = n − 1.
-HALF_SPACE_LAW = GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5)
+HALF_SPACE_LAW = GeneralisedHuntCrossley(K=2e4, n=1.5, B=300.0, p=0.5)
 
 
 def asked(law, **further):

@@ -7,7 +7,7 @@ import palpate
 from benchmarks.bank import material_faults, sensor_faults
 from benchmarks.bank.trials import Trial
 
-LAW = palpate.HuntCrossley(9000.0, 15000.0, 1.4)
+LAW = palpate.HuntCrossley(K=9000.0, B=15000.0, n=1.4)
 NOISE = 0.03  # N
 STEP = 1e-3  # s
 

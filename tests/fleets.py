@@ -6,7 +6,7 @@ from palpate import Contact, HuntCrossley, write_contact
 from palpate.fleet.rows import table_of_rows
 from palpate.fleet.tasks import Settings
 
-LAW = HuntCrossley(4000.0, 60.0, 1.3)
+LAW = HuntCrossley(K=4000.0, B=60.0, n=1.3)
 STEP = 1e-3
 
 
@@ -49,8 +49,8 @@ def rows(values, errors, *, quantity="stiffness", **others):
     made = [
         {
             "source": f"touch-{k:03d}.csv",
-            f"{quantity}_at_depth": float(value),
-            f"{quantity}_at_depth_standard_error": float(error),
+            quantity: float(value),
+            f"{quantity}_standard_error": float(error),
             "depth": 3e-3,
             **{name: each[k] for name, each in others.items()},
         }

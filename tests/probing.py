@@ -112,8 +112,8 @@ def offline(
     F₀ ~ N(0, (20 σ)²).
     """
     depth = np.log(motion.x / 10e-3)
-    k = np.log(start.stiffness) + start.exponent * np.log(10e-3)
-    guess = [k, start.dissipation, start.exponent, *([0.0] if offset else [])]
+    k = np.log(start.K) + start.n * np.log(10e-3)
+    guess = [k, start.dissipation, start.n, *([0.0] if offset else [])]
 
     def residuals(p: Floats) -> Floats:
         fitted = np.exp(p[0] + p[2] * depth) * (1.0 + p[1] * motion.v)
@@ -125,7 +125,7 @@ def offline(
 
     fit = least_squares(residuals, guess, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
     stiffness = np.exp(fit.x[0] - fit.x[2] * np.log(10e-3))
-    return HuntCrossley(stiffness, fit.x[1] * stiffness, fit.x[2])
+    return HuntCrossley(K=stiffness, B=fit.x[1] * stiffness, n=fit.x[2])
 
 
 def relative_error(law: HuntCrossley, truth: HuntCrossley) -> Floats:

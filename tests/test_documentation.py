@@ -51,7 +51,11 @@ class Snippet:
     def commands(self) -> list[list[str]]:
         """The complete ``palpate`` commands of a shell block; in a synopsis FILE stands for one."""
         found = map(shlex.split, COMMAND.findall(self.text))
-        return [words for words in found if not any("[" in w or w.isupper() for w in words)]
+        return [
+            words
+            for words in found
+            if not any("[" in w or (w.isupper() and w[0] != "-") for w in words)
+        ]
 
 
 def snippets_of(page: Path) -> list[Snippet]:
@@ -181,7 +185,7 @@ def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
     printed = json.loads(run("identify", recording, "--json")[1])
     [result] = printed["results"]
     keys = [*printed, *result, *result["law"], *result["standard_errors"]]
-    assert sorted(re.findall(r'"([a-z_]+)":', shown.text)) == sorted(keys)
+    assert sorted(re.findall(r'"(\w+)":', shown.text)) == sorted(keys)
 
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda example: example.name)

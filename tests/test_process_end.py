@@ -83,18 +83,18 @@ import palpate
 from cases import MATERIALS, exciting
 
 @palpate.force_laws.register
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Cubic(palpate.force_laws.ForceLaw):
     "F = K x³ + B v."
     kind, symbols, units = "cubic", ("K", "B"), ("N/m³", "N·s/m")
-    stiffness: float
-    damping: float
+    K: float
+    B: float
 
-    def force(self, x, v):
-        return self.stiffness * x**3 + self.damping * v
+    def _force(self, x, v):
+        return self.K * x**3 + self.B * v
 
     def penetration_gradient(self, x, v):
-        return 3.0 * self.stiffness * x**2 + 0.0 * v
+        return 3.0 * self.K * x**2 + 0.0 * v
 
     def parameter_gradient(self, x, v):
         return np.stack([x**3 + 0.0 * v, v + 0.0 * x], axis=-1)

@@ -193,7 +193,7 @@ def test_a_normal_of_any_length_is_a_direction(size):
 
 def test_lab_replaces_only_what_it_wrote(tmp_path, run):
     path = tmp_path / "a.csv"
-    command = ["lab", "hunt-crossley", "--stiffness", 2000, "--damping", 20, "--exponent", 1.3,
+    command = ["lab", "hunt-crossley", "--K", 2000, "--B", 20, "--n", 1.3,
                "--probe", "ideal", "--seconds", 3, "-o", path]  # fmt: skip
     path.write_text("time_s,force_N\n0,0\n")
     status, _, err = run(*command)

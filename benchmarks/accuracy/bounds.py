@@ -385,9 +385,9 @@ def _bound(material: str, motion: Motion, variant: str) -> tuple[float, ...]:
 FIVE = {
     "ball": BALL,
     "PVC": PVC,
-    "metal": HuntCrossley(1e7, 5e6, 1.5),
+    "metal": HuntCrossley(K=1e7, B=5e6, n=1.5),
     "gel": GEL,
-    "low damping": HuntCrossley(3e4, 600.0, 1.5),
+    "low damping": HuntCrossley(K=3e4, B=600.0, n=1.5),
 }
 RATE = 1e3  # samples a second
 POLES = {"AR(1) 0.9": 0.9, "AR(1) 0.98": 0.98, "AR(1) 0.95": 0.95}
@@ -485,7 +485,7 @@ def _contact(material: str, motion: str, kind: str, seed: int) -> Floats:
         noise *= 0.1 + PART / NOISE * np.abs(clean)
     zero = rng.normal(0.0, 2.0 * NOISE)
     f = clean + noise + zero
-    depth = (LIGHTEST / law.stiffness) ** (1.0 / law.exponent) if motion != TOUCHES else 0.0
+    depth = (LIGHTEST / law.K) ** (1.0 / law.n) if motion != TOUCHES else 0.0
     estimator = VariableProjection(gate=ContactGate(minimum_penetration=depth))
     estimator.replay(x, v, f)
     estimate = estimator.estimate()

@@ -52,7 +52,7 @@ from palpate.validation import Floats
 DURATION = 12.0  # s
 FLOOR = 2.0 * NOISE
 WINDOW = 5  # samples that |e| is averaged over
-STIFFER = replace(PVC, stiffness=1.1e5, damping=2.2e5)
+STIFFER = replace(PVC, K=1.1e5, B=2.2e5)
 LARGE_CHANGES = {
     "PVC → inclusion": (PVC, INCLUSION),
     "inclusion → PVC": (INCLUSION, PVC),
@@ -215,7 +215,7 @@ def _exponent_known(name: str, seed: int) -> float:
     at, x, v, true = change_material(rng, before, after, 9000, 3000)
     estimator = VariableProjection(change_detector=ChangeDetector())
     trace = estimator.replay(x, v, true + noise(rng, len(x)))
-    away = np.flatnonzero(np.abs(trace.parameters[at:, 2] - after.exponent) > 0.05)
+    away = np.flatnonzero(np.abs(trace.parameters[at:, 2] - after.n) > 0.05)
     return float(away[-1] + 1 if away.size else 0)
 
 
@@ -317,7 +317,7 @@ def _restarts(name: str, kind: type[ContactEstimator], case: tuple[str, int, int
     law = WATCHED_MATERIALS[material]
     f = law.force(x, v)
     if name == MAXWELL:
-        elastic = 0.25 * law.stiffness * np.maximum(x, 0.0) ** law.exponent
+        elastic = 0.25 * law.K * np.maximum(x, 0.0) ** law.n
         relaxing = lfilter([1.0, -1.0], [1.0, -(1.0 - 1.0 / RATE)], elastic - elastic[0])
         f = np.where(x > 0.0, np.maximum(f + relaxing, 0.0), 0.0)
     if name == FRICTION:
@@ -474,10 +474,10 @@ def _delay(
 ) -> float:
     rng = np.random.default_rng(seed)
     before, (stiffer, harder, steeper) = WATCHED_MATERIALS[material], CHANGES[what]
-    exponent = steeper * before.exponent
-    same_force = MEAN_DEPTH ** (before.exponent - exponent)
+    exponent = steeper * before.n
+    same_force = MEAN_DEPTH ** (before.n - exponent)
     after = HuntCrossley(
-        stiffer * same_force * before.stiffness, harder * same_force * before.damping, exponent
+        K=stiffer * same_force * before.K, B=harder * same_force * before.B, n=exponent
     )
     at, x, v, true = change_material(rng, before, after, 10_000, round(LOOKED * RATE))
     f = true + _noise(name, rng, len(x))
@@ -603,7 +603,7 @@ def _errors(material: str, seed: int) -> list[float]:
     law, (x, v) = MATERIALS[material], sines(DRIFTING)
     scale = 1.0 + 0.3 * np.sin(2.0 * np.pi * 0.1 * clock(DRIFTING))
     f = scale * law.force(x, v) + noise(np.random.default_rng(seed), len(x))
-    true = scale * law.stiffness * MEAN_DEPTH**law.exponent
+    true = scale * law.K * MEAN_DEPTH**law.n
     errors = []
     for make in METHODS.values():
         found = make().replay(x, v, f).parameters

@@ -25,9 +25,9 @@ MATERIALS = {
     "ball": BALL,
     "PVC": PVC,
     "sponge": SPONGE,
-    "metal": HuntCrossley(1e7, 5e6, 1.5),
+    "metal": HuntCrossley(K=1e7, B=5e6, n=1.5),
     "gel": GEL,
-    "low damping": HuntCrossley(3e4, 600.0, 1.5),
+    "low damping": HuntCrossley(K=3e4, B=600.0, n=1.5),
 }
 Motion = tuple[Floats, Floats]  # penetration and velocity
 
@@ -213,7 +213,7 @@ def _with_offset(
     left = own[-1] * (tare or 0.0) / LEVEL if offset is None else offset
     f = law.force(x, v) + left + own[:-1]
     estimate = estimated(x, v, f, tare)
-    error = float(estimate.parameters[0] - law.stiffness)
+    error = float(estimate.parameters[0] - law.K)
     covered = abs(error) < 1.96 * float(estimate.standard_errors[0])
     flagged = any(flag.startswith("offset") for flag in estimate.flags)
-    return error / law.stiffness, float(covered), float(flagged)
+    return error / law.K, float(covered), float(flagged)

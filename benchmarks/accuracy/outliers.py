@@ -49,8 +49,8 @@ FAULTS = {
     "clipped at 80 %": BAR,
 }
 CHANGES = {
-    "ball, K + 5 %": (BALL, replace(BALL, stiffness=1.05 * BALL.stiffness), 20.0),
-    "PVC, K + 5 %": (PVC, replace(PVC, stiffness=1.05 * PVC.stiffness), 20.0),
+    "ball, K + 5 %": (BALL, replace(BALL, K=1.05 * BALL.K), 20.0),
+    "PVC, K + 5 %": (PVC, replace(PVC, K=1.05 * PVC.K), 20.0),
     "PVC → inclusion": (PVC, INCLUSION, 20.0),
     "ball → sponge": (BALL, SPONGE, 20.0),
 }

@@ -24,7 +24,7 @@ from palpate.estimators import ContactEstimator
 from palpate.validation import Floats
 
 STARTS = [
-    HuntCrossley(float(stiffness), 0.0, float(exponent))
+    HuntCrossley(K=float(stiffness), B=0.0, n=float(exponent))
     for stiffness in np.logspace(-1.0, 5.0, 21)
     for exponent in np.linspace(0.5, 3.0, 6)
 ]
@@ -114,7 +114,7 @@ def _missed(speed: int, seed: int) -> bool:
     stiffness = peak / depth**exponent
     damping = stiffness * rng.uniform(0.02, 0.6) / (depth / duration)
     deviation = rng.choice(NOISES)
-    clean = HuntCrossley(stiffness, damping, exponent).force(x, v)
+    clean = HuntCrossley(K=stiffness, B=damping, n=exponent).force(x, v)
     f = clean + rng.normal(0.0, deviation, len(x))
     x, v, f = x[f > 0.0], v[f > 0.0], f[f > 0.0]
     # Every sample counts, as in the reference search, to compare the two results.
@@ -159,7 +159,7 @@ def contact_point(workers: Workers) -> list[Group]:
             notes.append(f"{material}: {flagged} of {len(runs)} estimates carry a flag.")
         x, v = approach_and_probe(DURATION)
         bound = cramer_rao_bound(law, x, v, NOISE, offset=True, surface=True)
-        bounds = (100.0 * bound[0] / law.stiffness, 1e6 * bound[-1])
+        bounds = (100.0 * bound[0] / law.K, 1e6 * bound[-1])
         for i, (what, highest) in enumerate((("K, %", 1.5), ("surface, µm", 40.0))):
             worst, late = np.percentile(np.abs(errors[:, i]), [100.0, 95.0])
             size = float(rms(errors[:, i]))
@@ -184,7 +184,7 @@ def _surface_errors(material: str, seed: int) -> tuple[tuple[float, float], tupl
     f = law.force(x, v) + noise(rng, len(x))
     estimator = VariableProjection(surface="estimate")
     (estimate,) = feed(estimator, x + shift, v, f, [len(x)])
-    stiffness = 100.0 * (float(estimate.parameters[0]) / law.stiffness - 1.0)
+    stiffness = 100.0 * (float(estimate.parameters[0]) / law.K - 1.0)
     return (stiffness, 1e6 * (estimate.surface - shift)), estimate.flags
 
 

@@ -24,11 +24,11 @@ def growing_exponent(t: Trial, part: float) -> None:
 
 def second_layer(t: Trial, part: float) -> None:
     """A harder layer is reached at half the depth."""
-    middle, rise = 0.5 * t.deepest, part * t.peak / (0.5 * t.deepest) ** t.law.exponent
+    middle, rise = 0.5 * t.deepest, part * t.peak / (0.5 * t.deepest) ** t.law.n
 
     def response(x: Floats, v: Floats) -> Floats:
         beyond = np.maximum(x - middle, 0.0)
-        return np.asarray(t.law.force(x, v) + rise * beyond**t.law.exponent)
+        return np.asarray(t.law.force(x, v) + rise * beyond**t.law.n)
 
     t.respond(response)
 
@@ -208,7 +208,7 @@ def square_of_speed(t: Trial, part: float) -> None:
 
 def half_space_damper(t: Trial) -> None:
     """Damping in proportion to xⁿ⁻¹, the same at working depth."""
-    damping, depth, power = t.law.damping_at(t.depth), t.depth, t.law.exponent - 1.0
+    damping, depth, power = t.law.damping_at(t.depth), t.depth, t.law.n - 1.0
     t.respond(lambda x, v: t.law.force(x, 0.0 * v) + damping * (x / depth) ** power * v)
 
 

@@ -48,7 +48,12 @@ def touch(
         force = np.fft.irfft(turned, samples)
     for part, seconds in relaxing:
         branch = palpate.GeneralisedHuntCrossley(
-            0.0, 1.0, 0.0, 1.0, part * stiffness, palpate.SingleRelaxation(seconds)
+            K=0.0,
+            n=1.0,
+            B=0.0,
+            p=1.0,
+            M=part * stiffness,
+            relaxation=palpate.SingleRelaxation(seconds),
         )
         force += branch.force_along(depth, velocity, time[1])
     force *= 1.0 + friction * np.tanh(velocity / 1e-5)

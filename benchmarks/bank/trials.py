@@ -274,7 +274,7 @@ def ideal(seed: int) -> Trial:
     stiffness = random.uniform(4.0, 30.0) / depth**exponent
     # Such that a skew of 1 ms between force and position is 5 to 20 % of the damping.
     dissipation = exponent * 1e-3 / depth / random.uniform(0.05, 0.2)
-    law = HuntCrossley(stiffness, stiffness * dissipation, exponent)
+    law = HuntCrossley(K=stiffness, B=stiffness * dissipation, n=exponent)
     frequencies = random.uniform([3.0, 8.0, 12.0], [6.0, 12.0, 20.0])
     parts = random.uniform([0.15, 0.1, 0.05], [0.3, 0.25, 0.15]) * depth
     phases = random.uniform(0.0, 2.0 * np.pi, 3)
@@ -331,7 +331,7 @@ def pressed(
     lag = np.exp(random.uniform(np.log(0.05), np.log(0.4))) / turns
     lag = min(lag, 0.6 * depth / (exponent * float(np.abs(v[inside]).max())))
     stiffness = peak / x.max() ** exponent
-    law = HuntCrossley(stiffness, stiffness * lag * exponent / depth, exponent)
+    law = HuntCrossley(K=stiffness, B=stiffness * lag * exponent / depth, n=exponent)
     force = np.where(inside, law.force(np.maximum(x, 0.0), v), 0.0)
     return Trial(time, x, v, force, law, random, rate, noise * peak)
 

@@ -25,7 +25,7 @@ def truth(name: str) -> HuntCrossley:
 
 
 BALL, PVC, SPONGE, INCLUSION = map(truth, ("ball", "pvc", "sponge", "inclusion"))
-GEL = HuntCrossley(5e4, 1.5e5, 2.2)
+GEL = HuntCrossley(K=5e4, B=1.5e5, n=2.2)
 MATERIALS = {"ball": BALL, "PVC": PVC, "sponge": SPONGE}
 THREE_SINES, ONE_SINE = lab.THREE_SINES.motion, lab.ONE_SINE.motion
 MEAN_DEPTH = THREE_SINES.depth

@@ -136,8 +136,8 @@ def _names(result: Identification) -> tuple[str, ...]:
     law, findings = result.law, result.diagnosis.findings
     names = [f.check for f in findings if f.severity != "note" or math.isfinite(f.z)]
     if isinstance(law, GeneralisedHuntCrossley):
-        names += ["memory"] * (law.relaxation_stiffness > 0.0)
-        names += ["damping form"] * (law.damping_exponent != law.exponent)
+        names += ["memory"] * (law.M > 0.0)
+        names += ["damping form"] * (law.p != law.n)
     return tuple(name for name in dict.fromkeys(names) if name != "precision")
 
 

@@ -170,7 +170,7 @@ def timing() -> Iterator[dict[int, np.ndarray]]:
 def write_recordings(folder: Path, lengths: list[int]) -> None:
     """Write a touch of each of these lengths as text."""
     folder.mkdir()
-    law, draw = HuntCrossley(4000.0, 60.0, 1.3), np.random.default_rng(3)
+    law, draw = HuntCrossley(K=4000.0, B=60.0, n=1.3), np.random.default_rng(3)
     for k, samples in enumerate(lengths):
         at = 1e-3 * np.arange(samples)
         depth, rate = 6e-3 * np.sin(12.6 * at) - 1e-3, 6e-3 * 12.6 * np.cos(12.6 * at)

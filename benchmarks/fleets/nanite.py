@@ -97,5 +97,5 @@ def _fit(curve: dict[str, Any]) -> CurveFits:
 
 
 def _modulus(fit: CurveFits, other: dict[str, Any]) -> float:
-    reduced = 0.75 * float(fit.stiffness[0]) / math.sqrt(other["R"])
+    reduced = 0.75 * float(fit.K[0]) / math.sqrt(other["R"])
     return reduced * (1.0 - float(other["nu"]) ** 2)

@@ -44,7 +44,7 @@ std::string with_error(double value, double error) {
 
 int main() {
   // The simulated material: soft rubber, F = K xⁿ + B xⁿ v; the force sensor has 0.05 N of noise.
-  const palpate::HuntCrossley rubber{.stiffness = 20000.0, .damping = 20000.0, .exponent = 1.5};
+  const palpate::HuntCrossley rubber{.K = 20000.0, .B = 20000.0, .n = 1.5};
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.05);
 
@@ -56,7 +56,7 @@ int main() {
   // needs a force well above the noise: it begins at 1 N and ends at 0.8 N. Out of contact the
   // estimate is held.
   palpate::SingleStageRLS estimator(
-      {.method = {.initial = {.stiffness = 0.1, .damping = 0.0, .exponent = 1.0},
+      {.method = {.initial = {.K = 0.1, .B = 0.0, .n = 1.0},
                   .initial_covariance = palpate::diagonal<3>({1e3, 1e3, 1e3})},
        .forgetting = {.initial_factor = 0.99, .rate = 5.0},
        .gate = {.minimum_penetration = 1e-3, .make_force = 1.0, .break_force = 0.8}});
@@ -87,13 +87,11 @@ int main() {
     std::printf("%4.2f s  K = %-15s B = %-15s n = %s\n", t, number(0).c_str(), number(1).c_str(),
                 number(2).c_str());
   }
-  std::printf("truth   K = %-14.0f B = %-14.0f n = %.1f\n", rubber.stiffness, rubber.damping,
-              rubber.exponent);
+  std::printf("truth   K = %-14.0f B = %-14.0f n = %.1f\n", rubber.K, rubber.B, rubber.n);
 
   const palpate::HuntCrossley found = estimator.law();
   const auto close = [](double a, double b) { return std::abs(a - b) < 0.02 * b; };
-  const bool recovered = close(found.stiffness, rubber.stiffness) &&
-                         close(found.damping, rubber.damping) &&
-                         close(found.exponent, rubber.exponent);
+  const bool recovered =
+      close(found.K, rubber.K) && close(found.B, rubber.B) && close(found.n, rubber.n);
   return recovered ? 0 : 1;
 }

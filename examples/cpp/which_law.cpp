@@ -36,12 +36,8 @@ double error_ratio(const v::Solver& solver) {
 
 int main() {
   // The simulated material: F = K xⁿ + B xⁿ v, and 0.5 K xⁿ more, which relaxes over 2 ms to 2 s.
-  const palpate::GeneralisedHuntCrossley foam{.stiffness = 2e4,
-                                              .exponent = 1.5,
-                                              .damping = 4e4,
-                                              .damping_exponent = 1.5,
-                                              .relaxation_stiffness = 1e4};
-  const v::RelaxationBranches branches(0.0, 2e-3, 2.048, foam.relaxation_stiffness);
+  const palpate::GeneralisedHuntCrossley foam{.K = 2e4, .n = 1.5, .B = 4e4, .p = 1.5, .M = 1e4};
+  const v::RelaxationBranches branches(0.0, 2e-3, 2.048, foam.M);
   double state[v::RelaxationBranches::most + 1] = {};
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0.0, 0.05);
@@ -52,7 +48,7 @@ int main() {
     const double t = dt * tick;
     const double x = 4e-3 - 6e-3 * std::cos(11.0 * t);
     const double velocity = 66e-3 * std::sin(11.0 * t);
-    v::relax(foam.exponent, branches, x, dt, state);
+    v::relax(foam.n, branches, x, dt, state);
     const double force = v::relaxing_force(foam, branches, x, velocity, state) + noise(random);
 
     // Never throws, allocates or blocks; each call computes a part of verdict and parameters.

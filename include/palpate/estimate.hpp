@@ -16,8 +16,8 @@ namespace palpate {
 // Condition 10, |v| < 0.1 K/B, as a margin 1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative
 // beyond it. It concerns the logarithm of the Hunt–Crossley law; for other laws it is always 1.
 inline double validity_margin(const HuntCrossley& law, double velocity) noexcept {
-  const double viscous = std::abs(velocity) * std::abs(law.damping);
-  const double ratio = viscous > 0.0 ? viscous / std::abs(law.stiffness) : 0.0;  // not 0/0 at rest
+  const double viscous = std::abs(velocity) * std::abs(law.B);
+  const double ratio = viscous > 0.0 ? viscous / std::abs(law.K) : 0.0;  // not 0/0 at rest
   return std::max(-largest_parameter, 1.0 - ratio / 0.1);
 }
 

@@ -37,43 +37,41 @@ inline double bounded_exp(double a) noexcept { return std::exp(std::clamp(a, -23
 // F = K x + B v for x ≥ 0, else 0 (eq. 1).
 struct KelvinVoigt {
   static constexpr std::size_t size = 2;
-  double stiffness;  // K, N/m
-  double damping;    // B, N·s/m
+  double K;  // N/m
+  double B;  // N·s/m
 
   constexpr double force(double x, double v) const noexcept {
-    return x < 0.0 ? 0.0 : stiffness * x + damping * v;
+    return x < 0.0 ? 0.0 : K * x + B * v;
   }
-  constexpr Vector<size> parameters() const noexcept { return {stiffness, damping}; }
+  constexpr Vector<size> parameters() const noexcept { return {K, B}; }
   bool operator==(const KelvinVoigt&) const = default;
 };
 
 // F = K₁ x + K₂ x² + B v for x ≥ 0, else 0 (eq. 14).
 struct ExtendedKelvinVoigt {
   static constexpr std::size_t size = 3;
-  double stiffness;            // K₁, N/m
-  double quadratic_stiffness;  // K₂, N/m²
-  double damping;              // B, N·s/m
+  double K1;  // N/m
+  double K2;  // N/m²
+  double B;   // N·s/m
 
   constexpr double force(double x, double v) const noexcept {
-    return x < 0.0 ? 0.0 : stiffness * x + quadratic_stiffness * (x * x) + damping * v;
+    return x < 0.0 ? 0.0 : K1 * x + K2 * (x * x) + B * v;
   }
-  constexpr Vector<size> parameters() const noexcept {
-    return {stiffness, quadratic_stiffness, damping};
-  }
+  constexpr Vector<size> parameters() const noexcept { return {K1, K2, B}; }
   bool operator==(const ExtendedKelvinVoigt&) const = default;
 };
 
 // F = K xⁿ + B xⁿ v for x > 0, else 0 (eq. 2).
 struct HuntCrossley {
   static constexpr std::size_t size = 3;
-  double stiffness;  // K, N/mⁿ
-  double damping;    // B, N·s/mⁿ⁺¹
-  double exponent;   // n
+  double K;  // N/mⁿ
+  double B;  // N·s/mⁿ⁺¹
+  double n;
 
   double force(double x, double v) const noexcept {
-    return x <= 0.0 ? 0.0 : std::pow(x, exponent) * (stiffness + damping * v);
+    return x <= 0.0 ? 0.0 : std::pow(x, n) * (K + B * v);
   }
-  constexpr Vector<size> parameters() const noexcept { return {stiffness, damping, exponent}; }
+  constexpr Vector<size> parameters() const noexcept { return {K, B, n}; }
   bool operator==(const HuntCrossley&) const = default;
 };
 
@@ -81,20 +79,18 @@ struct HuntCrossley {
 // keeps the relaxation times and the state of the branches.
 struct GeneralisedHuntCrossley {
   static constexpr std::size_t size = 5;
-  double stiffness;             // K, N/mⁿ
-  double exponent;              // n
-  double damping;               // B, N·s/mᵖ⁺¹
-  double damping_exponent;      // p
-  double relaxation_stiffness;  // M, N/mⁿ; 0: no memory
+  double K;  // N/mⁿ
+  double n;
+  double B;  // N·s/mᵖ⁺¹
+  double p;
+  double M;  // N/mⁿ; 0: no memory
 
   // The force with all branches relaxed.
   double force(double x, double v) const noexcept {
     if (x <= 0.0) return 0.0;
-    return stiffness * std::pow(x, exponent) + damping * std::pow(x, damping_exponent) * v;
+    return K * std::pow(x, n) + B * std::pow(x, p) * v;
   }
-  constexpr Vector<size> parameters() const noexcept {
-    return {stiffness, exponent, damping, damping_exponent, relaxation_stiffness};
-  }
+  constexpr Vector<size> parameters() const noexcept { return {K, n, B, p, M}; }
   bool operator==(const GeneralisedHuntCrossley&) const = default;
 };
 

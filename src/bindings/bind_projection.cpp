@@ -107,12 +107,12 @@ void force_along(const InputArray& elastic, const InputArray& times, const Input
         "the law four numbers");
   }
   GeneralisedHuntCrossley law{};
-  law.stiffness = elastic.data()[0];
-  law.exponent = elastic.data()[1];
-  law.damping = elastic.data()[2];
-  law.damping_exponent = elastic.data()[3];
+  law.K = elastic.data()[0];
+  law.n = elastic.data()[1];
+  law.B = elastic.data()[2];
+  law.p = elastic.data()[3];
   relax_along(
-      law.exponent, branches, time_steps, penetration, state.data(),
+      law.n, branches, time_steps, penetration, state.data(),
       [&](std::size_t k, double x) {
         force.data()[k] = relaxing_force(law, branches, x, velocity.data()[k], state.data());
       },

@@ -120,7 +120,7 @@ double end_of_range(const InputArray& time, const InputArray& penetration,
                     const std::array<double, 3>& parameters) {
   const std::size_t count = penetration.size();
   check(time.size() == count && velocity.size() == count && force.size() == count);
-  const HuntCrossley model{parameters[0], parameters[1], parameters[2]};
+  const HuntCrossley model{.K = parameters[0], .B = parameters[1], .n = parameters[2]};
   const auto law = [&](double x, double v) noexcept { return model.force(x, v); };
   OutlierRejection rejection{OutlierRejection::Settings{}};
   double before = NAN;

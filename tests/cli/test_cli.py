@@ -295,7 +295,7 @@ def test_several_files_are_contacts_of_one_object(run, printed, good, tmp_path):
     assert both["files"] == [str(good), str(again)]
     assert both["samples"] == 1200
     alone = result_of(run("identify", good, "--json")[1])["law"]
-    assert result_of(out)["law"]["stiffness"] == pytest.approx(alone["stiffness"], rel=0.01)
+    assert result_of(out)["law"]["K"] == pytest.approx(alone["K"], rel=0.01)
 
 
 def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, printed, tmp_path):

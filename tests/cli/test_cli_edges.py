@@ -20,7 +20,7 @@ from palpate.recordings.recording import read_truth
 
 PALPATE = [sys.executable, "-m", "palpate"]
 FULL = Path("/dev/full")
-GUESS = "--stiffness 2000 --damping 2000 --exponent 1 --noise 0.05"
+GUESS = "--K 2000 --B 2000 --n 1 --noise 0.05"
 LAB = ("lab", "ball", "--probe", "ideal", "--seconds", "2.5", "-o")
 
 
@@ -231,9 +231,9 @@ def test_the_version_is_the_packages_wherever_it_is_asked_for(run, words):
 
 NO_TRUTH = ["", "null", "3", "[" * 100_000, '{"a":' * 50_000, '"' + "9" * 5000, "9" * 5000, "[]",
             '{"kind": []}', '{"kind": "magic"}', '{"kind": "kelvin-voigt"}',
-            '{"kind": "kelvin-voigt", "stiffness": NaN, "damping": 1}',
-            '{"kind": "kelvin-voigt", "stiffness": %s, "damping": 1}' % ("9" * 400),
-            '{"kind": "kelvin-voigt", "stiffness": "x", "damping": {}}']  # fmt: skip
+            '{"kind": "kelvin-voigt", "K": NaN, "B": 1}',
+            '{"kind": "kelvin-voigt", "K": %s, "B": 1}' % ("9" * 400),
+            '{"kind": "kelvin-voigt", "K": "x", "B": {}}']  # fmt: skip
 
 
 def test_a_note_that_states_no_truth_is_passed_over(run, tmp_path):
@@ -279,8 +279,8 @@ def test_values_beyond_any_measurement_are_no_numbers(
 RECORDINGS = Path(__file__).parents[2] / "examples" / "recordings"
 NAMED = {
     "BALL": str(RECORDINGS / "ball.csv"),
-    "GUESS": "--stiffness 2000 --damping 2000 --exponent 1",
-    "HALF-SPACE": "generalised-hunt-crossley --stiffness 8000 --exponent 1.5 --damping 60",
+    "GUESS": "--K 2000 --B 2000 --n 1",
+    "HALF-SPACE": "generalised-hunt-crossley --K 8000 --n 1.5 --B 60",
 }
 #: Of each command line words that its one line has.
 REFUSED = {
@@ -324,18 +324,12 @@ REFUSED = {
     "lab bal -o x.csv": ["MATERIAL must be one of ball, sponge"],
     "lab ball -o x.csv --trajectory sines": ["must be one of three-sines, two-sines"],
     "lab ball -o x.csv --trajectory gone.csv": ["gone.csv: No such file"],
-    "lab ball -o x.csv --stiffness 3": ["--stiffness has no effect on ball"],
-    "lab hunt-crossley -o x.csv --stiffness 3": [
-        "takes exactly --stiffness, --damping, --exponent"
-    ],
-    "lab HALF-SPACE -o x.csv": ["--damping-exponent, and optionally --relaxation-stiffness"],
-    "lab HALF-SPACE --damping-exponent 0.5 --relaxation-stiffness 3 -o x.csv": [
-        "longest_time must be above 0"
-    ],
-    "lab HALF-SPACE --damping-exponent 0.5 --relaxation-times 1 -o x.csv": [
-        "must be given together"
-    ],
-    "lab HALF-SPACE --damping 1 -o x.csv": ["--damping takes one number"],
+    "lab ball -o x.csv --K 3": ["--K has no effect on ball"],
+    "lab hunt-crossley -o x.csv --K 3": ["takes exactly --K, --B, --n"],
+    "lab HALF-SPACE -o x.csv": ["--p, and optionally --M"],
+    "lab HALF-SPACE --p 0.5 --M 3 -o x.csv": ["longest_time must be above 0"],
+    "lab HALF-SPACE --p 0.5 --relaxation-times 1 -o x.csv": ["must be given together"],
+    "lab HALF-SPACE --B 1 -o x.csv": ["--B takes one number"],
     "lab ball -o x.csv --picture rig.bmp": ["must end in .svg, .pdf or .png"],
     "lab ball -o x.csv --picture rig.svg --probe ideal": [
         "needs a robot: use --probe twin-pantograph"
@@ -398,11 +392,11 @@ TYPED = {
     "identify": (["probe.csv"], READING),
     "compare": (["probe.csv"], READING),
     "design": (GUESS.split(),
-               ["--stiffness", "--exponent", "--noise", "--resolution", "--sample-time", "--depth",
+               ["--K", "--n", "--noise", "--resolution", "--sample-time", "--depth",
                 "--amplitudes", "--frequencies", "--max-depth", "--max-speed", "--no-offset",
                 "--surface", "--json"]),
     "lab": (["ball", "--probe", "ideal", "--seconds", "2.5", "-o", "lab.csv"],
-            ["--trajectory", "--seed", "--picture", "--stiffness", "--damping", "--probe",
+            ["--trajectory", "--seed", "--picture", "--K", "--B", "--probe",
              "--noise", "--resolution", "--bias", "--counts"]),
 }  # fmt: skip
 

@@ -14,7 +14,7 @@ from rich.cells import cell_len
 from palpate.cli.printing import Terminal, print_table, say
 
 BALL = Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv"
-GUESS = ("--stiffness", "2000", "--damping", "2000", "--exponent", "1.2", "--noise", "0.05")
+GUESS = ("--K", "2000", "--B", "2000", "--n", "1.2", "--noise", "0.05")
 COMMANDS = {
     "identify": ("identify", BALL),
     "compare": ("compare", BALL, "--stop", "4"),  # of half, which takes half as long
@@ -140,7 +140,7 @@ def test_colour_is_for_who_looks_on_and_wants_it(run, monkeypatch):
         (("design", "--help", "--no-color"), {}),
         (design, {}),
     )
-    assert all("stiffness" in each for each in seen)
+    assert all("spring" in each or "planned" in each for each in seen)
     assert ["\x1b[" in each for each in seen] == [True, False, False, False, False, True]
     monkeypatch.delenv("FORCE_COLOR", raising=False)
     assert "\x1b[" not in run(*design)[1]

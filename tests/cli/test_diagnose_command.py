@@ -33,9 +33,9 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     found, words = palpate.diagnose(path), printed("diagnose", path)
     assert all(finding.check.split()[0] in words for finding in found.findings)
     assert "→ identify each segment separately: --changes" in words
-    assert f"{found.episodes[0].stop:.4g} s: stiffness = " in words
+    assert f"{found.episodes[0].stop:.4g} s: K = " in words
     out = printed("diagnose", path, "--json")
-    assert json.loads(out)["schema_version"] == 3
+    assert json.loads(out)["schema_version"] == 4
     printed = result_of(out)
     episodes = [{**episode, "verdict": None} for episode in printed["episodes"]]
     same = {key: printed[key] for key in found.as_dict()} | {"episodes": episodes}
@@ -176,7 +176,7 @@ def test_options_in_a_file_hold_the_law(run, tmp_path):
     run("identify", BALL, "--law", "half-space", "--save-config", options)
     assert 'law = "half-space"' in options.read_text()
     [result] = json.loads(run("identify", BALL, "--config", options, "--json")[1])["results"]
-    assert result["law"]["damping_exponent"] == result["law"]["exponent"] - 1.0
+    assert result["law"]["p"] == result["law"]["n"] - 1.0
 
 
 def test_a_fleet_takes_the_law_too(printed, tmp_path, threaded):

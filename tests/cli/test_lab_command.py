@@ -25,7 +25,7 @@ def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_
     result = palpate.identify(file)
     stiffness = result.diagnosis.working_depth.stiffness
     pairs = [
-        (result.law.stiffness, result.standard_errors[0]),
+        (result.law.K, result.standard_errors[0]),
         (stiffness.value, math.hypot(stiffness.standard_error, stiffness.systematic)),
     ]
     for value, error in pairs:
@@ -66,8 +66,8 @@ NAMES = set(REMEMBERING.names())
         (replace(REMEMBERING, relaxation=palpate.FlatSpectrum(1e-3, 4.096)), NAMES),
         (replace(REMEMBERING, relaxation=palpate.FlatSpectrum(1e-3, 8.0)), set()),
         (replace(REMEMBERING, relaxation=palpate.SingleRelaxation(1.0)), set()),
-        (replace(REMEMBERING, damping_exponent=0.5), NAMES - {"damping", "damping_exponent"}),
-        (replace(REMEMBERING, damping=0.0, damping_exponent=0.5), NAMES),
+        (replace(REMEMBERING, p=0.5), NAMES - {"B", "p"}),
+        (replace(REMEMBERING, B=0.0, p=0.5), NAMES),
         (replace(REMEMBERING, relaxation=SEVERAL), set()),
         (REMEMBERING.relaxed(), set()),
         (lab.PVC.law, set()),
@@ -78,14 +78,13 @@ def test_only_numbers_that_mean_the_same_are_compared(law, same):
 
 
 LAWS = {
-    "hunt-crossley": "--stiffness 500 --damping 100 --exponent 1.3",
-    "kelvin-voigt": "--stiffness 800 --damping 4",
-    "extended-kelvin-voigt": "--stiffness 500 --quadratic-stiffness 4e4 --damping 5",
-    "generalised-hunt-crossley": "--stiffness 8000 --exponent 1.5 --damping 60 "
-    "--damping-exponent 0.5 --relaxation-stiffness 4000 --longest-time 0.1",
+    "hunt-crossley": "--K 500 --B 100 --n 1.3",
+    "kelvin-voigt": "--K 800 --B 4",
+    "extended-kelvin-voigt": "--K1 500 --K2 4e4 --B 5",
+    "generalised-hunt-crossley": "--K 8000 --n 1.5 --B 60 --p 0.5 --M 4000 --longest-time 0.1",
 }
 SPECTRUM = (
-    "--stiffness 8000 --exponent 1.5 --damping 60 --damping-exponent 0.5 --relaxation-times 0.01 "
+    "--K 8000 --n 1.5 --B 60 --p 0.5 --relaxation-times 0.01 "
     "--relaxation-times 1 --relaxation-stiffnesses 1000 --relaxation-stiffnesses 3000"
 )
 
@@ -101,7 +100,7 @@ def test_a_spectrum_of_ones_own_is_pressed_and_stated(printed, tmp_path):
     file, kind = tmp_path / "own.csv", GeneralisedHuntCrossley.kind
     printed("lab", kind, *SPECTRUM.split(), "--probe", "ideal", "-o", file, *QUICK)
     spectrum = palpate.RelaxationSpectrum((0.01, 1.0), (1e3, 3e3))
-    expected = GeneralisedHuntCrossley(8e3, 1.5, 60.0, 0.5, relaxation=spectrum)
+    expected = GeneralisedHuntCrossley(K=8e3, n=1.5, B=60.0, p=0.5, relaxation=spectrum)
     assert read_truth(palpate.prepare(file).provenance) == expected
 
 
@@ -214,7 +213,7 @@ def test_the_rig_can_be_photographed_pressing():
 
 def test_what_position_control_or_the_steps_cannot_resolve_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    stiff = lab.Homogeneous(palpate.KelvinVoigt(1e4, 1e5))
+    stiff = lab.Homogeneous(palpate.KelvinVoigt(K=1e4, B=1e5))
     for material, sensors, words in (
         (lab.BALL, lab.Sensors(sample_time=0.1), "sample_time must be at most"),
         (stiff, lab.Sensors(), r"diverged at t = 2\.\d+ s"),

@@ -65,7 +65,7 @@ TEST("construction, update, predict, estimate and reset never allocate") {
 }
 
 TEST("laws that may remember are told apart without an allocation") {
-  const GeneralisedHuntCrossley law{2000.0, 1.0, 2000.0, 1.0, 0.0};
+  const GeneralisedHuntCrossley law{.K = 2000.0, .n = 1.0, .B = 2000.0, .p = 1.0, .M = 0.0};
   const long before = allocations;
   ViscoelasticContact estimator({.method = {.offered = 0x7f}});
   probe(estimator, law, 2.0);

@@ -9,7 +9,7 @@ using namespace palpate;
 
 namespace {
 
-constexpr HuntCrossley soft{1e5, 2e5, 2.0}, hard{3e5, 3e5, 2.0};
+constexpr HuntCrossley soft{.K = 1e5, .B = 2e5, .n = 2.0}, hard{.K = 3e5, .B = 3e5, .n = 2.0};
 
 // Soft for 2 s, then hard, every 10 ms, with the step that update() is given or the nominal one.
 template <class Estimator>

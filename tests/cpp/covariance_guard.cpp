@@ -51,11 +51,11 @@ void hold_one_direction() {
 TEST("after a million held samples a linear model finds a changed material") {
   KelvinVoigtRLS estimator(constantly_forgetting<KelvinVoigtRLS>(0.99));
   for (int k = 0; k < 1000000; ++k) estimator.update(0.01, 0.0, 20.0);
-  const KelvinVoigt other{3000.0, 40.0};
+  const KelvinVoigt other{.K = 3000.0, .B = 40.0};
   // Forgetting was withheld, so the hold weighs a million samples: e^(-40) of that is left.
   probe(estimator, other, 4.0);
-  CHECK_NEAR(estimator.law().stiffness, other.stiffness, 1e-6 * other.stiffness);
-  CHECK_NEAR(estimator.law().damping, other.damping, 1e-6 * other.damping);
+  CHECK_NEAR(estimator.law().K, other.K, 1e-6 * other.K);
+  CHECK_NEAR(estimator.law().B, other.B, 1e-6 * other.B);
 }
 
 TEST("no direction winds up past its bound, whatever the order") {

@@ -34,14 +34,14 @@ TEST("the double stage skips its second stage while K + B v is not positive") {
   settings.method.initial_covariance = diagonal<3>({1e-9, 1e-9, 1e3});
   DoubleStageRLS estimator(settings);
   CHECK(estimator.update(0.01, -0.05, 1.0) == Status::updated);
-  CHECK(estimator.law().exponent == 1.0);
+  CHECK(estimator.law().n == 1.0);
   CHECK(estimator.update(0.01, 0.05, 1.0) == Status::updated);
-  CHECK(estimator.law().exponent != 1.0);
+  CHECK(estimator.law().n != 1.0);
 }
 
 TEST("an absurd exponent does not stop the double stage") {
   DoubleStageRLS::Settings settings;
-  settings.method.initial.exponent = 1000.0;
+  settings.method.initial.n = 1000.0;
   DoubleStageRLS estimator(settings);
   CHECK(taken(estimator.update(10.0, 0.01, 20.0)));
 }
@@ -60,12 +60,12 @@ TEST("with damping the single stage has the bias of its logarithm that methods s
     SingleStageRLS::Settings settings = SingleStageRLS::Settings{};
     settings.method.initial_covariance = diagonal<3>({1e8, 1e8, 1e8});
     SingleStageRLS estimator(settings);
-    const HuntCrossley truth{2000.0, 2000.0 * row.dissipation, 1.0};
+    const HuntCrossley truth{.K = 2000.0, .B = 2000.0 * row.dissipation, .n = 1.0};
     probe(estimator, truth, period);
     const HuntCrossley found = estimator.law();
-    CHECK_NEAR(100.0 * relative_error(found.stiffness, truth.stiffness), row.stiffness_bias,
+    CHECK_NEAR(100.0 * relative_error(found.K, truth.K), row.stiffness_bias,
                0.1 * std::abs(row.stiffness_bias) + 0.5 * row.stiffness_digit);
-    CHECK_NEAR(100.0 * relative_error(found.damping, truth.damping), row.damping_bias,
+    CHECK_NEAR(100.0 * relative_error(found.B, truth.B), row.damping_bias,
                0.1 * std::abs(row.damping_bias) + 0.5 * row.damping_digit);
   }
 }
@@ -74,7 +74,7 @@ TEST("from a start off the truth the double stage freezes on a ridge that explai
   const HuntCrossley truth = ball<HuntCrossley>;
   for (const double off : {0.9, 1.1}) {
     DoubleStageRLS::Settings settings = DoubleStageRLS::Settings{};
-    settings.method.initial = {off * truth.stiffness, off * truth.damping, off * truth.exponent};
+    settings.method.initial = {.K = off * truth.K, .B = off * truth.B, .n = off * truth.n};
     DoubleStageRLS estimator(settings);
     probe(estimator, truth, 2.0 * period);
     double worst = 0.0;
@@ -84,7 +84,7 @@ TEST("from a start off the truth the double stage freezes on a ridge that explai
       worst = std::max(worst, std::abs(relative_error(predicted, s.force)));
     }
     CHECK(worst < 0.1);
-    const double still_off = std::abs(estimator.law().exponent - truth.exponent);
+    const double still_off = std::abs(estimator.law().n - truth.n);
     CHECK(still_off < 0.1 && still_off > 0.05);
   }
 }

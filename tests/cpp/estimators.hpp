@@ -37,11 +37,11 @@ void for_every_estimator(Test&& test) {
 template <class Law>
 inline constexpr Law ball{};
 template <>
-inline constexpr KelvinVoigt ball<KelvinVoigt>{2000.0, 20.0};
+inline constexpr KelvinVoigt ball<KelvinVoigt>{.K = 2000.0, .B = 20.0};
 template <>
-inline constexpr ExtendedKelvinVoigt ball<ExtendedKelvinVoigt>{1000.0, 5e4, 20.0};
+inline constexpr ExtendedKelvinVoigt ball<ExtendedKelvinVoigt>{.K1 = 1000.0, .K2 = 5e4, .B = 20.0};
 template <>
-inline constexpr HuntCrossley ball<HuntCrossley>{2000.0, 2000.0, 1.0};
+inline constexpr HuntCrossley ball<HuntCrossley>{.K = 2000.0, .B = 2000.0, .n = 1.0};
 
 // The paper's motion: 10 mm deep on average, three sines, at most 50.8 mm/s. `t` in seconds.
 template <class Law>

@@ -30,7 +30,7 @@ TEST("self-perturbation follows a change of material that a faded factor cannot"
   settings.perturbation = {0.05, 2.5};
   KelvinVoigtRLS perturbed(settings);
   const KelvinVoigt before = ball<KelvinVoigt>;
-  const KelvinVoigt after{1.1 * before.stiffness, before.damping};
+  const KelvinVoigt after{.K = 1.1 * before.K, .B = before.B};
   double largest_plain = 0.0;
   double largest_perturbed = 0.0;
   for (int k = 0; k < 9000; ++k) {

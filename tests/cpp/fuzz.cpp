@@ -99,13 +99,18 @@ typename Estimator::Settings any_settings(RandomNumbers& random) noexcept {
   if (random.below(2)) settings.gate = {1e-4, 0.1, 0.05};
   settings.scale = {one_of(1.0, 1e-3, 1e-30, 1e30), one_of(1.0, 1e-3, 1e-30, 1e30),
                     one_of(1.0, 1e-3, 1e-30, 1e30)};
-  settings.method.initial.stiffness = one_of(0.1, 1e5, 1e-300, 1e300);
-  settings.method.initial.damping = one_of(0.0, 1e5, 1e300);
+  const double spring = one_of(0.1, 1e5, 1e-300, 1e300);
+  settings.method.initial.B = one_of(0.0, 1e5, 1e300);
+  if constexpr (std::is_same_v<Estimator, ExtendedKelvinVoigtRLS>) {
+    settings.method.initial.K1 = spring;
+  } else {
+    settings.method.initial.K = spring;
+  }
   const double variance = one_of(1e-20, 1e3, 1e20);
   if constexpr (std::is_same_v<Estimator, DoubleStageRLS>) {
     settings.method.initial_covariance =
         diagonal<3>({variance, one_of(1e-20, 1e8, 1e20), one_of(1e-20, 1e3, 1e20)});
-    settings.method.initial.exponent = one_of(0.0, 1.0, -1e3, 1e300);
+    settings.method.initial.n = one_of(0.0, 1.0, -1e3, 1e300);
   } else {
     settings.method.initial_covariance[0][0] = variance;
     settings.method.initial_covariance[0][1] = settings.method.initial_covariance[1][0] =

@@ -70,9 +70,9 @@ TEST("a rejection's threshold is checked where there is one") {
 }
 
 TEST("a method's own settings are checked") {
-  CHECK(fault<SingleStageRLS>([](auto& s) { s.method.initial.stiffness = 0.0; }) ==
+  CHECK(fault<SingleStageRLS>([](auto& s) { s.method.initial.K = 0.0; }) ==
         "method.initial must have stiffness > 0, as its logarithm is taken");
-  CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial.damping = infinity; }) ==
+  CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial.B = infinity; }) ==
         "method.initial must be finite parameters, within ±1e100");
   CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial_covariance[0][0] = 1e21; }) ==
         "method.initial_covariance must have variances in [1e-20, 1e20]");

@@ -45,7 +45,7 @@ std::vector<Sample> pressed(const GeneralisedHuntCrossley& law, const Relaxation
   std::vector<Sample> samples;
   for (std::size_t k = 0; k < count; ++k) {
     Sample s = moved(1e-3 * static_cast<double>(k));
-    relax(law.exponent, branches, s.penetration, 1e-3, state.data());
+    relax(law.n, branches, s.penetration, 1e-3, state.data());
     s.force = relaxing_force(law, branches, s.penetration, s.velocity, state.data()) +
               noise * random.between(-1.0, 1.0);
     samples.push_back(s);
@@ -53,7 +53,7 @@ std::vector<Sample> pressed(const GeneralisedHuntCrossley& law, const Relaxation
   return samples;
 }
 
-constexpr GeneralisedHuntCrossley rubber{1e4, 1.5, 4e4, 1.5, 0.0};
+constexpr GeneralisedHuntCrossley rubber{.K = 1e4, .n = 1.5, .B = 4e4, .p = 1.5, .M = 0.0};
 
 // Hunt–Crossley with half of its stiffness in a flat spectrum beside it, or in one time.
 std::vector<Sample> relaxing(double shortest, double longest, std::size_t count, double noise) {

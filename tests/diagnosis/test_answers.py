@@ -149,7 +149,9 @@ def test_a_relaxed_stiffness_at_its_bound_is_not_given(tmp_path, run):
     """Of a law without a spring in parallel, K = 0 fits best and its error is unknown."""
     depth = 4e-3 + 2e-3 * np.sin(4.0 * np.pi * (time := 1e-3 * np.arange(6000)))
     speed = 8e-3 * np.pi * np.cos(4.0 * np.pi * time)
-    law = GeneralisedHuntCrossley(0.0, 1.5, 1e3, 1.5, 1e5, SingleRelaxation(0.2))
+    law = GeneralisedHuntCrossley(
+        K=0.0, n=1.5, B=1e3, p=1.5, M=1e5, relaxation=SingleRelaxation(0.2)
+    )
     force = law.force_along(depth, speed, np.full(time.size, 1e-3))
     force += np.random.default_rng(0).normal(0.0, 0.01, time.size)
     file = tmp_path / "fluid.csv"

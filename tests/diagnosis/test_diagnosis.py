@@ -55,7 +55,7 @@ CAUSES = {
     "memory": faults.remembering(0.3, 0.2),
     "friction": faults.damaged(material_faults.friction, 0.04),
     # In proportion to the slope of the spring.
-    "damping form": recorded(SPRING + 9e-3 * LAW.damping * DEPTH ** (LAW.exponent - 1.0) * V),
+    "damping form": recorded(SPRING + 9e-3 * LAW.B * DEPTH ** (LAW.n - 1.0) * V),
     "shape": recorded(6.0 * np.sinh(DEPTH / 5e-3) * (1.0 + V)),  # no power of depth
     "square speed": faults.damaged(material_faults.square_of_speed, 0.04),
     "inertia": faults.damaged(sensor_faults.mass_beyond_sensor, 0.4),
@@ -155,7 +155,7 @@ INPUTS = {
 
 def test_a_damping_below_zero_or_whose_sign_a_cause_can_turn_is_not_to_be_trusted():
     time, x, v = faults.motion()
-    force = faults.noisy(faults.pushed(x, v, palpate.HuntCrossley(9000.0, -4000.0, 1.4)))
+    force = faults.noisy(faults.pushed(x, v, palpate.HuntCrossley(K=9000.0, B=-4000.0, n=1.4)))
     negative = palpate.diagnose(faults.contact(time, x, force))
     assert negative.reason.startswith("the damping is negative")
     late = [palpate.diagnose(faults.late(seconds)) for seconds in (6e-3, 8e-3, 12e-3)]
@@ -170,7 +170,7 @@ def test_a_damping_below_zero_or_whose_sign_a_cause_can_turn_is_not_to_be_truste
 def test_the_open_sign_of_a_springs_damping_is_said_of_the_damping_alone(noise):
     """Seeds 0 and 1, of either sign; the force reaches 14 N."""
     time, x, v = faults.motion()
-    force = faults.pushed(x, v, palpate.HuntCrossley(9000.0, 0.0, 1.4))
+    force = faults.pushed(x, v, palpate.HuntCrossley(K=9000.0, B=0.0, n=1.4))
     for seed in (0, 1):
         noises = noise * np.random.default_rng(seed).standard_normal(x.size)
         found = palpate.diagnose(faults.contact(time, x, force + noises))
@@ -480,7 +480,7 @@ def test_a_wrong_surface_moves_the_parameters_and_not_the_working_depth():
 
 def test_a_wrong_surface_is_found_where_it_hardly_shows_in_the_residual():
     time, x, v = faults.motion()
-    force = faults.pushed(x, v, palpate.HuntCrossley(1000.0, 20.0, 1.0))
+    force = faults.pushed(x, v, palpate.HuntCrossley(K=1000.0, B=20.0, n=1.0))
     force = force + 0.2 * np.random.default_rng(0).standard_normal(force.size)
     found = palpate.diagnose(faults.contact(time, x + 0.35e-3, force))
     assert "surface" in [finding.check for finding in found.findings if finding.z > 8.0]
@@ -537,7 +537,7 @@ def test_a_linear_law_is_trusted_on_its_own_material_only():
 
 def test_a_method_that_is_off_its_own_least_squares_is_said_to_fail():
     result = palpate.identify(faults.clean())
-    worse = dataclasses.replace(result.law, stiffness=1.5 * result.law.stiffness)
+    worse = dataclasses.replace(result.law, K=1.5 * result.law.K)
     estimate = palpate.Estimate.from_law(
         worse, result.estimate.covariance, status=result.estimate.status, samples=1000
     )

@@ -301,7 +301,7 @@ def approach(**given) -> palpate.Identification:
     """From 1 mm above the surface to 5 mm at 10 mm/s, which wavers by 3 %."""
     time = np.arange(600) * 1e-3
     x = -1e-3 + 10e-3 * time + 1e-5 * np.sin(30.0 * time)
-    law = palpate.HuntCrossley(2e6, 4e5, 2.0)
+    law = palpate.HuntCrossley(K=2e6, B=4e5, n=2.0)
     force = faults.pushed(x, np.gradient(x, time), law)
     contact = palpate.prepare(time=time, penetration=x, force=faults.noisy(force))
     return palpate.identify(contact, **given)
@@ -316,7 +316,7 @@ def test_at_one_speed_the_stiffness_is_the_slope_at_this_speed_and_no_damping_is
         assert "the stiffness holds at 10 mm/s" in said.message
         assert "10 mm/s" in result.summary()
         assert there.speed == pytest.approx(10e-3, rel=0.01)
-        true = palpate.HuntCrossley(2e6, 4e5, 2.0).stiffness_at(there.depth, there.speed)
+        true = palpate.HuntCrossley(K=2e6, B=4e5, n=2.0).stiffness_at(there.depth, there.speed)
         assert abs(there.stiffness.value - true) < 3.0 * there.stiffness.whole_error
         assert math.isnan(there.damping.value)
         assert (verdict.stiffness, verdict.damping) == ("trust", "do-not-trust")
@@ -326,7 +326,7 @@ def test_at_one_speed_the_stiffness_is_the_slope_at_this_speed_and_no_damping_is
 def test_one_way_at_several_speeds_gives_no_stiffness_to_trust():
     time = np.arange(600) * 1e-3
     x = -1e-3 + 5e-3 * time + 10e-3 * time**2
-    law = palpate.HuntCrossley(2e6, 4e5, 2.0)
+    law = palpate.HuntCrossley(K=2e6, B=4e5, n=2.0)
     force = faults.noisy(faults.pushed(x, np.gradient(x, time), law))
     found = palpate.diagnose(palpate.prepare(time=time, penetration=x, force=force))
     assert math.isnan(found.working_depth.damping.value)

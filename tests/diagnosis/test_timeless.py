@@ -79,11 +79,11 @@ def test_rows_of_a_press_give_the_stiffness_and_no_damping(exponent, release, no
 
 
 def test_no_number_of_a_damping_is_given(result, tmp_path):
-    assert result.law.names() == ["stiffness", "exponent"]
+    assert result.law.names() == ["K", "n"]
     assert result.trace.parameters.shape[1] == result.covariance.shape[0] == 2
     assert math.isnan(result.damping_at(3e-3).value)
     assert math.isnan(result.law.damping_at(3e-3))
-    assert not hasattr(result.law, "damping")
+    assert not hasattr(result.law, "B")
     assert not [name for name in result.to_pandas() if "damping" in name]
     assert numbers_under(result.as_dict(), "damping") == []
     derived = ("restitution", "energy", "passivity", "small_oscillation")
@@ -110,7 +110,7 @@ def test_the_figure_shows_each_parameter_of_the_spring_over_the_samples(result):
     axes = result.plot().axes
     assert not [each for each in axes if "N·s" in each.get_ylabel()]
     [exponent] = [each for each in axes if each.get_ylabel().startswith("n")]
-    assert exponent.lines[0].get_ydata()[-1] == pytest.approx(result.law.exponent, rel=0.01)
+    assert exponent.lines[0].get_ydata()[-1] == pytest.approx(result.law.n, rel=0.01)
     assert {each.get_xlabel() for each in axes if each.axison} >= {"sample"}
 
 
@@ -118,7 +118,7 @@ def test_in_a_table_the_damping_is_unknown(result):
     contact = palpate.prepare(**CURVE, no_time=True)
     [row] = palpate.identify_many([contact], diagnosis="full").to_pylist()
     assert row["error"] is None
-    assert row["stiffness"] == pytest.approx(result.law.stiffness)
+    assert row["K"] == pytest.approx(result.law.K)
     assert all(math.isnan(v) for k, v in row.items() if "damping" in k and isinstance(v, float))
     assert row["verdict_damping"] == "do-not-trust"
 

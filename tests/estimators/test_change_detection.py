@@ -39,8 +39,8 @@ from palpate import (
 )
 
 SWITCH = 3000  # sample
-STIFFER_BALL = HuntCrossley(2200.0, 2200.0, 1.0)
-SOFTER_PVC = HuntCrossley(0.9e5, 1.8e5, 2.0)
+STIFFER_BALL = HuntCrossley(K=2200.0, B=2200.0, n=1.0)
+SOFTER_PVC = HuntCrossley(K=0.9e5, B=1.8e5, n=2.0)
 CHANGES = {
     "onto the inclusion": (PVC, INCLUSION),
     "off the inclusion": (INCLUSION, PVC),
@@ -139,7 +139,7 @@ def test_correlated_noise_and_a_single_outlier_are_no_changes(material: HuntCros
 @pytest.mark.parametrize("material", [BALL, PVC])
 def test_a_change_of_the_damping_alone_is_found(material: HuntCrossley) -> None:
     motion = three_sines(9.0)
-    harder = HuntCrossley(material.stiffness, 1.1 * material.damping, material.exponent)
+    harder = HuntCrossley(K=material.K, B=1.1 * material.B, n=material.n)
     clean = switched(material, harder, motion, 6000)
     for seed in range(3):
         estimator = VariableProjection(change_detector=ChangeDetector())
@@ -149,10 +149,8 @@ def test_a_change_of_the_damping_alone_is_found(material: HuntCrossley) -> None:
 @pytest.mark.parametrize("material", [BALL, PVC, SPONGE])
 def test_an_exponent_3_percent_higher_at_the_same_force_is_found(material: HuntCrossley) -> None:
     motion = three_sines(9.0)
-    factor = 10e-3 ** (-0.03 * material.exponent)
-    other = HuntCrossley(
-        factor * material.stiffness, factor * material.damping, 1.03 * material.exponent
-    )
+    factor = 10e-3 ** (-0.03 * material.n)
+    other = HuntCrossley(K=factor * material.K, B=factor * material.B, n=1.03 * material.n)
     clean = switched(material, other, motion, 6000)
     for seed in range(3):
         found = alarms(
@@ -189,7 +187,7 @@ def test_bursts_of_noise_and_noise_as_slow_as_the_motion_are_no_changes(material
 
 def test_a_change_is_found_within_ten_milliseconds_between_bursts() -> None:
     motion = three_sines(30.0)
-    clean = switched(PVC, replace(PVC, stiffness=1.05 * PVC.stiffness), motion, 28_500)
+    clean = switched(PVC, replace(PVC, K=1.05 * PVC.K), motion, 28_500)
     for seed in range(3):
         force = clean + bursts(len(motion), np.random.default_rng(seed))
         found = alarms(VariableProjection(change_detector=ChangeDetector()), motion, force)
@@ -231,13 +229,13 @@ def test_the_exponent_is_kept_over_a_change_that_leaves_it_and_another_one_is_fo
         force = switched(before, after, motion, SWITCH) + white(len(motion), seed)
         estimator = VariableProjection(change_detector=ChangeDetector())
         exponents = estimator.replay(motion.x, motion.v, force).parameters[SWITCH + settled :, 2]
-        assert (np.abs(exponents - after.exponent) < limit).all()
+        assert (np.abs(exponents - after.n) < limit).all()
 
 
 def test_a_law_outside_the_class_does_not_hide_a_change() -> None:
     # Its own errors are a third of the force, and as smooth as the motion.
     motion = three_sines(10.0)
-    softer = HuntCrossley(PVC.stiffness / 3.0, PVC.damping / 3.0, PVC.exponent)
+    softer = HuntCrossley(K=PVC.K / 3.0, B=PVC.B / 3.0, n=PVC.n)
     clean = switched(PVC, softer, motion, 6000)
     for seed in range(3):
         estimator = KelvinVoigtRLS(change_detector=ChangeDetector())
@@ -249,7 +247,7 @@ def test_a_way_in_a_rest_and_a_way_out_are_no_changes() -> None:
     time = 1e-3 * np.arange(9000)
     depth = 10e-3 * np.interp(time, [0.0, 3.0, 6.0, 9.0], [0.05, 1.0, 1.0, 0.05])
     motion = Motion(depth, np.gradient(depth, 1e-3))
-    force = felt(HuntCrossley(1e5, 3e6, 2.0), motion, 8)
+    force = felt(HuntCrossley(K=1e5, B=3e6, n=2.0), motion, 8)
     for kind in (ExtendedKelvinVoigtRLS, SingleStageRLS, VariableProjection):
         assert not alarms(kind(change_detector=ChangeDetector()), motion, force).size
 

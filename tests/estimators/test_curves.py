@@ -74,7 +74,7 @@ def test_a_fixed_exponent_gives_scipys_minimum_too() -> None:
     assert (excess(curves, 24, exponent=1.5, **UNKNOWN) < 1e-4).all()
     assert (excess(curves, 4, exponent=1.5, offset=False) < 1e-4).all()
     fits = fitted(curves, exponent=1.5, **UNKNOWN)
-    assert (fits.exponent == 1.5).all()
+    assert (fits.n == 1.5).all()
     assert (fits.standard_errors[:, 2] == 0.0).all()
 
 
@@ -102,7 +102,7 @@ def test_all_fits_of_a_law_end_in_the_same_minimum(seed: int) -> None:
     found = fit_surface_position(samples, starts)
 
     def model(parameters: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        law, below = HuntCrossley(*parameters[:3]), x - parameters[4]
+        law, below = HuntCrossley.from_parameters(parameters[:3]), x - parameters[4]
         inside, below = below > 0.0, np.where(below > 0.0, below, 1.0)
         rows = [*law.parameter_gradient(below, v).T, -law.penetration_gradient(below, v)]
         jacobian = np.insert(np.array(rows).T * inside[:, None], 3, 1.0, axis=1)
@@ -159,7 +159,7 @@ def test_a_surface_at_the_edge_of_its_range_is_not_called_fitted() -> None:
     # Far above the first sample, by 15 travels of the probe: even the wider range ends before it.
     depth, speed = approach_and_retract(np.linspace(0.0, 1.0, 400))
     depth, speed = 5.5e-3 + 5e-4 * depth, 1e-3 * speed
-    force = HuntCrossley(4e4, 1e6, 2.0).force(depth + 10e-3, speed)
+    force = HuntCrossley(K=4e4, B=1e6, n=2.0).force(depth + 10e-3, speed)
     rising = fit_curves(depth, speed, force, surface="estimate", noise=1e-4)
     assert rising.status_names == ["surface at the edge of its range"]
 
@@ -169,13 +169,13 @@ def test_threads_instruction_sets_and_neighbours_change_no_bit(more: dict[str, A
     curves = random_curves(approach_and_retract, 40, surface=bool(more), seed=31)
     alone = fitted(curves, **more)
     shared = fitted(curves, threads=3, **more)
-    for name in ("stiffness", "covariance", "cost", "taken", "flags"):
+    for name in ("K", "covariance", "cost", "taken", "flags"):
         assert np.array_equal(getattr(alone, name), getattr(shared, name))
     one = fit_curves(curves.penetration[7], curves.velocity[7], curves.force[7], **more)
-    assert one.stiffness[0] == alone.stiffness[7]
+    assert one.K[0] == alone.K[7]
     numbers = {set_: core_numbers(curves, more, set_) for set_ in ("baseline", "")}
     assert np.array_equal(numbers["baseline"], numbers[""])
-    assert np.array_equal(numbers[""][:, 0], alone.stiffness)
+    assert np.array_equal(numbers[""][:, 0], alone.K)
 
 
 def core_numbers(curves: Curves, more: dict[str, Any], instruction_set: str) -> np.ndarray:
@@ -196,7 +196,7 @@ def test_samples_that_are_nan_are_not_there() -> None:
     force = curves.force.copy()
     force[:, 700:] = np.nan
     filled = fit_curves(curves.penetration, curves.velocity, force)
-    assert np.array_equal(short.stiffness, filled.stiffness)
+    assert np.array_equal(short.K, filled.K)
     assert np.array_equal(short.covariance, filled.covariance)
 
 
@@ -215,14 +215,14 @@ def test_without_contact_there_is_no_answer_and_laws_and_flags_come_by_curve() -
     nothing = np.full((1, 50), -1e-3)
     fits = fit_curves(nothing, nothing, nothing)
     assert fits.status_names == ["no contact"]
-    assert np.isnan(fits.stiffness[0])
+    assert np.isnan(fits.K[0])
     assert fits.taken[0] == 0
     assert len(fit_curves(*[np.empty((0, 10))] * 3)) == 0
     with pytest.raises(InvalidParameterError, match="the curve has no contact"):
         stated_cost(nothing[0], nothing[0], nothing[0])
     x = np.linspace(1e-3, 5e-3, 100)
     v = np.full_like(x, 0.01)
-    fits = fit_curves(x, v, HuntCrossley(100.0, 0.0, 1.5).force(x, v), noise=1e-3)
+    fits = fit_curves(x, v, HuntCrossley(K=100.0, B=0.0, n=1.5).force(x, v), noise=1e-3)
     assert isinstance(fits.law(0), HuntCrossley)
     assert any("damping" in words for words in fits.describe_flags(0))
 
@@ -233,7 +233,7 @@ def test_units_change_nothing() -> None:
     channels = 1e-6 * curves.penetration, 1e-6 * curves.velocity, 1e-9 * curves.force
     reach = (1e-6 * SURFACES[0], 1e-6 * SURFACES[1])
     small = fit_curves(*channels, surface="estimate", surface_range=reach)
-    assert small.exponent == pytest.approx(usual.exponent, rel=1e-6)
+    assert small.n == pytest.approx(usual.n, rel=1e-6)
     assert small.surface == pytest.approx(1e-6 * usual.surface, rel=1e-6)
     own = 1e-6 * usual.standard_errors[:, 4]
     assert small.standard_errors[:, 4] == pytest.approx(own, rel=1e-4)

@@ -146,7 +146,7 @@ def test_held_still_it_keeps_its_exponent_and_a_finite_covariance() -> None:
     after = fed(estimator, motion[5000:], force[5000:]).estimate()
     assert np.isfinite(after.joint_covariance).all()
     # Held, only ln k walks: by what the force at that depth says, and along with n by its bar.
-    assert abs(after.law.exponent - before.law.exponent) < 3.0 * before.standard_errors[2]
+    assert abs(after.law.n - before.law.n) < 3.0 * before.standard_errors[2]
     assert after.law.force(10e-3, 0.0) == pytest.approx(PVC.force(10e-3, 0.0), rel=0.01)
     assert np.linalg.eigvalsh(after.covariance / np.outer(*[after.standard_errors] * 2)).min() > 0
     again = three_sines(5.0)
@@ -166,14 +166,14 @@ def test_wild_forces_do_not_throw_it_off_for_long() -> None:
 def test_dissipation_and_exponent_drift_only_where_asked() -> None:
     motion = three_sines(20.0)
     exponent = 1.0 + 0.01 * motion.time  # to 1.2, at the same force at 10 mm
-    spring = BALL.stiffness * 10e-3 * (motion.x / 10e-3) ** exponent
+    spring = BALL.K * 10e-3 * (motion.x / 10e-3) ** exponent
     force = spring * (1.0 + motion.v) + white(len(motion), 10)
     fixed, free = (
         fed(DriftTracking(stiffness_drift=0.0, exponent_drift=drift), motion, force).estimate().law
         for drift in (0.0, 0.02)
     )
-    assert abs(free.exponent - 1.2) < 0.02
-    assert abs(fixed.exponent - 1.2) > 0.05
+    assert abs(free.n - 1.2) < 0.02
+    assert abs(fixed.n - 1.2) > 0.05
 
 
 def test_a_sudden_change_restarts_it_where_a_detector_is_given() -> None:

@@ -65,21 +65,21 @@ def test_what_a_motion_does_not_tell_is_flagged(name: str) -> None:
     both = Motion(np.tile([*depth, *depth[::-1]], 2), np.tile(np.repeat([4e-3, -4e-3], 4000), 2))
     estimate = estimate_of(law, both)
     assert not estimate.flags
-    assert abs(estimate.law.damping - law.damping) < 4.0 * estimate.standard_errors[1]
+    assert abs(estimate.law.B - law.B) < 4.0 * estimate.standard_errors[1]
 
 
 @pytest.mark.parametrize("exponent, edge", [(0.2, 0.3), (4.0, 3.6)])
 def test_an_exponent_beyond_the_range_is_held_at_its_edge_and_flagged(exponent, edge):
     stiffness = 20.0 / 10e-3**exponent
     motion = three_sines(2.0)
-    law = HuntCrossley(stiffness, stiffness, exponent)
+    law = HuntCrossley(K=stiffness, B=stiffness, n=exponent)
     estimate = estimate_of(law, motion)
     assert "exponent at the edge of its range" in [each.message for each in estimate.findings]
-    assert estimate.law.exponent == pytest.approx(edge, abs=0.03)  # a quarter of a grid step
+    assert estimate.law.n == pytest.approx(edge, abs=0.03)  # a quarter of a grid step
     inside = VariableProjection(exponent_range=(0.1, 5.0))
     wider = fed(inside, motion, felt(law, motion, 1)).estimate()
     assert not wider.flags
-    assert abs(wider.law.exponent - exponent) < 5.0 * wider.standard_errors[2]
+    assert abs(wider.law.n - exponent) < 5.0 * wider.standard_errors[2]
 
 
 @pytest.mark.parametrize("name", WELL_EXCITED)
@@ -162,7 +162,7 @@ INDENTATION = sines(1.0, Planned(5e-3, (5e-3,), (2.0 * np.pi,)))
     ],
 )
 def test_correlated_noise_is_covered(law, motion: Motion, memory: float, seeds: int) -> None:
-    deep = ContactGate(minimum_penetration=(10.0 * NOISE / law.stiffness) ** (1.0 / law.exponent))
+    deep = ContactGate(minimum_penetration=(10.0 * NOISE / law.K) ** (1.0 / law.n))
     hits, as_if_white = np.zeros(3), np.zeros(3)  # of the intervals of K, B and n
     for seed in range(seeds):
         force = law.force(motion.x, motion.v) + coloured(len(motion), seed, memory=memory)
@@ -179,9 +179,9 @@ def test_correlated_noise_is_covered(law, motion: Motion, memory: float, seeds: 
 @pytest.mark.parametrize(
     "method, law",
     [
-        ("kelvin-voigt", KelvinVoigt(2000.0, 20.0)),
+        ("kelvin-voigt", KelvinVoigt(K=2000.0, B=20.0)),
         # Where condition 10 holds, it is the least squares of ln F.
-        ("single-stage", HuntCrossley(2000.0, 20.0, 1.0)),
+        ("single-stage", HuntCrossley(K=2000.0, B=20.0, n=1.0)),
     ],
 )
 def test_identification_widens_the_bars_of_the_papers_methods(method, law):

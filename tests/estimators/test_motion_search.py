@@ -9,7 +9,9 @@ from palpate.design import Motion, design
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]
-materials = st.builds(HuntCrossley, st.floats(1e2, 1e6), st.floats(1e2, 1e6), st.floats(0.8, 2.5))
+materials = st.builds(
+    HuntCrossley, K=st.floats(1e2, 1e6), B=st.floats(1e2, 1e6), n=st.floats(0.8, 2.5)
+)
 motions = st.integers(1, 3).flatmap(
     lambda count: st.builds(
         Motion,
@@ -65,7 +67,7 @@ def test_a_sensor_of_coarse_steps_gets_a_motion_that_does_not_repeat_them(law):
 
 
 def test_the_better_motion_stays_where_the_force_is_clear_of_the_noise():
-    law = HuntCrossley(1e5, 2e5, 2.0)
+    law = HuntCrossley(K=1e5, B=2e5, n=2.0)
     found = design(law, noise=0.05).better.motion
     assert law.force(found.least_penetration, 0.0) >= 0.5
     weak = design(law, noise=1.0).better.motion

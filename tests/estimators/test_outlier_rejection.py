@@ -103,7 +103,7 @@ def test_positions_lost_under_a_velocity_that_is_smeared_by_them_cost_little() -
     contact = contact_of(Motion(x, v), force)
     for estimator, worst in ((None, 0.03), (VariableProjection(outlier_rejection=False), 0.9)):
         law = identify(contact, estimator).law
-        error = abs(law.damping / BALL.damping - 1.0)
+        error = abs(law.B / BALL.B - 1.0)
         assert error < worst
     assert error > 0.2
 
@@ -123,7 +123,7 @@ def test_of_a_clean_recording_nothing_is_left_out(law: HuntCrossley) -> None:
 def test_making_and_losing_contact_is_no_outlier() -> None:
     time = 1e-3 * np.arange(6000)
     x, v = -2e-3 + 6e-3 * np.sin(12.0 * time), 72e-3 * np.cos(12.0 * time)
-    for law in (BALL, PVC, HuntCrossley(1e7, 5e6, 1.5)):
+    for law in (BALL, PVC, HuntCrossley(K=1e7, B=5e6, n=1.5)):
         force = law.force(x, v) + white(time.size, 4)
         gated = WITH.replace(gate=ContactGate(make_force=0.25))
         assert rejected(gated, x, v, force).size == 0
@@ -156,7 +156,7 @@ def test_after_leaving_contact_the_next_sample_follows_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    "after", [HuntCrossley(2100.0, 2100.0, 1.0), HuntCrossley(300.0, 3000.0, 1.0)]
+    "after", [HuntCrossley(K=2100.0, B=2100.0, n=1.0), HuntCrossley(K=300.0, B=3000.0, n=1.0)]
 )
 def test_another_material_is_not_swallowed(after: HuntCrossley) -> None:
     at = 3000

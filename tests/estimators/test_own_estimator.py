@@ -3,7 +3,7 @@
 import json
 import math
 import pickle
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, make_dataclass, replace
 from typing import ClassVar
 
 import conformance
@@ -19,57 +19,51 @@ from palpate.estimators import contact_estimator
 from palpate.validation import instance, number_in
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Sticky(force_laws.ForceLaw):
     """F = K₁ x + K₂ x² + B v + A for x > 0, else 0: four parameters."""
 
-    stiffness: float
-    quadratic_stiffness: float
-    damping: float
-    adhesion: float
+    K1: float
+    K2: float
+    B: float
+    A: float
     kind: ClassVar[str] = "sticky"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N/m²", "N·s/m", "N")
     symbols: ClassVar[tuple[str, ...]] = ("K₁", "K₂", "B", "A")
 
-    def force(self, penetration, velocity):
-        x, v = np.broadcast_arrays(penetration, velocity)
-        row = np.stack([x, x * x, v, np.ones_like(x, dtype=float)], axis=-1)
-        force = np.where(x > 0.0, row @ self.parameters, 0.0)
-        return float(force) if force.ndim == 0 else force
+    def _force(self, x, v):
+        return self.K1 * x + self.K2 * x * x + self.B * v + self.A
 
     def parameter_gradient(self, penetration, velocity):
         ones = np.ones_like(penetration)
         return np.column_stack([penetration, penetration**2, velocity, ones])
 
     def penetration_gradient(self, penetration, velocity):
-        return self.stiffness + 2.0 * self.quadratic_stiffness * penetration
+        return self.K1 + 2.0 * self.K2 * penetration
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Fung(force_laws.ForceLaw):
     """F = A (exp(x/d) − 1) + B x v for x > 0, else 0: soft tissue (Fung 1967)."""
 
-    amplitude: float
-    length: float
-    damping: float
+    A: float
+    d: float
+    B: float
     kind: ClassVar[str] = "fung"
     units: ClassVar[tuple[str, ...]] = ("N", "m", "N·s/m²")
     symbols: ClassVar[tuple[str, ...]] = ("A", "d", "B")
 
-    def force(self, penetration, velocity):
-        x = np.asarray(penetration, dtype=float)
-        force = self.amplitude * np.expm1(x / self.length) + self.damping * x * velocity
-        force = np.where(x <= 0.0, 0.0, force)
-        return force if force.ndim else float(force)
+    def _force(self, x, v):
+        return self.A * np.expm1(x / self.d) + self.B * x * v
 
     def parameter_gradient(self, penetration, velocity):
-        grown = np.exp(penetration / self.length)
-        by_length = -self.amplitude * penetration / self.length**2 * grown
+        grown = np.exp(penetration / self.d)
+        by_length = -self.A * penetration / self.d**2 * grown
         return np.stack([grown - 1.0, by_length, penetration * velocity], axis=-1)
 
     def penetration_gradient(self, penetration, velocity):
-        slope = self.amplitude / self.length * np.exp(penetration / self.length)
-        return slope + self.damping * velocity
+        slope = self.A / self.d * np.exp(penetration / self.d)
+        return slope + self.B * velocity
 
 
 class StickyRLS(palpate.PythonEstimator):
@@ -131,13 +125,13 @@ class StickyRLS(palpate.PythonEstimator):
     def estimate(self):
         unit = np.outer(self.SCALE, self.SCALE)
         covariance = self._squares.noise_variance * self._squares.covariance / unit
-        law = Sticky(*(self._squares.parameters / self.SCALE))
+        law = Sticky.from_parameters(self._squares.parameters / self.SCALE)
         return palpate.Estimate.from_law(
             law, covariance, status=self._status, samples=self._samples
         )
 
 
-STICKY, FUNG = Sticky(800.0, 3e4, 12.0, 0.5), Fung(0.8, 4e-3, 1500.0)
+STICKY, FUNG = Sticky(K1=800.0, K2=3e4, B=12.0, A=0.5), Fung(A=0.8, d=4e-3, B=1500.0)
 TRUTHS = {"sticky": STICKY, "fung": FUNG}
 
 
@@ -250,7 +244,7 @@ def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_expor
 def test_a_change_of_a_material_is_found_by_its_own_law(registered):
     before, after = (
         exciting(FUNG, seconds=6.0, noise=0.05),
-        exciting(Fung(1.2, 4e-3, 1500.0), seconds=6.0, noise=0.05),
+        exciting(Fung(A=1.2, d=4e-3, B=1500.0), seconds=6.0, noise=0.05),
     )
     force = np.where(before.time < 3.0, before.force, after.force)
     contact = contact_of(replace(before, force=force))
@@ -261,6 +255,11 @@ def test_a_change_of_a_material_is_found_by_its_own_law(registered):
 INCOMPLETE = {
     "no estimator": (contact_estimator.register, int, "must be a ContactEstimator"),
     "no law": (force_laws.register, int, "must be a dataclass of ForceLaw"),
+    "a law whose coefficient is called as what is felt": (
+        force_laws.register,
+        make_dataclass("Named", [("stiffness", float)], bases=(Sticky,), frozen=True, kw_only=True),
+        "Named.stiffness is felt at a depth: name a coefficient by its symbol",
+    ),
     "a name that is taken": (
         contact_estimator.register,
         type("Other", (StickyRLS,), {"method": "single-stage"}),

@@ -29,7 +29,7 @@ DETECTOR, MEMORY = palpate.ChangeDetector, palpate.ViscoelasticContact
 ONLINE, TIME = palpate.OnlinePreparation, np.arange(10.0)
 OFFLINE = partial(palpate.prepare, time=TIME, penetration=TIME, force=TIME)
 CURVES = partial(palpate.fit_curves, *[np.ones((2, 5))] * 3)
-QUADRATIC = palpate.ExtendedKelvinVoigt(1.0, -1e101, 0.0)
+QUADRATIC = palpate.ExtendedKelvinVoigt(K1=1.0, K2=-1e101, B=0.0)
 SEARCHING, NEEDLE = partial(PROJECTION, surface="estimate"), Scale(1e-6, 1.0, 1.0)
 
 # What is called, the argument that is named, its value, and the range as the message gives it.
@@ -63,14 +63,14 @@ REFUSED = [
         )
     ),
     # Starts beyond the arithmetic, or without a logarithm.
-    (LINEAR, "initial", KelvinVoigt(1e101, 0.0), "be in …1e+101"),
+    (LINEAR, "initial", KelvinVoigt(K=1e101, B=0.0), "be in …1e+101"),
     (palpate.ExtendedKelvinVoigtRLS, "initial", QUADRATIC, "be in …1e+101"),
-    (palpate.SingleStageRLS, "initial", HuntCrossley(1.0, 1e101, 1.0), "be in …1e+101"),
-    (palpate.DoubleStageRLS, "initial", HuntCrossley(1.0, 1.0, 1e101), "be in …1e+101"),
-    (palpate.SingleStageRLS, "initial", HuntCrossley(0.0, 0.0, 1.0), "be above 0"),
-    (palpate.SingleStageRLS, "initial", HuntCrossley(-1.0, 0.0, 1.0), "be above 0"),
+    (palpate.SingleStageRLS, "initial", HuntCrossley(K=1.0, B=1e101, n=1.0), "be in …1e+101"),
+    (palpate.DoubleStageRLS, "initial", HuntCrossley(K=1.0, B=1.0, n=1e101), "be in …1e+101"),
+    (palpate.SingleStageRLS, "initial", HuntCrossley(K=0.0, B=0.0, n=1.0), "be above 0"),
+    (palpate.SingleStageRLS, "initial", HuntCrossley(K=-1.0, B=0.0, n=1.0), "be above 0"),
     (LINEAR, "initial", 5.0, "a KelvinVoigt, not 5.0"),
-    (LINEAR, "initial", HuntCrossley(1.0, 1.0, 1.0), "a KelvinVoigt, not HuntCrossley"),
+    (LINEAR, "initial", HuntCrossley(K=1.0, B=1.0, n=1.0), "a KelvinVoigt, not HuntCrossley"),
     (LINEAR, "forgetting", 0.99, "a ConstantForgetting or FadingForgetting…, not 0.99"),
     (LINEAR, "perturbation", 0.05, "a SelfPerturbation…, not 0.05"),
     (LINEAR, "gate", 0.1, "a ContactGate…, not 0.1"),
@@ -176,7 +176,7 @@ def test_every_setting_of_an_estimator_is_given_by_name(kind):
     with pytest.raises(TypeError):
         kind(kind.default_initial)
     with pytest.raises(TypeError):
-        kind(stiffness=5.0)
+        kind(K=5.0)
 
 
 def test_an_invalid_parameter_is_a_value_error_and_one_of_ours():

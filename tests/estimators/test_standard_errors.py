@@ -23,7 +23,7 @@ SCALE = Scale(15e-3, 50e-3, 30.0)
 CASES = {
     "kelvin-voigt": (palpate.KelvinVoigtRLS, MATERIALS["linear"], "additive"),
     "extended-kelvin-voigt": (palpate.ExtendedKelvinVoigtRLS, MATERIALS["quadratic"], "additive"),
-    "single-stage": (palpate.SingleStageRLS, HuntCrossley(1e5, 0.0, 2.0), "relative"),
+    "single-stage": (palpate.SingleStageRLS, HuntCrossley(K=1e5, B=0.0, n=2.0), "relative"),
 }
 
 
@@ -125,7 +125,7 @@ def test_under_forgetting_the_standard_errors_err_on_the_safe_side():
 
 def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
     t = 1e-3 * np.arange(8000)
-    law = HuntCrossley(1e5, 2e5, 2.0)
+    law = HuntCrossley(K=1e5, B=2e5, n=2.0)
     x, v = 6e-3 + 4e-3 * np.sin(9.0 * t), 36e-3 * np.cos(9.0 * t)
     clean = law.force(x, v)
     deviation, pooled, bars = 0.02 * clean, [], []
@@ -180,7 +180,7 @@ def test_a_fit_of_four_parameters_to_one_press_knows_what_it_took_of_slow_noise(
     [(None, -0.2, True), (1.5, 0.2, True), (None, 0.5, False), (1.5, 0.5, False)],
 )
 def test_the_single_stage_says_where_light_contact_ruins_its_errors(exponent, least, flagged):
-    law, t = HuntCrossley(3e4, 600.0, 1.5), np.arange(0.0, 4.0, 1e-3)
+    law, t = HuntCrossley(K=3e4, B=600.0, n=1.5), np.arange(0.0, 4.0, 1e-3)
     middle, swing, rate = 0.5 * (1.0 + least), 0.5 * (1.0 - least), 2.0 * np.pi * 1.3
     x = 10e-3 * (middle - swing * np.cos(rate * t))
     v = 10e-3 * swing * rate * np.sin(rate * t)
@@ -191,7 +191,7 @@ def test_the_single_stage_says_where_light_contact_ruins_its_errors(exponent, le
         estimator.replay(x, v, force, at=[])
         estimate = estimator.estimate()
         said.append(any("light contact" in flag for flag in estimate.flags))
-        held.append(abs(estimate.law.stiffness - 3e4) < 1.96 * estimate.standard_errors[0])
+        held.append(abs(estimate.law.K - 3e4) < 1.96 * estimate.standard_errors[0])
     assert np.mean(said) == flagged
     assert (np.mean(held) < 0.8) == flagged
 

@@ -111,7 +111,7 @@ def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
     ]
     assert all(map(all, lines))
     frame = result.to_pandas()
-    assert frame["stiffness"].isna().all() if "stiffness" in frame else True
+    assert frame["K"].isna().all() if "K" in frame else True
     assert same(frame["fitted_force"], whole.to_pandas()["fitted_force"])
     parameters = result.to_xarray()["parameters"]
     assert parameters.shape[0] == len(CONTACT)

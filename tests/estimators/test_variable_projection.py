@@ -41,7 +41,7 @@ def some_law(seed: int) -> HuntCrossley:
     rng = np.random.default_rng(seed)
     exponent = rng.uniform(0.5, 3.2)
     stiffness = 10.0 ** rng.uniform(0.0, 1.5) / 10e-3**exponent
-    return HuntCrossley(stiffness, rng.uniform(0.2, 8.0) * stiffness, exponent)
+    return HuntCrossley(K=stiffness, B=rng.uniform(0.2, 8.0) * stiffness, n=exponent)
 
 
 @pytest.mark.parametrize("offset", [False, True])
@@ -80,16 +80,16 @@ def test_the_global_search_is_not_lost_when_the_first_samples_mislead() -> None:
     force = felt(PVC, motion, 1)
     force[:40] = BALL.force(motion.x, motion.v)[:40]
     estimator = fed(VariableProjection(), motion[:40], force[:40])
-    assert estimator.estimate().law.exponent < 1.5
+    assert estimator.estimate().law.n < 1.5
     fed(estimator, motion[40:], force[40:])
     # 40 wrong samples of 3000 stay in the sums: a bias, of this size in the offline fit too.
-    assert estimator.estimate().law.exponent == pytest.approx(
-        offline(motion, force, PVC, offset=True).exponent, rel=1e-3
+    assert estimator.estimate().law.n == pytest.approx(
+        offline(motion, force, PVC, offset=True).n, rel=1e-3
     )
 
 
 def test_the_global_search_is_not_lost_when_the_last_samples_outweigh_the_others() -> None:
-    law, time = HuntCrossley(2e4, 1e5, 2.0), np.arange(560) * 0.5e-3
+    law, time = HuntCrossley(K=2e4, B=1e5, n=2.0), np.arange(560) * 0.5e-3
     x = 0.5e-3 + 0.2e-3 * np.sin(40.0 * time)
     x[-5:] = np.linspace(0.5e-3, 5e-3, 5)  # the last solution before these is of the others
     v = np.gradient(x, time)
@@ -98,7 +98,7 @@ def test_the_global_search_is_not_lost_when_the_last_samples_outweigh_the_others
     for exponents in ((0.3, 3.6), (1.5, 3.0)):
         estimator = VariableProjection(exponent_range=exponents, gate=ContactGate(1e-4, 1e-4, 1e-4))
         estimator.replay(x, v, force, np.full(x.size, 0.5e-3))
-        answers.append(estimator.estimate().law.exponent)
+        answers.append(estimator.estimate().law.n)
     assert answers == pytest.approx([2.0, 2.0], abs=0.02)
 
 
@@ -234,7 +234,7 @@ def test_errors_are_at_the_cramer_rao_bound_and_95_percent_intervals_hold_the_tr
 @pytest.mark.parametrize("exponent", [0.6, 1.0, 2.0, 3.2])
 def test_the_answer_is_the_same_in_any_unit_of_depth(unit: float, exponent: float) -> None:
     stiffness, motion = 20.0 / 10e-3**exponent, three_sines(4.0)
-    force = felt(HuntCrossley(stiffness, stiffness, exponent), motion, 5)
+    force = felt(HuntCrossley(K=stiffness, B=stiffness, n=exponent), motion, 5)
     usual, other = (
         fed(VariableProjection(scale=Scale(depth, 0.02, 1.0)), motion, force).estimate()
         for depth in (10e-3, unit)
@@ -247,7 +247,7 @@ def test_the_answer_is_the_same_in_any_unit_of_depth(unit: float, exponent: floa
 
 
 def test_a_light_touch_is_identified_in_the_default_units() -> None:
-    law = HuntCrossley(5e3, 5e3, 1.3)
+    law = HuntCrossley(K=5e3, B=5e3, n=1.3)
     motion = sines(4.0, design.Motion(1e-3, (0.1e-3, 0.18e-3, 0.18e-3), (4.0, 11.0, 15.0)))
     force = law.force(motion.x, motion.v) + white(len(motion), 6, 1e-4)
     estimate = fed(VariableProjection(), motion, force).estimate()

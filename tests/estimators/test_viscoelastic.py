@@ -33,7 +33,9 @@ def law_of(damping, relaxation=None, n=1.5):
     """Half of the relaxed stiffness relaxes."""
     p = n - 1.0 if damping == "half-space" else n
     relaxing = 0.5 * STIFFNESS if relaxation else 0.0
-    return GeneralisedHuntCrossley(STIFFNESS, n, 40.0 / 10e-3**p, p, relaxing, relaxation)
+    return GeneralisedHuntCrossley(
+        K=STIFFNESS, n=n, B=40.0 / 10e-3**p, p=p, M=relaxing, relaxation=relaxation
+    )
 
 
 FORGETFUL = {
@@ -194,7 +196,7 @@ def test_memory_goes_on_through_lost_contact_and_refused_samples():
     estimator.finish_pending()
     assert (trace.status[1000:1500:50] == Status.NOT_FINITE).all()
     assert str(estimator.verdict().candidate) == "Hunt–Crossley with relaxation"
-    assert estimator.estimate().law.exponent == pytest.approx(1.5, abs=0.02)
+    assert estimator.estimate().law.n == pytest.approx(1.5, abs=0.02)
 
 
 @pytest.mark.parametrize("missing", [5, 3000])
@@ -238,7 +240,7 @@ def test_laws_that_an_approach_alone_cannot_tell_apart_are_named_and_the_damping
 
 
 def test_an_exponent_at_the_end_of_its_range_is_flagged():
-    law = GeneralisedHuntCrossley(10.0 / 10e-3**3.6, 3.6, 0.0, 3.6)
+    law = GeneralisedHuntCrossley(K=10.0 / 10e-3**3.6, n=3.6, B=0.0, p=3.6)
     samples = [channel[:395] for channel in pressed(law, noise=0.01)]  # one way
     estimate = learned(samples).estimate()
     assert any("exponent at the edge of its range" in flag for flag in estimate.flags)
@@ -357,7 +359,7 @@ def test_a_late_force_is_found_beside_the_relaxation(delay):
 def test_a_known_exponent_is_kept_with_memory():
     free, kept = (learned(pressed(MEMORY), exponent=n).estimate() for n in (None, 1.5))
     assert kept.law.remembers
-    assert (kept.law.exponent, kept.standard_errors[1]) == (1.5, 0.0)
+    assert (kept.law.n, kept.standard_errors[1]) == (1.5, 0.0)
     assert kept.standard_errors[0] < free.standard_errors[0]
 
 

@@ -24,15 +24,21 @@ from palpate.results import view
 from palpate.results.parameters import parameter_rows
 
 # Of faults.LAW's stiffness; where the damper grows otherwise it is as large at 8 mm.
-N = faults.LAW.exponent
-WEAKER = faults.LAW.damping * 8e-3
+N = faults.LAW.n
+WEAKER = faults.LAW.B * 8e-3
 BOX = FlatSpectrum(faults.STEP, 4096.0 * faults.STEP)
 LAWS = {
-    "Kelvin–Voigt": GeneralisedHuntCrossley(1300.0, 1.0, 17.0, 0.0),
-    "half-space": GeneralisedHuntCrossley(9000.0, N, WEAKER, N - 1.0),
-    "Hunt–Crossley with relaxation": GeneralisedHuntCrossley(9000.0, N, 15000.0, N, 4500.0, BOX),
-    "half-space with relaxation": GeneralisedHuntCrossley(9000.0, N, WEAKER, N - 1.0, 4500.0, BOX),
-    "one time": GeneralisedHuntCrossley(9000.0, N, 15000.0, N, 9000.0, SingleRelaxation(0.1)),
+    "Kelvin–Voigt": GeneralisedHuntCrossley(K=1300.0, n=1.0, B=17.0, p=0.0),
+    "half-space": GeneralisedHuntCrossley(K=9000.0, n=N, B=WEAKER, p=N - 1.0),
+    "Hunt–Crossley with relaxation": GeneralisedHuntCrossley(
+        K=9000.0, n=N, B=15000.0, p=N, M=4500.0, relaxation=BOX
+    ),
+    "half-space with relaxation": GeneralisedHuntCrossley(
+        K=9000.0, n=N, B=WEAKER, p=N - 1.0, M=4500.0, relaxation=BOX
+    ),
+    "one time": GeneralisedHuntCrossley(
+        K=9000.0, n=N, B=15000.0, p=N, M=9000.0, relaxation=SingleRelaxation(0.1)
+    ),
 }
 
 
@@ -78,7 +84,7 @@ def test_where_it_is_hunt_crossley_or_two_materials_the_answer_is_that_of_variab
 
 
 def laws_of(best, *others):
-    law = GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0)
+    law = GeneralisedHuntCrossley(K=1.0, n=1.0, B=1.0, p=1.0)
     model_ranking = tuple(
         RankedModel(each, 12.0 * k, 1.0) for k, each in enumerate((best, *others))
     )

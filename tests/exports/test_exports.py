@@ -130,38 +130,40 @@ def test_a_gap_in_the_recording_makes_no_acceleration():
 @pytest.mark.parametrize("law", [BALL_LAW, SPONGE_LAW, HERTZ_LAW, PVC_LAW], ids=repr)
 def test_a_drop_by_the_exact_relation_is_the_one_by_integration(law):
     drop = drop_to(law, 1.0, 12e-3)
-    assert drop.restitution == palpate.restitution(law.damping / law.stiffness, drop.speed)
+    assert drop.restitution == palpate.restitution(law.B / law.K, drop.speed)
     # RK4 at a thousandth of half a period: seen 6e-7.
     assert restitution_by(law, drop) == pytest.approx(drop.restitution, rel=2e-6)
     # Without damping the body has the energy of the spring.
-    drop = drop_to(replace(law, damping=0.0), 0.5, 10e-3)
-    energy = law.stiffness * 10e-3 ** (law.exponent + 1.0) / (law.exponent + 1.0)
+    drop = drop_to(replace(law, B=0.0), 0.5, 10e-3)
+    energy = law.K * 10e-3 ** (law.n + 1.0) / (law.n + 1.0)
     assert 0.5 * 0.5 * drop.speed**2 == pytest.approx(energy, rel=1e-6)
     assert drop.restitution == 1.0
 
 
 def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_where_it_is_one():
-    motion, linear = ProbeMotion.of_paper(), KelvinVoigt(2000.0, 15.0)
+    motion, linear = ProbeMotion.of_paper(), KelvinVoigt(K=2000.0, B=15.0)
     assert kelvin_voigt(GeneralisedHuntCrossley.of(linear), motion).simplest() == linear
     found = kelvin_voigt(PVC.law, motion)
     least = apart_percent(motion, found, PVC.law)
     # Measured on this motion; what MuJoCo's linear contact was seen to leave.
     assert 17.0 < least < 18.0
-    for change in ({"stiffness": 1.01 * found.stiffness}, {"damping": 1.1 * found.damping}):
+    for change in ({"K": 1.01 * found.K}, {"B": 1.1 * found.B}):
         assert apart_percent(motion, replace(found, **change), PVC.law) > least
 
 
 def test_the_nearest_law_never_makes_energy():
     memory = palpate.SingleRelaxation(0.1)
-    remembering = GeneralisedHuntCrossley(8000.0, 1.5, -200.0, 1.5, 8000.0, memory)
-    assert nearest_without_memory(remembering, ProbeMotion.of_paper()).law.damping >= 0.0
+    remembering = GeneralisedHuntCrossley(
+        K=8000.0, n=1.5, B=-200.0, p=1.5, M=8000.0, relaxation=memory
+    )
+    assert nearest_without_memory(remembering, ProbeMotion.of_paper()).law.B >= 0.0
 
 
 SPECTRUM = GeneralisedHuntCrossley(
-    8000.0,
-    1.5,
-    2000.0,
-    1.5,
+    K=8000.0,
+    n=1.5,
+    B=2000.0,
+    p=1.5,
     relaxation=palpate.RelaxationSpectrum((2e-3, 0.1, 2.0), (3e3, 2e3, 3e3)),
 )
 
@@ -169,7 +171,7 @@ SPECTRUM = GeneralisedHuntCrossley(
 def relaxing_result(motion, *branches):
     """Identification of a law with these relaxation times and stiffnesses along a motion."""
     spectrum = palpate.RelaxationSpectrum(*branches)
-    law = GeneralisedHuntCrossley(8000.0, 1.4, 0.0, 1.4, relaxation=spectrum)
+    law = GeneralisedHuntCrossley(K=8000.0, n=1.4, B=0.0, p=1.4, relaxation=spectrum)
     force = law.force_along(motion.penetration, motion.velocity, np.full(len(motion.time), 1e-3))
     force += np.random.default_rng(4).normal(0.0, 0.02, force.size)
     contact = palpate.Contact(
@@ -255,13 +257,13 @@ def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error(l
 
 
 def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(toy):
-    made = exports.export(ExtendedKelvinVoigt(500.0, 2e4, 3.0), "toy")
-    assert 1.0 < made.statement.nearest.law.exponent < 2.0
+    made = exports.export(ExtendedKelvinVoigt(K1=500.0, K2=2e4, B=3.0), "toy")
+    assert 1.0 < made.statement.nearest.law.n < 2.0
     assert 0.1 < made.statement.compared.percent < 1.0
-    softening = exports.export(ExtendedKelvinVoigt(2000.0, -1e4, 3.0), "toy")
-    assert softening.statement.nearest.law.exponent < 1.0
-    alone = exports.export(ExtendedKelvinVoigt(0.0, 2e4, 3.0), "toy").statement.nearest
-    assert (alone.law.exponent, alone.error_percent) == (2.0, 0.0)
+    softening = exports.export(ExtendedKelvinVoigt(K1=2000.0, K2=-1e4, B=3.0), "toy")
+    assert softening.statement.nearest.law.n < 1.0
+    alone = exports.export(ExtendedKelvinVoigt(K1=0.0, K2=2e4, B=3.0), "toy").statement.nearest
+    assert (alone.law.n, alone.error_percent) == (2.0, 0.0)
 
 
 def test_a_claim_says_how_far_off_the_engine_was_and_how_that_is_known(toy, ball):
@@ -330,11 +332,11 @@ def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(t
 
 def test_a_damping_that_gives_energy_is_refused_and_exported_as_none(toy):
     with pytest.raises(ExportRefusedError, match="generates energy"):
-        exports.export(HuntCrossley(2000.0, -5.0, 1.0), "toy")
-    made = exports.export(HuntCrossley(2000.0, -5.0, 1.0), "toy", allow=True)
-    assert made.statement.nearest.law.damping == 0.0
+        exports.export(HuntCrossley(K=2000.0, B=-5.0, n=1.0), "toy")
+    made = exports.export(HuntCrossley(K=2000.0, B=-5.0, n=1.0), "toy", allow=True)
+    assert made.statement.nearest.law.B == 0.0
     with pytest.raises(ExportRefusedError, match="not above 0; run palpate diagnose"):
-        exports.export(HuntCrossley(-2000.0, 5.0, 1.0), "toy", allow=True)
+        exports.export(HuntCrossley(K=-2000.0, B=5.0, n=1.0), "toy", allow=True)
 
 
 def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
@@ -343,12 +345,12 @@ def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
     with pytest.raises(ExportRefusedError, match=r"below 1\.5 ms"):
         exports.export(BALL.law, "toy", time_step=2e-3)
     # It is that of a semi-implicit penalty.
-    law = GeneralisedHuntCrossley(2000.0, 1.0, 20.0, 0.0)
+    law = GeneralisedHuntCrossley(K=2000.0, n=1.0, B=20.0, p=0.0)
     limit = stable_step(law, 1.0, 1e-2)
     for step, stable in ((0.999 * limit, True), (1.001 * limit, False)):
         x, v = 1e-3, 0.0
         for _ in range(20_000):
-            v -= step * (law.stiffness * x + law.damping * v)
+            v -= step * (law.K * x + law.B * v)
             x += step * v
         assert (abs(x) < 1.0) is stable
 
@@ -363,11 +365,11 @@ def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(ball, t
     assert {path.name for path in paths} == {*made.files, "statement.json", "statement.md"}
     whole = json.loads((tmp_path / "statement.json").read_text())
     assert whole["files"] == list(made.files)
-    assert whole["law"]["stiffness"] == ball.law.stiffness
+    assert whole["law"]["K"] == ball.law.K
 
 
 def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_where_explicitly():
-    stiff, sap = KelvinVoigt(2e4, 20.0), {"form": "sap", "replay": False}
+    stiff, sap = KelvinVoigt(K=2e4, B=20.0), {"form": "sap", "replay": False}
     rebounds = [
         exports.export(stiff, "drake", time_step=step, **sap).statement.compared.drop_restitution
         for step in (1e-5, 1e-3, 3e-3)
@@ -512,10 +514,10 @@ NAMESPACE = "{http://drake.mit.edu}"
         # Its damper is not Hunt and Crossley's, and small.
         (HALF_SPACE_LAW, "nested-spheres", 1.0),
         # An identified exponent is never exactly 1.
-        (GeneralisedHuntCrossley(2000.0, 1.003, 2000.0, 1.003), "point", 0.1),
-        (GeneralisedHuntCrossley(2000.0, 0.98, 2000.0, 0.98), "point", 0.5),
+        (GeneralisedHuntCrossley(K=2000.0, n=1.003, B=2000.0, p=1.003), "point", 0.1),
+        (GeneralisedHuntCrossley(K=2000.0, n=0.98, B=2000.0, p=0.98), "point", 0.5),
         # A damper that hardly grows is nearer to SAP's.
-        (GeneralisedHuntCrossley(2000.0, 1.01, 30.0, 0.01), "sap", 0.5),
+        (GeneralisedHuntCrossley(K=2000.0, n=1.01, B=30.0, p=0.01), "sap", 0.5),
     ],
 )
 def test_the_form_is_that_of_the_law(law, form, most_percent) -> None:
@@ -527,7 +529,7 @@ def test_the_form_is_that_of_the_law(law, form, most_percent) -> None:
 
 @pytest.mark.parametrize("exponent", [1.1, 1.3, 1.5, 2.0, 2.5])
 def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent) -> None:
-    spheres = fitted("drake", GeneralisedHuntCrossley(3e4, exponent, 6e4, exponent)).contact
+    spheres = fitted("drake", GeneralisedHuntCrossley(K=3e4, n=exponent, B=6e4, p=exponent)).contact
     assert spheres.gaps[0] == 0.0
     assert (np.diff(spheres.gaps) > 0.0).all()
     assert (spheres.stiffness > 0.0).all()
@@ -537,7 +539,7 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
 
 
 def test_a_damper_of_another_power_is_carried_by_each_sphere_with_its_own_dissipation() -> None:
-    fragment = fitted("drake", GeneralisedHuntCrossley(1e5, 2.0, 3000.0, 1.0))
+    fragment = fitted("drake", GeneralisedHuntCrossley(K=1e5, n=2.0, B=3000.0, p=1.0))
     assert predicted_percent(fragment) < 0.5
     assert np.ptp(fragment.contact.dissipation) > 0.0
 
@@ -546,7 +548,7 @@ def test_a_damper_of_another_power_is_carried_by_each_sphere_with_its_own_dissip
     "law, further, words",
     [
         (KELVIN_VOIGT_LAW, {"form": "sap", "time_step": 0.0}, "time_step must be above 0"),
-        (GeneralisedHuntCrossley(-5.0, 1.0, 1.0, 1.0), {}, "stiffness"),
+        (GeneralisedHuntCrossley(K=-5.0, n=1.0, B=1.0, p=1.0), {}, "stiffness"),
     ],
 )
 def test_what_cannot_be_a_contact_is_refused_in_words(law, further, words) -> None:
@@ -656,7 +658,7 @@ def test_it_asks_for_the_radius_and_says_that_it_holds_for_that_one_only() -> No
     with pytest.raises(InvalidParameterError, match="--tip-radius"):
         fitted("opensim", HERTZ_LAW)
     with pytest.raises(InvalidParameterError, match="stiffness"):
-        fitted("opensim", GeneralisedHuntCrossley(-1.0, 1.5, 0.0, 1.5), tip_radius=RADIUS)
+        fitted("opensim", GeneralisedHuntCrossley(K=-1.0, n=1.5, B=0.0, p=1.5), tip_radius=RADIUS)
     small, large = (fitted("opensim", HERTZ_LAW, tip_radius=each) for each in (0.01, 0.04))
     assert small.numbers["stiffness"] == pytest.approx(2.0 * large.numbers["stiffness"])
     assert any("10 mm only" in words for words in map(str, small.findings))

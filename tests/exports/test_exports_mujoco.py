@@ -264,16 +264,16 @@ def test_a_replay_leaves_no_callback_behind_when_it_fails(monkeypatch):
 
 
 def test_an_exponent_below_one_is_the_callbacks():
-    law = GeneralisedHuntCrossley(30.0, 0.8, 20.0, 0.8)
+    law = GeneralisedHuntCrossley(K=30.0, n=0.8, B=20.0, p=0.8)
     assert fitted(law).form == "callback"
     with pytest.raises(
         InvalidParameterError, match=r"an exponent of at least 1, not 0.*--form callback"
     ):
         fitted(law, form="pair")
     with pytest.raises(InvalidParameterError, match="cannot have negative damping"):
-        fitted(GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 1.0), form="pair")
+        fitted(GeneralisedHuntCrossley(K=2000.0, n=1.0, B=-20.0, p=1.0), form="pair")
     # Its nearest K x + B v has no damper: a negative one would make solref positive.
-    law = GeneralisedHuntCrossley(2000.0, 1.0, -20.0, 0.0)
+    law = GeneralisedHuntCrossley(K=2000.0, n=1.0, B=-20.0, p=0.0)
     assert fitted(law, form="kelvin-voigt").rows.rows[0].damper == 0.0
 
 
@@ -307,7 +307,7 @@ def test_an_older_version_gets_contacts_that_push_and_a_pair_for_a_newer_one_is_
 @pulling
 def test_a_mass_that_the_contact_adds_is_told_where_it_counts():
     # A tonne on a material of 3 N: two rows of d = 1e-4 add 0.2 kg.
-    soft = GeneralisedHuntCrossley(300.0, 1.0, 4.0, 0.0)
+    soft = GeneralisedHuntCrossley(K=300.0, n=1.0, B=4.0, p=0.0)
     words = "the mass that the contacts add changes the force by"
     heavy = fitted(soft, mass=1000.0, form="pair")
     assert sum(each.startswith(words) for each in map(str, heavy.findings)) == 1
@@ -457,7 +457,7 @@ def test_a_models_own_time_step_and_mass_are_those_that_count(model):
 
 
 def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
-    fragment = fitted(GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5), motion=SHORT)
+    fragment = fitted(GeneralisedHuntCrossley(K=2e4, n=1.5, B=0.0, p=1.5), motion=SHORT)
     assert len(fragment.rows.rows) == 1
     assert fragment.rows.rows[0].damper == fragment.rows.rows[0].adhesion == 0.0
     assert error(fragment, SHORT) < 0.6
@@ -466,14 +466,14 @@ def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
 
 @pulling
 def test_an_exponent_just_below_one_is_written_as_one():
-    law = GeneralisedHuntCrossley(300.0, 0.9987, 3000.0, 0.9987)
+    law = GeneralisedHuntCrossley(K=300.0, n=0.9987, B=3000.0, p=0.9987)
     pair = fitted(law)
     assert pair.form == "pair"
     assert any("0.9987 is exported as 1" in words for words in map(str, pair.findings))
     assert force_error(pair.predict_force(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
 
 
-LAW = palpate.HuntCrossley(2000.0, 2000.0, 1.3)
+LAW = palpate.HuntCrossley(K=2000.0, B=2000.0, n=1.3)
 
 
 @pytest.fixture(scope="module")

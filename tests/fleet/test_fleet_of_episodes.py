@@ -39,10 +39,8 @@ def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(
             assert row["error_kind"] == "NoContactError"
             continue
         stiffness = each.law.at_rest(row["depth"])[1]
-        bar = np.hypot(
-            row["stiffness_at_depth_standard_error"], row["stiffness_at_depth_systematic"]
-        )
-        assert abs(row["stiffness_at_depth"] - stiffness) < 3.0 * bar
+        bar = np.hypot(row["stiffness_standard_error"], row["stiffness_systematic"])
+        assert abs(row["stiffness"] - stiffness) < 3.0 * bar
         assert abs(row["rate"] - 30.0) < 1e-3
         assert abs(row["largest_force"] - each.force[:, 2].max()) < 0.3
 
@@ -141,7 +139,7 @@ def test_the_card_gives_a_median_and_a_share_for_each_of_two_groups():
         np.full(count, 10.0),
         source=["set"] * count,
         index=list(range(count)),
-        damping_at_depth=[10.0] * count,
+        damping=[10.0] * count,
         rate=rate.tolist(),
         force_delay=late.tolist(),
         force_delay_standard_error=[1e-3] * count,
@@ -175,8 +173,8 @@ def judged():
         findings=[[_finding("do-not-trust", "| bad")]] * 4
         + [[_finding("with-care", "poor")]] * 6
         + [[]] * 30,
-        damping_at_depth=[20.0] * count,
-        damping_at_depth_standard_error=[1.0] * count,
+        damping=[20.0] * count,
+        damping_standard_error=[1.0] * count,
         rate=[10.0] * count,
         frequency=[4.0 * np.pi] * count,
         largest_force=(1.0 + number).tolist(),

@@ -50,7 +50,7 @@ def texts(row):
 
 
 RELAXING = GeneralisedHuntCrossley(
-    4000.0, 1.3, 0.0, 1.3, relaxation=RelaxationSpectrum((0.05, 0.2), (3000.0, 2000.0))
+    K=4000.0, n=1.3, B=0.0, p=1.3, relaxation=RelaxationSpectrum((0.05, 0.2), (3000.0, 2000.0))
 )
 
 
@@ -73,18 +73,18 @@ def test_a_row_says_what_identify_says(touch):
     assert (row["method"], row["frequency"]) == (result.method, result.frequency)
     if result.law.remembers:
         assert row["law_name"].endswith("with relaxation")
-        assert row["relaxed_stiffness_at_depth"] == result.relaxed_stiffness().value
+        assert row["relaxed_stiffness"] == result.relaxed_stiffness().value
     else:
         assert row["law_name"] == "hunt-crossley"
-        assert row["damping_exponent"] == row["exponent"]
-        assert np.isnan(row["relaxed_stiffness_at_depth"])
+        assert row["p"] == row["n"]
+        assert np.isnan(row["relaxed_stiffness"])
     there = result.diagnosis.working_depth
     assert row["depth"] == there.depth
     for name in ("force", "stiffness", "damping"):
         quantity = getattr(there, name)
-        assert row[f"{name}_at_depth"] == quantity.value
-        assert row[f"{name}_at_depth_standard_error"] == quantity.standard_error
-        assert row[f"{name}_at_depth_systematic"] == quantity.systematic
+        assert row[name] == quantity.value
+        assert row[f"{name}_standard_error"] == quantity.standard_error
+        assert row[f"{name}_systematic"] == quantity.systematic
     assert row["verdict"] == result.diagnosis.verdict.overall
     assert row["checked"] == "full"
     assert row["largest_depth"] == result.largest_depth
@@ -96,15 +96,15 @@ def test_a_row_says_what_identify_says(touch):
 def test_columns_have_units_and_what_is_not_known_is_nan_or_null():
     table = identify_many([contact()])
     schema = table.schema
-    assert schema.field("stiffness").metadata[b"unit"] == "N/mⁿ".encode()
+    assert schema.field("K").metadata[b"unit"] == "N/mⁿ".encode()
     assert schema.field("surface").metadata[b"unit"] == b"m"
-    assert b"unit" not in schema.field("exponent").metadata
+    assert b"unit" not in schema.field("n").metadata
     assert all(field.metadata[b"description"] for field in schema)
     assert json.loads(schema.metadata[b"settings"])["method"] == "auto"
     assert table.to_pylist()[0]["findings"] is not None
     method = VariableProjection(offset=False)
     [row] = identify_many([contact()], diagnosis="none", method=method).to_pylist()
-    unknown = ["x", "y", "z", "surface", "surface_standard_error", "stiffness_at_depth_systematic"]
+    unknown = ["x", "y", "z", "surface", "surface_standard_error", "stiffness_systematic"]
     assert all(np.isnan(row[name]) for name in [*unknown, "offset"])
     assert [row[name] for name in ("verdict", "findings", "part", "error")] == [None] * 4
 
@@ -119,7 +119,7 @@ def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
     assert rows[1]["error_kind"] == "RecordingError"
     assert "no contact found" in rows[2]["error"]
     assert rows[3]["error_kind"] == "InvalidParameterError"
-    assert all(np.isnan(row["stiffness"]) for row in rows[1:])
+    assert all(np.isnan(row["K"]) for row in rows[1:])
 
 
 def test_arrays_are_fitted_together_as_the_recursion_fits_each():
@@ -157,9 +157,9 @@ def one(x, v, f):
 
 def assert_at_depth(row):
     """The stiffness there is that of the law, within five errors of at most 2 %."""
-    error = row["stiffness_at_depth_standard_error"]
+    error = row["stiffness_standard_error"]
     expected = LAW.stiffness_at(row["depth"])
-    assert abs(row["stiffness_at_depth"] - expected) < 5.0 * error
+    assert abs(row["stiffness"] - expected) < 5.0 * error
     assert error < 0.02 * expected
 
 
@@ -175,11 +175,11 @@ def test_a_row_that_says_nothing_says_so_and_spoils_no_other(surface):
     f[4, 100:110] = np.nan
     rows = fitted(x, v, f, surface)
     [alone] = fitted(x[:1], v[:1], f[:1], surface)
-    assert rows[0]["stiffness"] == alone["stiffness"]
+    assert rows[0]["K"] == alone["K"]
     for row in rows[2:4]:
         assert row["error"] is not None
         assert row["covariance"] is None
-        assert np.isnan(row["stiffness_at_depth"])
+        assert np.isnan(row["stiffness"])
     assert surface or "no contact found" in rows[3]["error"]
     assert rows[4]["error"] is None
     assert rows[4]["samples"] == x.shape[1] - 10
@@ -194,7 +194,7 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
     rows = fitted(x, None, f, surface, time=time)
     assert [row["error"] is None for row in rows] == [True, False, True]
     assert "increase within a segment; sample 100 is 0.099 s after 0.099 s" in rows[1]["error"]
-    assert np.isnan(rows[1]["stiffness"])
+    assert np.isnan(rows[1]["K"])
 
 
 @searching_or_not
@@ -213,8 +213,8 @@ def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surfac
     assert_at_depth(row)
     [all_of_it] = fitted(x, v, f, method=searching(surface, outlier_rejection=False))
     assert not any("excluded" in flag for flag in texts(all_of_it))
-    error = row["stiffness_at_depth_standard_error"]
-    assert all_of_it["stiffness_at_depth_standard_error"] > 5.0 * error
+    error = row["stiffness_standard_error"]
+    assert all_of_it["stiffness_standard_error"] > 5.0 * error
 
 
 @searching_or_not
@@ -252,7 +252,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
     speed = 1e-3 * rate * np.cos(rate * time) + 2.65e-3 * rate * np.cos(5.3 * rate * time)
     x, v = np.tile(4e-3 + wave, (12, 1)), np.tile(speed, (12, 1))
     force = LAW.force(x, v) + np.random.default_rng(11).normal(0.0, 0.01, x.shape)
-    force[1] = palpate.HuntCrossley(4000.0, -3000.0, 1.3).force(x[1], v[1])
+    force[1] = palpate.HuntCrossley(K=4000.0, B=-3000.0, n=1.3).force(x[1], v[1])
     force[2, 200] *= 3.0
     force[3, 25:] = np.nan
     x[4, 100:] = -1e-3
@@ -306,7 +306,7 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
     touches = [palpate.prepare(path) for path in paths]
     samples = {name: [getattr(touch, name).tolist() for touch in touches] for name in channels}
     held = identify_batch(pa.table({"source": paths, **samples}), Settings())
-    for name in ("source", "stiffness", "damping", "exponent", "flags", "error"):
+    for name in ("source", "K", "B", "n", "flags", "error"):
         assert named.column(name).to_pylist() == held.column(name).to_pylist()
 
 
@@ -364,7 +364,7 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
     assert "no curve 9; choose one" in rows[3]["error"]
     for row in rows[:3]:
         assert row["fit"] == "approach"
-        assert row["exponent"] == 1.5
+        assert row["n"] == 1.5
         assert 0.0 < row["surface_standard_error"] < row["largest_depth"]
         assert abs(row["x"]) < 2e-3  # the stage's travel
         assert row["verdict"] == row["verdict_modulus"] is not None
@@ -400,7 +400,7 @@ def test_repeats_are_of_one_folder_where_no_place_is_known():
 def rig(ratio, *, stiffness=(1000.0, 1400.0, 2500.0, 6000.0), frequency=12.0):
     damping = np.multiply(ratio, stiffness)
     table = {
-        "stiffness_at_depth": list(stiffness),
+        "stiffness": list(stiffness),
         "frequency": list(np.broadcast_to(frequency, len(stiffness))),
     }
     return rows(damping, 0.01 * np.abs(damping), quantity="damping", **table)
@@ -464,7 +464,7 @@ def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_la
     assert (found.units, found.unit, np.isnan(found.value).sum()) == (("m", "m"), "N/m", 1)
     assert "median 1200 ± 20 N/m" in found.summary
     assert "; 1 place has no value" in found.summary
-    law = {"stiffness": 4000.0, "damping": 50.0, "exponent": 1.3}
+    law = {"K": 4000.0, "B": 50.0, "n": 1.3}
     row = {"depth": 2e-3, "covariance": [100.0**2, *[0.0] * 8], **law}
 
     def at_5_mm(*depths):
@@ -487,8 +487,8 @@ def test_a_map_at_one_depth_has_the_dynamic_stiffness_at_the_frequency_of_each_r
     table = identify_many([touch])
     [row] = table.to_pylist()
     found = map_of(table, ["index"], depth=row["depth"])
-    assert found.value[0] == pytest.approx(row["stiffness_at_depth"])
-    assert found.value[0] > 1.2 * row["relaxed_stiffness_at_depth"]
+    assert found.value[0] == pytest.approx(row["stiffness"])
+    assert found.value[0] > 1.2 * row["relaxed_stiffness"]
     deeper = map_of(table, ["index"], of="damping", depth=0.99 * row["largest_depth"])
     expected = identify(touch).at(0.99 * row["largest_depth"]).damping.value
     assert deeper.value[0] == pytest.approx(expected)
@@ -662,5 +662,5 @@ def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
         ("with-care", "spikes: two"),
         ("not-checked", ""),
     ]
-    uncertain = rows([300.0], [3.0], stiffness_at_depth_systematic=[4.0])
+    uncertain = rows([300.0], [3.0], stiffness_systematic=[4.0])
     assert format_values(uncertain, "stiffness") == ["300 ± 5 N/m"]

@@ -162,7 +162,14 @@ def test_a_folder_of_something_else_is_refused_in_a_line(recordings, tmp_path):
     (tmp_path / "mine" / "thesis.tex").write_text("dear")
     with pytest.raises(FleetError, match=r"holds thesis\.tex, which palpate fleet did not write"):
         begun(recordings, tmp_path / "mine")
-    (tmp_path / "other" / "_fleet.json").write_text("{")
+    manifest = tmp_path / "other" / "_fleet.json"
+    older = {
+        name: value for name, value in json.loads(manifest.read_text()).items() if name != "schema"
+    }
+    manifest.write_text(json.dumps(older))
+    with pytest.raises(FleetError, match=r"have schema 1, but palpate .* reads schema 2; run"):
+        read_results(tmp_path / "other")
+    manifest.write_text("{")
     with pytest.raises(FleetError, match="cannot be read"):
         begun(recordings, tmp_path / "other")
     write_recordings(tmp_path / "all", 2)
@@ -245,7 +252,7 @@ def test_an_array_whose_numbers_are_written_anew_is_another_and_packed_ones_are_
     group["force"].attrs.update(scale_factor=1e-4, add_offset=1.0, _FillValue=-99999)
     rows = identify_batch(tasks_table([path] * 2, ["zarr"] * 2, [0, 1]), Settings()).to_pylist()
     for row in rows:
-        assert abs(row["stiffness"] - LAW.stiffness) < 5.0 * row["stiffness_standard_error"]
+        assert abs(row["K"] - LAW.K) < 5.0 * row["K_standard_error"]
         assert abs(row["offset"]) < 5.0 * row["offset_standard_error"]
     assert rows[1]["samples"] == f.shape[1] - len(range(0, f.shape[1], 7))
 
@@ -260,7 +267,7 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
     finished(begun(tmp_path / "si.zarr", tmp_path / "one"))
     finished(begun(tmp_path / "mm.zarr", tmp_path / "other"))
     one, other = (read_results(tmp_path / name) for name in ("one", "other"))
-    for name in ("stiffness", "damping", "exponent"):
+    for name in ("K", "B", "n"):
         np.testing.assert_allclose(one[name], other[name], rtol=1e-6)  # 1e-3 is no binary number
 
 

@@ -33,7 +33,7 @@ RELAXATIONS = {
 
 
 def law_with(relaxation):
-    return GeneralisedHuntCrossley(1e4, 1.5, 300.0, 0.5, 5e3, relaxation)
+    return GeneralisedHuntCrossley(K=1e4, n=1.5, B=300.0, p=0.5, M=5e3, relaxation=relaxation)
 
 
 LAWS = {
@@ -64,7 +64,7 @@ VALUES = [
     (HC, "withdrawing", 0.01, -0.05, 9.0),
     (HC, "at the surface, penetrating", 0.0, 0.05, 0.0),
     (HC, "withdrawing at 1/b", 0.01, -0.5, 0.0),
-    (HuntCrossley(2000.0, 0.0, 1.5), "of a Hertzian sphere", 0.04, 0.1, 16.0),
+    (HuntCrossley(K=2000.0, B=0.0, n=1.5), "of a Hertzian sphere", 0.04, 0.1, 16.0),
 ]
 
 
@@ -173,7 +173,7 @@ def test_what_is_not_a_number_is_refused_by_name(law, x, v):
 
 def test_a_law_is_a_frozen_value(law):
     with pytest.raises(dataclasses.FrozenInstanceError):
-        law.stiffness = 1.0
+        law.B = 1.0
     with pytest.raises((AttributeError, TypeError)):
         law.colour = "red"
     for again in (
@@ -188,7 +188,7 @@ def test_a_law_is_a_frozen_value(law):
         assert again == law
         assert type(again) is type(law)
         assert hash(again) == hash(law)
-    assert dataclasses.replace(law, stiffness=law.stiffness + 1.0) != law
+    assert dataclasses.replace(law, B=law.B + 1.0) != law
     assert all(law != another for another in LAWS.values() if another is not law)
     assert list(law.as_dict().values()) == law.parameters.tolist()
     assert len(law.symbols) == len(law.units) == law.parameters.size
@@ -201,10 +201,17 @@ def test_a_law_is_a_frozen_value(law):
 def test_a_parameter_that_is_not_a_finite_number_is_refused_by_name(bad, position):
     values = [1.0, 1.0, 1.0]
     values[position] = bad
-    name = ["stiffness", "damping", "exponent"][position]
+    name = ["K", "B", "n"][position]
     with pytest.raises(InvalidParameterError, match=f"^{name} must be") as caught:
-        HuntCrossley(*values)
+        HuntCrossley(**dict(zip(HuntCrossley.names(), values, strict=True)))
     assert repr(bad) in str(caught.value)
+
+
+def test_coefficients_are_passed_by_their_names():
+    with pytest.raises(TypeError, match="positional"):
+        HuntCrossley(2000.0, 1.5, 2000.0)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'stiffness'"):
+        HuntCrossley(stiffness=2000.0, damping=2000.0, exponent=1.5)
 
 
 DEPTHS, SPEEDS = np.array([1e-3, 4e-3, 9e-3]), np.array([0.02, -0.05, 0.0])
@@ -227,16 +234,18 @@ def test_a_step_is_felt_with_the_instantaneous_stiffness_and_relaxes_to_the_rela
 
 
 def test_one_branch_under_a_ramp_is_the_closed_form():
-    law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 0.0, 100.0, SingleRelaxation(0.05))
+    law = GeneralisedHuntCrossley(
+        K=0.0, n=1.0, B=0.0, p=0.0, M=100.0, relaxation=SingleRelaxation(0.05)
+    )
     uneven, speed = np.sort(np.random.default_rng(3).uniform(0.0, 0.3, 300)), 10e-3
     for time in (np.linspace(0.0, 0.2, 41), np.append(0.0, uneven)):
         v = np.full(time.size, speed)
         force = law.force_along(speed * time, v, np.diff(time, prepend=-1.0))
         expected = 100.0 * speed * 0.05 * (1.0 - np.exp(-time / 0.05))
         np.testing.assert_allclose(force, expected, rtol=1e-10, atol=1e-15)
-    assert math.isnan(HuntCrossley(0, 1, 2).dissipation)
+    assert math.isnan(HuntCrossley(K=0, B=1, n=2).dissipation)
     # Without memory an oscillation feels the gradients.
-    plain = GeneralisedHuntCrossley(2000.0, 1.3, 500.0, 0.3)
+    plain = GeneralisedHuntCrossley(K=2000.0, n=1.3, B=500.0, p=0.3)
     expected = plain.stiffness_at(5e-3) + 10j * plain.damping_at(5e-3)
     assert plain.dynamic_stiffness(5e-3, 10.0) == pytest.approx(expected, rel=1e-14)
 
@@ -301,7 +310,9 @@ def test_a_small_oscillation_feels_the_dynamic_stiffness(relaxation, frequency):
 def test_the_flat_spectrum_is_fungs():
     """K′ and K″ of the box spectrum in closed form (Fung, 1981)."""
     low, high = 1e-3, 4.0
-    law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 0.0, 1.0, FlatSpectrum(low, high))
+    law = GeneralisedHuntCrossley(
+        K=0.0, n=1.0, B=0.0, p=0.0, M=1.0, relaxation=FlatSpectrum(low, high)
+    )
     omega = np.geomspace(1.0, 300.0, 20)
     width = math.log(high / low)
     storage = np.log((1.0 + (omega * high) ** 2) / (1.0 + (omega * low) ** 2)) / (2.0 * width)
@@ -312,7 +323,9 @@ def test_the_flat_spectrum_is_fungs():
 
 @pytest.mark.parametrize("damping_exponent", [1.5, 0.5])
 def test_a_rested_material_gives_back_less_than_it_took(relaxation, damping_exponent):
-    law = GeneralisedHuntCrossley(1e4, 1.5, 30.0, damping_exponent, 5e3, relaxation)
+    law = GeneralisedHuntCrossley(
+        K=1e4, n=1.5, B=30.0, p=damping_exponent, M=5e3, relaxation=relaxation
+    )
     rng = np.random.default_rng(5)
     knots, dt = np.linspace(0.0, 1.0, 12), 1e-4
     time = np.arange(0.0, 1.0, dt)
@@ -328,7 +341,7 @@ def test_a_rested_material_gives_back_less_than_it_took(relaxation, damping_expo
         assert spent.min() > -1e-3 * taken
         assert spent[-1] > 1e-2 * taken
     # Without a damper and memory all is given back.
-    spring = GeneralisedHuntCrossley(1e4, 1.5, 0.0, 0.0)
+    spring = GeneralisedHuntCrossley(K=1e4, n=1.5, B=0.0, p=0.0)
     x = 4e-3 * (1.0 - np.cos(np.linspace(0.0, 2.0 * math.pi, 2001)))
     force = spring.force(x, np.zeros_like(x))
     assert np.diff(x) @ (force[1:] + force[:-1]) == pytest.approx(0.0, abs=1e-12)
@@ -346,7 +359,9 @@ def test_depths_and_frequencies_go_together_as_in_numpy(relaxation):
 
 
 def described(**numbers):
-    return law_from({**GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0).description(), **numbers})
+    return law_from(
+        {**GeneralisedHuntCrossley(K=1.0, n=1.0, B=1.0, p=1.0).description(), **numbers}
+    )
 
 
 def test_one_branch_is_the_law_with_one_relaxation_time():
@@ -375,9 +390,9 @@ def test_the_branches_of_a_formula_are_the_same_law_as_a_spectrum(name):
 
 def test_the_stiffness_of_a_spectrum_is_its_sum_and_scales_it():
     spectrum = RELAXATIONS["spectrum"]
-    law = GeneralisedHuntCrossley(1e4, 1.5, 300.0, 0.5, relaxation=spectrum)
+    law = GeneralisedHuntCrossley(K=1e4, n=1.5, B=300.0, p=0.5, relaxation=spectrum)
     assert law == law_with(spectrum)
-    assert law.instantaneous().stiffness == 1.5e4
+    assert law.instantaneous().K == 1.5e4
     assert law.with_parameters([1e4, 1.5, 300.0, 0.5, 1e4]).relaxation.stiffnesses == (
         2e3,
         6e3,
@@ -414,7 +429,7 @@ def test_branches_along_a_motion_sum_to_the_force_of_the_memory():
     x, steps = rng.uniform(-1e-3, 8e-3, 100), rng.uniform(1e-4, 1e-2, 100)
     x[50] = math.nan
     times, weights = law.branches()
-    states = _core.relaxation_states(law.exponent, times, steps, x)
+    states = _core.relaxation_states(law.n, times, steps, x)
     memory = law.force_along(x, np.zeros(100), steps) - law.relaxed().force(x, 0.0)
     inside = x > 0.0
     np.testing.assert_allclose((states @ (5e3 * weights))[inside], memory[inside], atol=1e-12)
@@ -427,9 +442,9 @@ def test_branches_along_a_motion_sum_to_the_force_of_the_memory():
     "make, words",
     [
         (lambda: FlatSpectrum(1.0, 1.0), "longest must be above shortest"),
-        (lambda: described(relaxation_stiffness=1.0, shortest_time=2.0, longest_time=1.0),
+        (lambda: described(M=1.0, shortest_time=2.0, longest_time=1.0),
          "longest must be above"),
-        (lambda: described(relaxation_stiffness=1.0), "longest_time must be above 0"),
+        (lambda: described(M=1.0), "longest_time must be above 0"),
         (lambda: described(relaxation_times=[1.0]), "must be given together"),
         (lambda: described(relaxation_times=[1.0], relaxation_stiffnesses=[1.0], longest_time=1.0),
          "must be given together"),
@@ -440,16 +455,18 @@ def test_branches_along_a_motion_sum_to_the_force_of_the_memory():
         (lambda: RelaxationSpectrum((1.0, 2.0), (1.0,)), "arrays must have the same length"),
         (lambda: RelaxationSpectrum("soon", (1.0,)), "times must be an array"),
         (lambda: GeneralisedHuntCrossley(
-            1.0, 1.0, 1.0, 1.0, 2.0, RelaxationSpectrum((1.0,), (1.0,))),
-         "relaxation_stiffness must be the sum"),
+            K=1.0, n=1.0, B=1.0, p=1.0, M=2.0, relaxation=RelaxationSpectrum((1.0,), (1.0,))),
+         "M must be the sum"),
         (lambda: GeneralisedHuntCrossley.from_parameters([1.0, 1.0, 1.0, 1.0, 1.0]),
          "relaxation must be a RelaxationSpectrum"),
         (lambda: FlatSpectrum(0.0, 1.0), "shortest must be in"),
         (lambda: SingleRelaxation(math.nan), "time must be finite"),
         (lambda: SingleRelaxation("soon"), "time must be a number"),
         (lambda: PowerLawRelaxation(3.0, 1e-3, 1.0), "exponent must be in"),
-        (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 1.0), "relaxation must be a Rel"),
-        (lambda: GeneralisedHuntCrossley(1.0, 1.0, 1.0, 1.0, 0.0, 3.0), "relaxation must be a"),
+        (lambda: GeneralisedHuntCrossley(K=1.0, n=1.0, B=1.0, p=1.0, M=1.0),
+         "relaxation must be a Rel"),
+        (lambda: GeneralisedHuntCrossley(K=1.0, n=1.0, B=1.0, p=1.0, M=0.0, relaxation=3.0),
+         "relaxation must be a"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step("rest", 1e-3, 1e-3), "state must be"),
         (lambda: law_with(FlatSpectrum(1e-3, 1.0)).step(
             law_with(SingleRelaxation(1.0)).rest(), 1e-3, 1e-3), "state must have this law"),
@@ -458,12 +475,12 @@ def test_branches_along_a_motion_sum_to_the_force_of_the_memory():
         (lambda: law_with(SingleRelaxation(1.0)).dynamic_stiffness(1.0, -1.0), "frequency must"),
         (lambda: engines.drake_point(stiffness=0.0, dissipation=1.0), "stiffness must be in"),
         (lambda: engines.drake_sap(stiffness=1.0, relaxation_time=-1.0), "relaxation_time must"),
-        (lambda: literature.flores(stiffness=3e4, exponent=1.5, restitution=0.0, speed=0.5),
+        (lambda: literature.flores(K=3e4, n=1.5, restitution=0.0, speed=0.5),
          "restitution must be in"),
-        (lambda: literature.half_space(stiffness=1.0, exponent=0.5, retardation_time=0.0),
-         "exponent must be in"),
+        (lambda: literature.half_space(K=1.0, n=0.5, retardation_time=0.0),
+         "n must be in"),
         (lambda: literature.fung(
-            instantaneous=1.0, exponent=1.0, c=0.1, shortest=2.0, longest=1.0), "longest must be"),
+            instantaneous=1.0, n=1.0, c=0.1, shortest=2.0, longest=1.0), "longest must be"),
         # The positive format: a time constant and a ratio, which go with the time step.
         (lambda: engines.mujoco(
             solref=(0.02, 1.0), solimp=(0.9, 0.9, 0.001, 0.5, 2.0), inverse_mass=1.0), "solref"),

@@ -30,7 +30,7 @@ def hertz_by_chrono(x, v, modulus=2e5, radius=0.01, mass=0.3, e=0.7):
     return 2.0 / 3.0 * slope * x + damping * v
 
 
-ELASTIC = {"stiffness": 3e4, "exponent": 1.5}
+ELASTIC = {"K": 3e4, "n": 1.5}
 IMPACT = {**ELASTIC, "restitution": 0.8, "speed": 0.5}
 # A law by its source's numbers, and the source's own formula.
 LAWS = {
@@ -51,7 +51,7 @@ LAWS = {
         ),
     ),
     "pybullet": (
-        engines.kelvin_voigt(stiffness=2e3, damping=17.0),
+        engines.kelvin_voigt(K=2e3, B=17.0),
         lambda x, v: 2e3 * x + 17.0 * v,
     ),
     "simbody": (
@@ -67,7 +67,7 @@ LAWS = {
         lambda x, v: 0.01 * np.sqrt(x) * (1e6 * x + 0.3 * 4e4 * v),
     ),
     "kuwabara–kono": (
-        literature.half_space(stiffness=1e4, exponent=1.5, retardation_time=0.02),
+        literature.half_space(K=1e4, n=1.5, retardation_time=0.02),
         lambda x, v: 1e4 * (x**1.5 + 1.5 * 0.02 * np.sqrt(x) * v),
     ),
     "hunt–crossley": (
@@ -96,7 +96,7 @@ def test_tsujis_damper_gives_the_restitution_asked_for_at_any_speed(speed):
     """As Antypov and Elliott, 2011, proved: e at the depth 0, however the force then pulls."""
     mass, law = 0.3, LAWS["chrono, material"][0]
     # Of an elastic impact, to scale the time step: 3.2 (m²/(K² v))^(1/5).
-    duration = 3.2 * (mass**2 / (law.stiffness**2 * speed)) ** 0.2
+    duration = 3.2 * (mass**2 / (law.K**2 * speed)) ** 0.2
     x, v, dt = 0.0, speed, duration / 4000.0
 
     def push(x, v):
@@ -119,7 +119,7 @@ def test_what_is_quoted_for_restitution_is_near_the_exact_relation_for_little_lo
 def test_zeners_two_forms_are_one_solid_and_maxwells_fluid_flows():
     series, parallel, viscosity = 900.0, 600.0, 40.0
     law = literature.standard_linear_solid(
-        stiffness=series * parallel / (series + parallel),
+        K=series * parallel / (series + parallel),
         branch_stiffness=series**2 / (series + parallel),
         branch_damping=viscosity * series**2 / (series + parallel) ** 2,
     )
@@ -128,7 +128,7 @@ def test_zeners_two_forms_are_one_solid_and_maxwells_fluid_flows():
     whole = 1.0 / (1.0 / series + 1.0 / (parallel + 1j * omega * viscosity))
     np.testing.assert_allclose(law.dynamic_stiffness(1e-3, omega), whole, rtol=1e-12)
     branch = {"branch_stiffness": 500.0, "branch_damping": 25.0}
-    law = literature.standard_linear_solid(stiffness=0.0, **branch)
+    law = literature.standard_linear_solid(K=0.0, **branch)
     assert law.relaxation == SingleRelaxation(0.05)
     force = law.force_along(np.full(3, 1e-3), np.zeros(3), [1e-6, 0.05, 10.0], law.rest())
     # The step takes a microsecond, of a twentieth of a second.
@@ -139,7 +139,7 @@ def test_fungs_tissue_relaxes_as_it_is_published():
     from scipy.special import exp1
 
     c, low, high = 0.2, 0.01, 100.0
-    law = literature.fung(instantaneous=1e3, exponent=1.0, c=c, shortest=low, longest=high)
+    law = literature.fung(instantaneous=1e3, n=1.0, c=c, shortest=low, longest=high)
     whole = 1.0 + c * math.log(high / low)
     state = law.step(law.rest(), 1e-3, 1e-9)
     for time in (0.1, 1.0, 10.0):
@@ -182,11 +182,13 @@ def test_a_contact_of_mujocos_has_the_law_of_its_solref(power):
 @pytest.mark.parametrize(
     "law",
     [
-        KelvinVoigt(300.0, 4.0),
-        HuntCrossley(3e4, 2e4, 1.4),
-        HuntCrossley(3e4, 0.0, 1.4),
-        GeneralisedHuntCrossley(3e4, 1.5, 50.0, 0.5),
-        GeneralisedHuntCrossley(3e4, 1.5, 50.0, 1.5, 1e4, SingleRelaxation(0.1)),
+        KelvinVoigt(K=300.0, B=4.0),
+        HuntCrossley(K=3e4, B=2e4, n=1.4),
+        HuntCrossley(K=3e4, B=0.0, n=1.4),
+        GeneralisedHuntCrossley(K=3e4, n=1.5, B=50.0, p=0.5),
+        GeneralisedHuntCrossley(
+            K=3e4, n=1.5, B=50.0, p=1.5, M=1e4, relaxation=SingleRelaxation(0.1)
+        ),
     ],
     ids=repr,
 )
@@ -197,12 +199,15 @@ def test_a_law_goes_to_the_family_and_back(law):
 
 
 def test_an_extended_law_goes_where_one_power_is_left():
-    linear, quadratic = ExtendedKelvinVoigt(300.0, 0.0, 4.0), ExtendedKelvinVoigt(0.0, 9e4, 4.0)
-    assert GeneralisedHuntCrossley.of(linear).simplest() == KelvinVoigt(300.0, 4.0)
+    linear, quadratic = (
+        ExtendedKelvinVoigt(K1=300.0, K2=0.0, B=4.0),
+        ExtendedKelvinVoigt(K1=0.0, K2=9e4, B=4.0),
+    )
+    assert GeneralisedHuntCrossley.of(linear).simplest() == KelvinVoigt(K=300.0, B=4.0)
     law = GeneralisedHuntCrossley.of(quadratic)
     np.testing.assert_allclose(law.force(X, V), quadratic.force(X, V), rtol=1e-14)
     with pytest.raises(InvalidParameterError, match="a single power of depth"):
-        GeneralisedHuntCrossley.of(ExtendedKelvinVoigt(300.0, 9e4, 4.0))
+        GeneralisedHuntCrossley.of(ExtendedKelvinVoigt(K1=300.0, K2=9e4, B=4.0))
 
 
 def test_an_engine_has_a_law_exactly_by_its_exponents():
@@ -213,7 +218,9 @@ def test_an_engine_has_a_law_exactly_by_its_exponents():
     assert "PyBullet" in named(LAWS["drake sap"][0])
     assert named(LAWS["simbody"][0]) == {"Simbody and OpenSim"}
     assert named(LAWS["kuwabara–kono"][0]) == {"Chrono SMC", "LAMMPS"}
-    assert not named(GeneralisedHuntCrossley(1e4, 1.4, 1e2, 1.4))
-    assert not named(GeneralisedHuntCrossley(1e3, 1.0, 1e2, 1.0, 1e2, SingleRelaxation(0.1)))
+    assert not named(GeneralisedHuntCrossley(K=1e4, n=1.4, B=1e2, p=1.4))
+    assert not named(
+        GeneralisedHuntCrossley(K=1e3, n=1.0, B=1e2, p=1.0, M=1e2, relaxation=SingleRelaxation(0.1))
+    )
     # Without a damper its exponent does not matter.
-    assert {"Drake", "PyBullet"} <= named(GeneralisedHuntCrossley(1e3, 1.0, 0.0, 0.3))
+    assert {"Drake", "PyBullet"} <= named(GeneralisedHuntCrossley(K=1e3, n=1.0, B=0.0, p=0.3))

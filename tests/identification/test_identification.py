@@ -134,18 +134,18 @@ def flags_of(signals: Signals) -> str:
     return "; ".join(identify(contact_of(signals), SingleStageRLS()).flags)
 
 
-BALL = exciting(HuntCrossley(2000.0, 500.0, 1.0), seconds=1.0, noise=0.02, seed=4)
+BALL = exciting(HuntCrossley(K=2000.0, B=500.0, n=1.0), seconds=1.0, noise=0.02, seed=4)
 
 
 STILL = Signals(np.arange(5000) * 1e-3, np.full(5000, 0.01), np.zeros(5000), np.full(5000, 9.0))
 FLAGGED = {
     "few samples": (BALL[:20], SingleStageRLS, {}, ("only 20 samples in contact", "than 0.2 s of")),
     "negative damping": (
-        exciting(palpate.KelvinVoigt(1500.0, -8.0)),
+        exciting(palpate.KelvinVoigt(K=1500.0, B=-8.0)),
         palpate.KelvinVoigtRLS, {}, ("negative damping",)
     ),
     "condition 10": (  # the limit is 10 mm/s of 50
-        exciting(HuntCrossley(2000.0, 20000.0, 1.0), noise=0.02, seed=5),
+        exciting(HuntCrossley(K=2000.0, B=20000.0, n=1.0), noise=0.02, seed=5),
         SingleStageRLS, {}, ("|v| ≥ 0.1 K/B in", "%"),
     ),
     "guard": (

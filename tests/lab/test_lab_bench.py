@@ -76,9 +76,13 @@ def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
 @pytest.mark.parametrize(
     "law",
     [
-        GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5),
-        GeneralisedHuntCrossley(8000.0, 1.5, 4e3, 1.5, 4e3, SingleRelaxation(0.1)),
-        GeneralisedHuntCrossley(8000.0, 1.5, 60.0, 0.5, 4e3, SingleRelaxation(0.1)),
+        GeneralisedHuntCrossley(K=8000.0, n=1.5, B=60.0, p=0.5),
+        GeneralisedHuntCrossley(
+            K=8000.0, n=1.5, B=4e3, p=1.5, M=4e3, relaxation=SingleRelaxation(0.1)
+        ),
+        GeneralisedHuntCrossley(
+            K=8000.0, n=1.5, B=60.0, p=0.5, M=4e3, relaxation=SingleRelaxation(0.1)
+        ),
     ],
     ids=["half-space", "single", "half-space single"],
 )
@@ -197,9 +201,12 @@ TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
     "make, words",
     [
         (lambda: lab.Homogeneous("ball"), "law must be a ForceLaw"),
-        (lambda: lab.Homogeneous(KelvinVoigt(-1.0, 1.0)), "stiffness must be in"),
-        (lambda: lab.Relaxing(KelvinVoigt(1.0, 1.0), 1.0, 1.0), "law must be a HuntCrossley"),
-        (lambda: lab.Relaxing(HuntCrossley(1.0, 1.0, 1.0), 1.0, 0.0), "relaxation_time must be"),
+        (lambda: lab.Homogeneous(KelvinVoigt(K=-1.0, B=1.0)), "K must be in"),
+        (lambda: lab.Relaxing(KelvinVoigt(K=1.0, B=1.0), 1.0, 1.0), "law must be a HuntCrossley"),
+        (
+            lambda: lab.Relaxing(HuntCrossley(K=1.0, B=1.0, n=1.0), 1.0, 0.0),
+            "relaxation_time must be",
+        ),
         (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must have length 1"),
         (lambda: lab.Layered(lab.PVC.law, 0.0, 1.0), "depth must be"),
         (lambda: lab.Layered(lab.PVC.law, 1e-3, -1.0), "influence must be"),

@@ -83,7 +83,7 @@ def test_of_many_wishes_in_a_transition_the_last_one_is_granted():
 def test_a_simulation_that_breaks_down_begins_again_on_the_first_material():
     bench = ongoing(lab.TwinPantograph())
     advanced(bench, 3.0)
-    bench.change(lab.Homogeneous(HuntCrossley(1e9, 1e9, 1.0), "a rock"))
+    bench.change(lab.Homogeneous(HuntCrossley(K=1e9, B=1e9, n=1.0), "a rock"))
     with pytest.raises(InvalidParameterError, match="too stiff"):
         advanced(bench, 2.0)
     again = advanced(bench, 1.0)
@@ -104,7 +104,7 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
             asked = source.ask({"change": "sponge"})
     assert asked.startswith("material: sponge")
     assert source.chosen["material"] == "sponge"
-    assert source.chosen["truth"]["stiffness"] == 300.0
+    assert source.chosen["truth"]["K"] == 300.0
     assert len(rows) == pytest.approx(1000, abs=150)
     assert np.diff([row.time for row in rows]) == pytest.approx(STEP)
     assert source.counts.lost == 0

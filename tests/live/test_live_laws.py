@@ -29,14 +29,20 @@ from palpate.results.view import describe_place, number_lines
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
-    "Kelvin–Voigt": GeneralisedHuntCrossley(1000.0, 1.0, 20.0, 0.0),
-    "Hunt–Crossley": GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5),
-    "half-space": GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5),
-    "Hunt–Crossley with relaxation": GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5, 2e4, BOX),
-    "half-space with relaxation": GeneralisedHuntCrossley(2e4, 1.5, 300.0, 0.5, 2e4, BOX),
+    "Kelvin–Voigt": GeneralisedHuntCrossley(K=1000.0, n=1.0, B=20.0, p=0.0),
+    "Hunt–Crossley": GeneralisedHuntCrossley(K=2e4, n=1.5, B=4e4, p=1.5),
+    "half-space": GeneralisedHuntCrossley(K=2e4, n=1.5, B=300.0, p=0.5),
+    "Hunt–Crossley with relaxation": GeneralisedHuntCrossley(
+        K=2e4, n=1.5, B=4e4, p=1.5, M=2e4, relaxation=BOX
+    ),
+    "half-space with relaxation": GeneralisedHuntCrossley(
+        K=2e4, n=1.5, B=300.0, p=0.5, M=2e4, relaxation=BOX
+    ),
 }
 MEMORY = LAWS["Hunt–Crossley with relaxation"]
-ONE_TIME = GeneralisedHuntCrossley(2e4, 1.5, 4e4, 1.5, 2e4, SingleRelaxation(0.1))
+ONE_TIME = GeneralisedHuntCrossley(
+    K=2e4, n=1.5, B=4e4, p=1.5, M=2e4, relaxation=SingleRelaxation(0.1)
+)
 
 
 def swung(law, seconds=2.0, *, begins=0.0, seed=0):
@@ -181,7 +187,9 @@ def test_a_residual_that_is_far_from_white_is_warned_of():
 
 def test_a_verdict_that_does_not_settle_says_so():
     # Without a damper laws of any damping form are the same, and take turns.
-    law = GeneralisedHuntCrossley(2e4, 1.5, 0.0, 1.5, 2e4, SingleRelaxation(0.05))
+    law = GeneralisedHuntCrossley(
+        K=2e4, n=1.5, B=0.0, p=1.5, M=2e4, relaxation=SingleRelaxation(0.05)
+    )
     _, said, _ = watched(arrivals(*swung(law, 3.0)), at=range(400, 3000, 20))
     flags = {flag.split(":")[0] for page in said.values() for flag in page.flags}
     assert "the preferred law is not settled" in flags
@@ -191,7 +199,7 @@ def test_a_verdict_that_does_not_settle_says_so():
 def test_a_known_exponent_is_given_and_no_estimate():
     loop, _, verdict = watched(arrivals(*swung(MEMORY)), exponent=1.5)
     page, estimator = loop.status(), loop.estimator
-    assert verdict.estimate.fixed == ("exponent",)
+    assert verdict.estimate.fixed == ("n",)
     size = len(estimator.law_type.symbols)
     values = (
         [0.0] * 10
@@ -202,9 +210,9 @@ def test_a_known_exponent_is_given_and_no_estimate():
     values += [0.0] * len(AFTER)
     said = describe_status(page, fields, dict(zip(fields.names, values, strict=True)))
     assert len(values) == 10 + 2 * size + len(AFTER)
-    assert said["exponent"] == 1.5
-    assert "exponent 1.5 (fixed)" in said["words"]
-    assert "damping_exponent" not in said
+    assert said["n"] == 1.5
+    assert "n 1.5 (fixed)" in said["words"]
+    assert "p" not in said
     assert said["verdict_law"] == str(verdict.law.candidate)
     assert isinstance(said["verdict_stiffness"], float)
     assert said["verdict_since"] == pytest.approx(1000.0 + verdict.since)  # the robot's clock

@@ -240,7 +240,7 @@ def test_a_silent_source_is_lost_and_found_again():
     same(rows, *replay_of(times, POSITIONS, FORCES))
     # During the second silence the estimate is held.
     assert loop.state is State.LOST
-    assert loop.estimator.estimate().law.stiffness == column(rows, "parameter_0")[-1]
+    assert loop.estimator.estimate().law.K == column(rows, "parameter_0")[-1]
 
 
 def test_of_a_slow_source_a_person_is_heard_long_before_it_is_lost():

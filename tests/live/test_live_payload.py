@@ -24,7 +24,7 @@ from palpate.live.sources import Arrival, Counts, SourceOptions
 from palpate.live.wires import Pairing, Stamped
 from palpate.live.zeromq import PacketError, packed, unpacked
 
-LAW = HuntCrossley(2000.0, 2000.0, 1.0)
+LAW = HuntCrossley(K=2000.0, B=2000.0, n=1.0)
 DOWN = [0.0, 0.0, -1.0]
 
 

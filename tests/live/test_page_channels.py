@@ -63,7 +63,9 @@ def frame(history, first, until, **options):
 
 def test_what_the_law_in_force_has_not_is_no_curve():
     rows = np.hstack([rows_of([0.0, 1.0]), np.zeros((2, 4))])
-    law = GeneralisedHuntCrossley(1e3, 1.5, 2e3, 1.5, 5e2, FlatSpectrum(2e-3, 2.0))
+    law = GeneralisedHuntCrossley(
+        K=1e3, n=1.5, B=2e3, p=1.5, M=5e2, relaxation=FlatSpectrum(2e-3, 2.0)
+    )
     rows[:, AT["parameter_0"] : AT["parameter_0"] + 5] = law.parameters
     square = np.diag([1.0, 0.01, 4.0, 0.01, 1.0, 0.0, 0.0, 0.0])
     rows[:, AT["covariance_0"] : AT["covariance_0"] + MOST_PARAMETERS**2] = square.ravel()
@@ -215,7 +217,7 @@ def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
     write(0.4, status=float(Status.RESTARTED))
     seen.look()
     page = seen.page({"browsers": 1}, ended=True)
-    assert page["view"]["numbers"][0] == ["Stiffness K [N/mⁿ]", "2000"]
+    assert page["view"]["numbers"][0] == ["K [N/mⁿ]", "2000"]
     assert page["view"]["changes"][0][1][0] == "K = 2000 N/mⁿ"
     assert page["facts"]["state-name"] == "Stopped"  # not by a word of its own
     assert ["page: browsers", "1", ""] in page["facts"]["counts"]

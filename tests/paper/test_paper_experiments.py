@@ -91,13 +91,13 @@ def test_the_whole_paper_runs_and_every_claim_has_its_verdict(tmp_path):
 def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_one():
     contact = simulated_contact("ball", "three-sines", SEED)
     starts = starts_of(contact, SingleStageRLS)
-    assert starts["I"] == HuntCrossley(0.1, 0.1, 1.0)
-    assert starts["II"] == HuntCrossley(0.1, 0.1, 2.0)
+    assert starts["I"] == HuntCrossley(K=0.1, B=0.1, n=1.0)
+    assert starts["II"] == HuntCrossley(K=0.1, B=0.1, n=2.0)
     assert starts["III"].parameters == pytest.approx([5000.0, 5000.0, 1.0], rel=0.2)
     assert starts_of(contact, DoubleStageRLS) == starts
     linear = starts_of(contact, KelvinVoigtRLS)
-    assert linear["low"] == KelvinVoigt(0.1, 0.1)
-    assert 2.0 <= linear["high"].stiffness / 2000.0 <= 3.0
+    assert linear["low"] == KelvinVoigt(K=0.1, B=0.1)
+    assert 2.0 <= linear["high"].K / 2000.0 <= 3.0
     assert set(starts_of(contact, ExtendedKelvinVoigtRLS)) == {"low", "high"}
     results = from_starts(contact, SingleStageRLS, {"one": starts["I"], "again": starts["I"]})
     assert np.all(convergence_times(results.values()) == 0.0)

@@ -87,7 +87,7 @@ def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, repor
                 assert words in page.words
     for words in ("fig09 (1 of 3 seeds)", "fig03 (no figure)", "fig08, seed 2: <broken>"):
         assert words in page.words
-    for ours in ("hunt-crossley", "stiffness 2000", "0.5 N", "P₀", "palpate", "processors"):
+    for ours in ("hunt-crossley", "K 2000", "0.5 N", "P₀", "palpate", "processors"):
         assert ours in page.words
     assert "{'" not in page.words
     text = (report.folder / "report.html").read_text(encoding="utf-8")

@@ -24,8 +24,8 @@ from peers.installed import installed
 STIFFNESS = 1000.0  # N/m
 DISSIPATION = 2.0  # s/m; not for SAP
 RELAXATION = 0.02  # s; for SAP only
-HUNT_CROSSLEY = HuntCrossley(STIFFNESS, STIFFNESS * DISSIPATION, 1.0)
-KELVIN_VOIGT = KelvinVoigt(STIFFNESS, STIFFNESS * RELAXATION)
+HUNT_CROSSLEY = HuntCrossley(K=STIFFNESS, B=STIFFNESS * DISSIPATION, n=1.0)
+KELVIN_VOIGT = KelvinVoigt(K=STIFFNESS, B=STIFFNESS * RELAXATION)
 
 # The stiffnesses of the two bodies combine in series: so stiff a tip changes the tenth digit.
 RIGID = 1e13  # N/m

@@ -16,7 +16,7 @@ MODULUS = 1e5  # Pa: what OpenSim calls stiffness
 DISSIPATION = 1.0  # s/m
 RADIUS = 0.0225  # m, of which the root is 0.15
 STIFFNESS = 4.0 / 3.0 * RADIUS**0.5 * MODULUS
-HUNT_CROSSLEY = HuntCrossley(STIFFNESS, STIFFNESS * 1.5 * DISSIPATION, 1.5)
+HUNT_CROSSLEY = HuntCrossley(K=STIFFNESS, B=STIFFNESS * 1.5 * DISSIPATION, n=1.5)
 
 # The two moduli combine by their 2/3rd powers: so stiff a tip changes the ninth digit.
 RIGID = 1e18  # Pa

@@ -126,7 +126,7 @@ def test_the_scene_runs(engine, law, further, tmp_path) -> None:
 def stage(tmp_path):
     """A scene, read back by the library that Newton's and PhysX's importers read it with."""
     usd = installed("pxr.Usd")
-    made = exports.export(KelvinVoigt(2000.0, 16.5), "usd", mass=0.7, tip_radius=0.02)
+    made = exports.export(KelvinVoigt(K=2000.0, B=16.5), "usd", mass=0.7, tip_radius=0.02)
     made.save(tmp_path)
     return usd.Stage.Open(str(tmp_path / "scene.usda"))
 

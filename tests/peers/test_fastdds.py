@@ -78,8 +78,8 @@ def test_a_robot_on_fast_dds_sends_samples_and_hears_estimates(program) -> None:
     named = dict(zip(label.split(","), map(float, values), strict=True))
     assert (int(heard), int(size)) == (3_000, len(named))
     # The robot's material: F = 500 N/m · x.
-    assert named["stiffness"] == pytest.approx(500.0, rel=1e-3)
-    assert named["exponent"] == pytest.approx(1.0, abs=1e-3)
+    assert named["K"] == pytest.approx(500.0, rel=1e-3)
+    assert named["n"] == pytest.approx(1.0, abs=1e-3)
     assert named["time"] == pytest.approx(1_700_000_002.999, abs=1e-6)
     assert int(said.split()[0]) > 5
     assert said.split()[1] == "palpate"

@@ -121,8 +121,8 @@ def with_bias_of_logarithm(law: HuntCrossley, contact: Contact, taken: np.ndarra
     rows = np.column_stack([np.ones_like(v), v, np.log(x)])
     left_out = np.log1p(law.dissipation * v) - law.dissipation * v
     bias = np.linalg.lstsq(rows, left_out, rcond=None)[0]
-    stiffness = law.stiffness * np.exp(bias[0])
-    return HuntCrossley(stiffness, stiffness * (law.dissipation + bias[1]), law.exponent + bias[2])
+    stiffness = law.K * np.exp(bias[0])
+    return HuntCrossley(K=stiffness, B=stiffness * (law.dissipation + bias[1]), n=law.n + bias[2])
 
 
 @hunt_crossley
@@ -142,10 +142,10 @@ def test_kelvin_voigt_returns_what_was_set_extended_or_not_and_no_quadratic_stif
     found = identify(contact, KelvinVoigtRLS()).law
     assert np.abs(relative_error(found, law)).max() < EXACT
     extended = identify(contact, ExtendedKelvinVoigtRLS()).law
-    assert extended.stiffness == pytest.approx(law.stiffness, rel=EXACT)
-    assert extended.damping == pytest.approx(law.damping, rel=EXACT)
+    assert extended.K1 == pytest.approx(law.K, rel=EXACT)
+    assert extended.B == pytest.approx(law.B, rel=EXACT)
     quadratic = extended.quadratic_stiffness * contact.penetration.max()
-    assert abs(quadratic) < EXACT * law.stiffness
+    assert abs(quadratic) < EXACT * law.K
 
 
 @pytest.mark.parametrize("name", REFERENCE_SIMULATORS)
@@ -179,7 +179,7 @@ def test_a_tip_of_the_same_material_softens_opensims_contact_by_the_root_of_eigh
     tip, share
 ) -> None:
     stiffness = opensim_probe.STIFFNESS / 8.0**0.5
-    law = HuntCrossley(stiffness, stiffness * 1.5 * opensim_probe.DISSIPATION * share, 1.5)
+    law = HuntCrossley(K=stiffness, B=stiffness * 1.5 * opensim_probe.DISSIPATION * share, n=1.5)
     same = OpenSimProbe(tip_modulus=opensim_probe.MODULUS, tip_dissipation=tip)
     assert beside(probed(same), law) < 1e-7
 
@@ -205,7 +205,7 @@ def test_the_force_belongs_to_the_state_after_the_step_and_not_before() -> None:
     # F = K (x + T v) + B v of the state before the step: K T = 1 N·s/m is counted as damping. The
     # velocity's gain in a step goes with −x, and so into the stiffness.
     wrong = STIFFNESS * (RELAXATION + SAMPLE_TIME)
-    assert found.damping == pytest.approx(wrong, rel=1e-3)
+    assert found.B == pytest.approx(wrong, rel=1e-3)
 
 
 @pytest.mark.parametrize("stepping", ["tamsi", "lagged", "similar", "sap"])

@@ -248,7 +248,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
 def test_the_fit_of_a_probe_that_travels_is_that_of_the_law_of_each_place():
     """Laws that relax, each with the state in which its place began, not the place before."""
     relaxing = [
-        GeneralisedHuntCrossley(k, 1.2, 0.0, 1.2, k, FlatSpectrum(0.05, 5.0))
+        GeneralisedHuntCrossley(K=k, n=1.2, B=0.0, p=1.2, M=k, relaxation=FlatSpectrum(0.05, 5.0))
         for k in (800.0, 400.0)
     ]
     felt = travelling(*((law, tapping(4.0)) for law in relaxing))
@@ -399,7 +399,7 @@ def test_stiffness_and_parameters_are_known_no_better_than_the_surface():
         # Three standard errors: of six runs one is beyond by chance in sixty.
         error = there.stiffness.value - PVC.stiffness_at(there.depth)
         assert abs(error) < 3.0 * there.stiffness.standard_error
-        slope = PVC.stiffness * PVC.exponent * (PVC.exponent - 1.0)
+        slope = PVC.K * PVC.n * (PVC.n - 1.0)
         assert there.stiffness.standard_error > 0.9 * slope * contact.surface_deviation
         # A surface that is 20 µm off is no offset of the force; three numbers that hang together.
         away = np.abs(result.law.parameters - PVC.parameters)

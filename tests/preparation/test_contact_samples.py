@@ -27,7 +27,7 @@ from palpate.design.precision import cramer_rao_bound
 from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
-GEL = palpate.HuntCrossley(5e4, 1.5e5, 2.2)
+GEL = palpate.HuntCrossley(K=5e4, B=1.5e5, n=2.2)
 OFFSET = "force offset larger"
 
 
@@ -174,7 +174,7 @@ def test_a_tight_tare_gives_way_where_the_surface_is_wrong():
     moved = Motion(motion.x + 0.3e-3, motion.v)
     estimate = fed(VariableProjection(scale=SCALE, offset_deviation=2e-3), moved, force).estimate()
     # 5 % is the damping term's own share, x against x + 0.3 mm; a tare that held took 15 %.
-    assert abs(estimate.law.stiffness / BALL.stiffness - 1.0) < 0.05
+    assert abs(estimate.law.K / BALL.K - 1.0) < 0.05
     assert any(flag.startswith(OFFSET) for flag in estimate.flags)
 
 
@@ -361,7 +361,7 @@ def test_a_contact_without_free_approach_is_refused_in_plain_words(rise):
     ) as refusal:
         identify(contact, searching())
     assert "0 of 2000 samples" in str(refusal.value)
-    assert identify(contact).law.exponent > 0.0  # with the surface known there is no such need
+    assert identify(contact).law.n > 0.0  # with the surface known there is no such need
     motion = approached(2.0, 0.0, from_height=3e-3)
     force = felt_below(PVC, motion, 0.0, 6)
     touch = int(np.argmax(motion.x > 0.0))

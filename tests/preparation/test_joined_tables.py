@@ -8,7 +8,7 @@ import palpate
 from palpate import HuntCrossley, RecordingError
 from palpate.preparation.roles import choose_roles
 
-LAW = HuntCrossley(2000.0, 1500.0, 1.2)
+LAW = HuntCrossley(K=2000.0, B=1500.0, n=1.2)
 
 
 def press(time):

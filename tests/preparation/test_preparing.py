@@ -229,7 +229,7 @@ def coarse(**more) -> palpate.Contact:
     x = 4e-3 + 2e-3 * np.sin(12.0 * time) + 0.5e-3 * np.sin(31.0 * time)
     v = np.gradient(x, time)
     random = np.random.default_rng(3)
-    force = palpate.HuntCrossley(2e3, 2e3, 1.3).force(x, v) + random.normal(0.0, 0.02, x.size)
+    force = palpate.HuntCrossley(K=2e3, B=2e3, n=1.3).force(x, v) + random.normal(0.0, 0.02, x.size)
     noisy = x + random.normal(0.0, 1e-4, x.size)
     return prepare(time=time, penetration=noisy, force=force, **more)
 

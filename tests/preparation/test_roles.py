@@ -288,7 +288,7 @@ def test_columns_side_by_side_are_asked_for_with_options_that_answer(names, opti
     with pytest.raises(RecordingError, match=rf"choose one, such as {re.escape(options)}") as asked:
         prepare(table)
     law = palpate.identify(prepare(table, columns=columns_of(options))).law
-    assert law.stiffness == pytest.approx(6000.0, rel=0.02)
+    assert law.K == pytest.approx(6000.0, rel=0.02)
     vector = re.search(r"for x, y and z of one vector, ([^;]*)", str(asked.value))
     assert (vector is not None) == (axes == 3)
     if vector is not None:
@@ -319,7 +319,7 @@ def test_flattened_arrays_are_vectors_with_a_note(position, m, force, n):
     places[position.format(2)], forces[force.format(2)] = -depth, normal_force
     frame = pandas.DataFrame({"time": time, **places, **forces})
     result = palpate.identify(frame)
-    assert result.law.stiffness == pytest.approx(6000.0, rel=0.01)
+    assert result.law.K == pytest.approx(6000.0, rel=0.01)
     [note] = [each for each in result.contact.findings if "for x, y and z" in each.message]
     assert note.severity == "note"
     stated = Columns(position=",".join([*places][:3]), force=",".join([*forces][:3]))
@@ -335,7 +335,7 @@ def test_each_group_of_a_file_is_a_contact(tmp_path, names):
                 file[names.format(k, name)] = values
     contact = prepare(path)
     assert [part.stop - part.start for part in contact.segments()] == [400, 399, 398]
-    assert palpate.identify(contact).law.stiffness == pytest.approx(6000.0, rel=0.01)
+    assert palpate.identify(contact).law.K == pytest.approx(6000.0, rel=0.01)
     remedy = next(each.remedy for each in contact.findings if "3 groups" in each.message)
     assert len(prepare(path, columns=columns_of(remedy.partition(": ")[2]))) == 400
 
@@ -371,7 +371,7 @@ def test_a_state_without_names_is_asked_for_with_the_option_that_answers(tmp_pat
     with pytest.raises(MissingChannelError) as asked:
         prepare(path)
     [option] = re.findall(r"name its channel, such as (--position \S+);", str(asked.value))
-    assert palpate.identify(prepare(path, columns=columns_of(option))).law.stiffness == (
+    assert palpate.identify(prepare(path, columns=columns_of(option))).law.K == (
         pytest.approx(6000.0, rel=0.01)
     )
 
@@ -425,7 +425,7 @@ def test_the_strongest_word_of_a_name_counts(names, depth_and_force):
 def test_a_capital_unit_of_time_is_read():
     time, depth, force = touch()
     table = Recording({"TIME_MS": 1e3 * time, "DISPLACEMENT_MM": 1e3 * depth, "FORCE_N": force})
-    assert palpate.identify(table).law.damping == pytest.approx(3000.0, rel=0.05)
+    assert palpate.identify(table).law.B == pytest.approx(3000.0, rel=0.05)
 
 
 JOINTS = {f"/joint_states.position[{name}]": touch()[1] for name in ("joint_1", "elbow", "wrist")}

@@ -15,8 +15,8 @@ from palpate.preparation.clock_offset import rough_offset
 from palpate.recordings import Recording
 
 LAWS = {
-    "hunt-crossley": GeneralisedHuntCrossley(9000.0, 1.4, 15000.0, 1.4),
-    "half-space": GeneralisedHuntCrossley(6000.0, 1.4, 60.0, 0.4),
+    "hunt-crossley": GeneralisedHuntCrossley(K=9000.0, n=1.4, B=15000.0, p=1.4),
+    "half-space": GeneralisedHuntCrossley(K=6000.0, n=1.4, B=60.0, p=0.4),
 }
 STEP = 1.25e-4  # s, of the motion itself
 

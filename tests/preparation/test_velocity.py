@@ -200,7 +200,9 @@ def test_fast_taps_of_a_hammer_are_in_their_bars():
     inside = []
     for seed in range(12):
         random = np.random.default_rng(seed)
-        law = palpate.HuntCrossley(10 ** random.uniform(3.5, 4.2), random.uniform(2e3, 2e4), 1.3)
+        law = palpate.HuntCrossley(
+            K=10 ** random.uniform(3.5, 4.2), B=random.uniform(2e3, 2e4), n=1.3
+        )
         mass, contact = random.uniform(0.2, 0.5), []
         step, x, v = 5e-5, -8e-3, 0.0
         for k in range(50_000):  # leapfrog, with a spring of a hand that swings at 3 Hz

@@ -78,8 +78,8 @@ def test_the_error_bars_of_rebound_and_loss_hold_the_truth():
     """White noise of force and, of the loss, depth; of the rebound the bars of variable projection,
     which are ready for any other noise, are somewhat wide.
     """
-    linear, rate, swing = KelvinVoigt(1500.0, 8.0), 7.0, 3e-3
-    exact = palpate.restitution(LAW.dissipation, 0.3), math.pi * linear.damping * rate * swing**2
+    linear, rate, swing = KelvinVoigt(K=1500.0, B=8.0), 7.0, 3e-3
+    exact = palpate.restitution(LAW.dissipation, 0.3), math.pi * linear.B * rate * swing**2
     deviations = []
     for seed in SEEDS:
         signals = exciting(LAW, seconds=2.0, noise=0.05, seed=seed)
@@ -105,14 +105,14 @@ def test_what_the_findings_move_the_damping_by_is_in_the_rebounds_systematic_par
 
 
 def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
-    law = HuntCrossley(9000.0, 9.0, 1.4)
+    law = HuntCrossley(K=9000.0, B=9.0, n=1.4)
     found = identify(contact_of(exciting(law, noise=0.5, seed=1))).restitution()
     bound = math.hypot(found.coefficient.standard_error, found.coefficient.systematic)
     assert found.coefficient.value + 2.0 * bound > 1.0
     words = "; ".join(found.remarks)
     assert "not distinguishable from 0" in words or "damping is negative" in words
     # It is not clipped.
-    law = HuntCrossley(9000.0, -9000.0, 1.4)
+    law = HuntCrossley(K=9000.0, B=-9000.0, n=1.4)
     result = identify(contact_of(exciting(law, seconds=4.0, noise=0.01)))
     found = result.restitution()
     assert found.coefficient.value > 1.0
@@ -126,7 +126,7 @@ def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
 
 def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_damping():
     spectrum = palpate.RelaxationSpectrum((0.1, 0.5), (4000.0, 4000.0))
-    law = palpate.GeneralisedHuntCrossley(9000.0, 1.4, 0.0, 1.4, relaxation=spectrum)
+    law = palpate.GeneralisedHuntCrossley(K=9000.0, n=1.4, B=0.0, p=1.4, relaxation=spectrum)
     plain = exciting(LAW, seconds=6.0, noise=0.0)
     steps = np.full(len(plain.time), plain.time[1] - plain.time[0])
     force = law.force_along(plain.penetration, plain.velocity, steps)
@@ -138,7 +138,7 @@ def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_
     )
     assert result.law.remembers
     there, found = result.diagnosis.working_depth, result.restitution(0.05)
-    b = there.damping.value * result.law.exponent / (there.stiffness.value * there.depth)
+    b = there.damping.value * result.law.n / (there.stiffness.value * there.depth)
     assert found.dissipation.value == pytest.approx(b)
     assert found.coefficient.value == palpate.restitution(found.dissipation.value, 0.05)
     assert found.coefficient.whole_error > 0.0
@@ -166,23 +166,23 @@ def test_what_the_diagnosis_does_not_trust_and_a_rebound_that_goes_with_the_mass
 
 def test_the_loss_of_a_linear_damper_in_a_cycle_is_the_ellipse_of_its_force():
     """π B ω a² of a sine; on its way in K x̄ 2a + half of that goes in."""
-    law, rate, swing, depth = KelvinVoigt(1500.0, 8.0), 7.0, 3e-3, 8e-3
+    law, rate, swing, depth = KelvinVoigt(K=1500.0, B=8.0), 7.0, 3e-3, 8e-3
     contact = sine(law, rate=rate, swing=swing, depth=depth)
     found = identify(contact, "kelvin-voigt").energy
     assert found.kind == "cycle"
     assert len(found.lost) == 4  # whole ones, of five and a half
-    loss = math.pi * law.damping * rate * swing**2
+    loss = math.pi * law.B * rate * swing**2
     # Trapezoids of 1 ms: (ω dt)²/12 = 4e-6 each way.
     np.testing.assert_allclose(found.lost, loss, rtol=1e-4)
     np.testing.assert_allclose(found.predicted_lost, loss, rtol=1e-4)
-    goes_in = law.stiffness * depth * 2.0 * swing + 0.5 * loss
+    goes_in = law.K * depth * 2.0 * swing + 0.5 * loss
     np.testing.assert_allclose(found.put_in_each, goes_in, rtol=1e-4)
     assert found.fraction.value == pytest.approx(loss / goes_in, rel=1e-3)
     np.testing.assert_allclose(found.stop - found.start, 2.0 * math.pi / rate, rtol=1e-5)
 
 
 def test_a_spring_loses_nothing_however_its_strokes_vary():
-    spring = HuntCrossley(9000.0, 0.0, 1.4)
+    spring = HuntCrossley(K=9000.0, B=0.0, n=1.4)
     found = identify(contact_of(exciting(spring, seconds=6.0))).energy
     assert found.kind == "cycle"
     assert len(found.lost) >= 3
@@ -208,7 +208,7 @@ def test_a_loss_that_does_not_go_with_the_speed_is_said():
     """Friction costs a slow cycle as much as a quick one; a damper does not, but for the mean."""
     time = 1e-3 * np.arange(20000)
     phase = np.where(time < 18.0, 3.0 * time, 54.0 + 15.0 * (time - 18.0))
-    damped = moved(time, 8e-3 + 3e-3 * np.sin(phase), HuntCrossley(9000.0, 900.0, 1.4))
+    damped = moved(time, 8e-3 + 3e-3 * np.sin(phase), HuntCrossley(K=9000.0, B=900.0, n=1.4))
     force = damped.force + 0.5 * np.tanh(damped.velocity / 1e-3)
     energy = identify(replace(damped, force=force), "variable-projection").energy
     assert energy.predicted.value == pytest.approx(energy.measured.value, rel=0.1)
@@ -220,7 +220,7 @@ def test_a_loss_that_does_not_go_with_the_speed_is_said():
 
 def test_a_loss_that_is_not_the_dampers_is_said():
     """A damper without depth, and a law whose damper has it, tapping."""
-    contact = contact_of(tapping(KelvinVoigt(1500.0, 8.0), seconds=6.0, noise=0.01))
+    contact = contact_of(tapping(KelvinVoigt(K=1500.0, B=8.0), seconds=6.0, noise=0.01))
     energy = identify(contact, "variable-projection").energy
     accounted = energy.predicted.value / energy.measured.value
     assert accounted < 0.9
@@ -311,14 +311,14 @@ def test_a_rest_adds_nothing_to_the_work_that_went_in():
 
 
 def test_a_hunt_crossley_law_pulls_beyond_one_over_its_dissipation():
-    result = identify(sine(HuntCrossley(9000.0, 4e5, 1.4), noise=0.01))
+    result = identify(sine(HuntCrossley(K=9000.0, B=4e5, n=1.4), noise=0.01))
     found = result.passivity
     assert found.limit == pytest.approx(-9000.0 / 4e5, rel=0.02)
     assert found.fastest_withdrawal == pytest.approx(0.021, rel=0.01)
     assert found.fraction == 0.0
     assert found.lowest_force == 0.0
     assert math.isnan(found.deepest)
-    faster = identify(sine(HuntCrossley(9000.0, 6e5, 1.4), noise=0.01)).passivity
+    faster = identify(sine(HuntCrossley(K=9000.0, B=6e5, n=1.4), noise=0.01)).passivity
     assert faster.fraction > 0.1
     assert faster.lowest_force < 0.0
     assert faster.lowest_velocity < faster.limit
@@ -326,11 +326,11 @@ def test_a_hunt_crossley_law_pulls_beyond_one_over_its_dissipation():
 
 
 def test_a_kelvin_voigt_law_pulls_at_light_touch_where_the_material_does_not():
-    contact = contact_of(tapping(HuntCrossley(1500.0, 6000.0, 1.0), seconds=6.0, noise=0.01))
+    contact = contact_of(tapping(HuntCrossley(K=1500.0, B=6000.0, n=1.0), seconds=6.0, noise=0.01))
     result = identify(contact, "kelvin-voigt")
     found = result.passivity
     assert found.fraction > 0.0
-    deepest = -result.law.damping * contact.velocity.min() / result.law.stiffness
+    deepest = -result.law.B * contact.velocity.min() / result.law.K
     assert 0.0 < found.deepest < deepest
     assert found.measured_there > -0.01
     assert found.measured_fraction < 0.001

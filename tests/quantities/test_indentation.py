@@ -115,7 +115,7 @@ def test_an_approach_alone_has_no_damping_and_with_its_retract_it_has():
         result = palpate.identify(contact, palpate.VariableProjection(exponent=1.5))
         assert math.isfinite(result.diagnosis.working_depth.damping.value) is retract
         stiffness = result.diagnosis.working_depth.stiffness
-        expected = 1.5 * found.stiffness.value * result.depths[0] ** 0.5
+        expected = 1.5 * found.K.value * result.depths[0] ** 0.5
         assert stiffness.value == pytest.approx(expected, rel=0.02)
         # The numbers of a force curve have one origin, whoever asks for them.
         assert result.elastic_modulus(Sphere(RADIUS)).value == found.modulus.value

@@ -73,7 +73,7 @@ def test_the_command_prints_the_option_that_identify_takes(tmp_path, run, printe
 
 def test_identify_and_the_loop_take_out_a_known_delay():
     time = np.arange(0.0, 6.0, 1e-3)
-    law = palpate.HuntCrossley(2000.0, 1500.0, 1.2)
+    law = palpate.HuntCrossley(K=2000.0, B=1500.0, n=1.2)
 
     def depth(t):
         return 4e-3 + 1e-3 * np.sin(12.0 * t) + 1e-3 * np.sin(25.0 * t)
@@ -95,6 +95,6 @@ def test_identify_and_the_loop_take_out_a_known_delay():
         )
         for result in (offline, palpate.identify(online, law="hunt-crossley")):
             # The filter of 15 ms flattens the quicker sine by 0.1 % of its speed.
-            assert result.law.damping == pytest.approx(1500.0, rel=5e-3)
+            assert result.law.B == pytest.approx(1500.0, rel=5e-3)
     with pytest.raises(InvalidParameterError, match="half of the velocity_window"):
         palpate.OnlinePreparation(force_delay=8e-3)

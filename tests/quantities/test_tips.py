@@ -36,7 +36,7 @@ TIPS = [BALL, FlatPunch(0.2), Cone(math.radians(70.0))]
 def pressed(tip, exponent=None) -> Contact:
     power = tip.exponent if exponent is None else exponent
     stiffness = REDUCED * tip.factor * 10e-3 ** (tip.exponent - power)  # the same at 10 mm
-    x = exciting(palpate.HuntCrossley(stiffness, stiffness, power), seconds=3.0, noise=0.02)
+    x = exciting(palpate.HuntCrossley(K=stiffness, B=stiffness, n=power), seconds=3.0, noise=0.02)
     return Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
 
 
@@ -313,7 +313,7 @@ SPECIMEN = palpate.Specimen(area=3.14e-4, height=0.2)
 
 def test_the_modulus_of_a_compressed_cylinder_is_found_with_the_bar_of_its_stiffness():
     stiffness = MODULUS * SPECIMEN.area / SPECIMEN.height
-    x = exciting(palpate.HuntCrossley(stiffness, stiffness, 1.0), seconds=3.0, noise=2e-4)
+    x = exciting(palpate.HuntCrossley(K=stiffness, B=stiffness, n=1.0), seconds=3.0, noise=2e-4)
     contact = Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
     result = identify(contact).with_query(QueryOptions(specimen=SPECIMEN))
     found, there = result.compression_modulus(), result.diagnosis.working_depth.stiffness

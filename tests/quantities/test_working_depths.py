@@ -11,7 +11,7 @@ import palpate
 from palpate.errors import InvalidParameterError
 from palpate.recordings.recording import read_truth
 
-HARD = palpate.HuntCrossley(228e3, 2e3, 2.0)
+HARD = palpate.HuntCrossley(K=228e3, B=2e3, n=2.0)
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
 
@@ -113,7 +113,7 @@ def test_an_estimate_knows_stiffness_and_damping_with_their_errors(method):
 
 
 def test_what_a_velocity_filter_takes_off_the_velocity_is_in_the_error_of_the_damping():
-    stiff = palpate.HuntCrossley(5e5, 2e5, 1.5)
+    stiff = palpate.HuntCrossley(K=5e5, B=2e5, n=1.5)
     signals = exciting(stiff, seconds=6.0, noise=0.02, seed=5)
     arrays = {"time": signals.time, "penetration": signals.penetration, "force": signals.force}
     contact = palpate.prepare(**arrays, velocity_window=15e-3)

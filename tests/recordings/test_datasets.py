@@ -211,7 +211,7 @@ def test_the_damping_is_within_two_standard_errors(tmp_path, rate):
     for seed in range(50):
         stiffness, shape = 10.0 ** random.uniform(2.3, 3.6), random.choice([1.0, 1.3, 1.5])
         k = stiffness * 4e-3 ** (1.0 - shape)
-        law = HuntCrossley(k, random.uniform(5.0, 40.0) * k, shape)
+        law = HuntCrossley(K=k, B=random.uniform(5.0, 40.0) * k, n=shape)
         options = {"rate": float(rate), "samples": 10 * rate, "noise": 6e-5 * stiffness}
         given.append(episode(seed + 10_000, law, **options))
     write_lerobot_3(tmp_path / "set", given, rate=rate, in_a_file=50)

@@ -7,7 +7,7 @@ from recordings import written
 import palpate
 from palpate import RecordingError, open_recording, prepare
 
-BALL = palpate.HuntCrossley(6000.0, 3000.0, 1.3)
+BALL = palpate.HuntCrossley(K=6000.0, B=3000.0, n=1.3)
 TIME = np.arange(600) * 0.01
 
 

@@ -98,6 +98,11 @@ def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws(
     result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.segment_table(result)
     assert len(section.rows) == 2
+    with pytest.raises(
+        palpate.InvalidParameterError, match=r"each of 2 segments \(.* to .* s, .*\)"
+    ):
+        _ = result.stiffness
+    assert result.segments[1].damping == result.segments[1].diagnosis.working_depth.damping
     words = result.summary()
     assert "change detector" in words
     assert "fit (each part by its own law)" in words

@@ -46,7 +46,7 @@ def test_what_was_saved_is_read_back_to_the_last_bit(ball, saved):
     assert palpate.identify(found.contact).law == ball.law
     [trace] = saved.glob("trace.*")  # a recording too
     assert palpate.identify(trace).law == ball.law
-    assert palpate.open_recording(trace).units["stiffness_standard_error"] == "N/mⁿ"
+    assert palpate.open_recording(trace).units["K_standard_error"] == "N/mⁿ"
 
 
 def test_the_result_is_what_json_prints(ball, saved, run):
@@ -113,8 +113,8 @@ def test_a_trace_that_is_read_is_not_written_over(refused, saved):
         (lambda folder: (folder / "result.json").write_text("{"), "not JSON"),
         (lambda folder: (folder / "result.json").write_text("[1]"), "no schema_version"),
         (
-            lambda folder: change(folder, schema_version=99),
-            f"has schema 99, but palpate {palpate.__version__} reads schema 3",
+            lambda folder: change(folder, schema_version=3),
+            f"has schema 3, but palpate {palpate.__version__} reads schema 4",
         ),
         (lambda folder: change(folder, results=[]), "damaged"),
         (lambda folder: change(folder, findings=[{"wrong": 1}]), "damaged"),
@@ -237,8 +237,8 @@ def test_the_frame_has_the_clock_and_what_was_known(ball):
     frame = ball.to_pandas()
     assert frame.index.name == "time"
     assert len(frame) == len(ball.contact)
-    assert same(frame["stiffness"].to_numpy()[ball.trace.after], ball.trace.parameters[:, 0])
-    assert frame["stiffness"].count() == len(ball.trace.after)
+    assert same(frame["K"].to_numpy()[ball.trace.after], ball.trace.parameters[:, 0])
+    assert frame["K"].count() == len(ball.trace.after)
     assert same(frame["fitted_force"], ball.fitted_force)
     assert frame["status"].iloc[-1] == "updated"
     assert frame.attrs["units"]["velocity"] == "m/s"
@@ -247,7 +247,7 @@ def test_the_frame_has_the_clock_and_what_was_known(ball):
 def test_the_dataset_has_the_parameters_along_a_dimension(ball):
     pytest.importorskip("xarray")
     data = ball.to_xarray()
-    exponent = data.parameters.sel(parameter="exponent")
+    exponent = data.parameters.sel(parameter="n")
     assert same(exponent, ball.trace.everywhere(ball.trace.parameters[:, 2]))
     assert same(data.covariance, ball.covariance)
     assert data.force.attrs["units"] == "N"

@@ -382,8 +382,7 @@ class CurveFitter {
                             units_.log_penetration, true);
     const Matrix<5> root = multiply(p.root, widening);
     const HuntCrossley law = law_in_si(p, units_);
-    fit.parameters = {law.stiffness, law.damping, law.exponent, p.offset * force,
-                      p.surface * units_.penetration};
+    fit.parameters = {law.K, law.B, law.n, p.offset * force, p.surface * units_.penetration};
     fit.covariance = covariance_in_si(root, law, units_);
     fit.noise = std::sqrt(noise) * force;
     fit.cost = best.cost * force * force;

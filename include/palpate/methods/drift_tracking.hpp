@@ -190,13 +190,12 @@ class DriftTrackingMethod {
     // would never start.
     const Fit<Law> fit = start_.fit_in_white_noise(units_);
     constexpr double most_variance = largest_start_error * largest_start_error;
-    const bool known =
-        fit.flags == 0 && fit.law.stiffness > 0.0 && fit.covariance[2][2] < most_variance;
+    const bool known = fit.flags == 0 && fit.law.K > 0.0 && fit.covariance[2][2] < most_variance;
     if (!known) return;
     // Converts (K, B, n) to (ln k, b, n) in scaled units: ln k = ln K + n ln x_r − ln F_s, b = V
     // B/K.
-    const double dissipation = fit.law.damping / fit.law.stiffness;
-    const double per_stiffness = 1.0 / fit.law.stiffness;
+    const double dissipation = fit.law.B / fit.law.K;
+    const double per_stiffness = 1.0 / fit.law.K;
     const Matrix<4> to_state{{{per_stiffness, 0.0, units_.log_penetration, 0.0},
                               {-dissipation * per_stiffness * units_.velocity,
                                per_stiffness * units_.velocity, 0.0, 0.0},
@@ -211,8 +210,8 @@ class DriftTrackingMethod {
     if (exponent_known()) covariance_[2][2] = 1e-30;
     if (!detail::is_positive_definite(covariance_)) return;
     const Vector<4> state{
-        std::log(fit.law.stiffness) + fit.law.exponent * units_.log_penetration - units_.log_force,
-        dissipation * units_.velocity, fit.law.exponent, fit.offset.value * units_.per_force};
+        std::log(fit.law.K) + fit.law.n * units_.log_penetration - units_.log_force,
+        dissipation * units_.velocity, fit.law.n, fit.offset.value * units_.per_force};
     // Beyond these limits filter() would refuse every sample.
     for (std::size_t i = 0; i < 4; ++i) {
       const bool bounded = std::abs(state[i]) < largest_input && covariance_[i][i] < largest_input;

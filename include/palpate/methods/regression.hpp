@@ -113,9 +113,8 @@ struct HuntCrossleyLogRegression {
     return detail::bounded_exp(theta[0] + theta[2] * phi[2]) * (1.0 + theta[1] * phi[1]);
   }
   static Vector<order> coefficients(const Law& law, const Units& u) noexcept {
-    return {
-        detail::saturate(std::log(law.stiffness) + law.exponent * u.log_penetration - u.log_force),
-        detail::saturate(law.damping / law.stiffness * u.velocity), detail::saturate(law.exponent)};
+    return {detail::saturate(std::log(law.K) + law.n * u.log_penetration - u.log_force),
+            detail::saturate(law.B / law.K * u.velocity), detail::saturate(law.n)};
   }
   static Law law(const Vector<order>& theta, const Units& u) noexcept {
     const double stiffness =
@@ -126,20 +125,18 @@ struct HuntCrossleyLogRegression {
   // dK = K (dθ₁ − ln x₀ dθ₃), dB = (K/v₀) dθ₂ + (B/K) dK, dn = dθ₃, at the scale x₀, v₀.
   static Matrix<order> jacobian(const Law& law, const Units& u) noexcept {
     const double depth = -u.log_penetration;
-    return {{{law.stiffness, 0.0, detail::saturate(law.stiffness * depth)},
-             {law.damping, detail::saturate(law.stiffness / u.velocity),
-              detail::saturate(law.damping * depth)},
+    return {{{law.K, 0.0, detail::saturate(law.K * depth)},
+             {law.B, detail::saturate(law.K / u.velocity), detail::saturate(law.B * depth)},
              {0.0, 0.0, 1.0}}};
   }
   // The diagonal of J P Jᵀ in closed form, because a trace needs it at every sample.
   static Vector<order> variances(const Matrix<order>& p, const Law& law, const Units& u) noexcept {
     const double depth = -u.log_penetration;
     const double log_stiffness = p[0][0] + depth * (2.0 * p[0][2] + depth * p[2][2]);
-    const double dissipation = detail::saturate(law.stiffness / u.velocity);
+    const double dissipation = detail::saturate(law.K / u.velocity);
     const double shared = dissipation * (p[0][1] + depth * p[1][2]);
-    return {law.stiffness * law.stiffness * log_stiffness,
-            law.damping * (law.damping * log_stiffness + 2.0 * shared) +
-                dissipation * dissipation * p[1][1],
+    return {law.K * law.K * log_stiffness,
+            law.B * (law.B * log_stiffness + 2.0 * shared) + dissipation * dissipation * p[1][1],
             p[2][2]};
   }
 };
@@ -154,7 +151,7 @@ struct KnownExponentLogRegression : HuntCrossleyLogRegression {
     double power;  // n ln x
   };
 
-  explicit KnownExponentLogRegression(const Law& start) noexcept : exponent(start.exponent) {}
+  explicit KnownExponentLogRegression(const Law& start) noexcept : exponent(start.n) {}
 
   Row row(const Sample& s) const noexcept {
     const double power = exponent * std::log(s.penetration);
@@ -220,12 +217,12 @@ template <class Regression>
 constexpr const char* validate(const RegressionSettings<Regression>& settings) noexcept {
   if (const char* fault = detail::validate_initial(settings.initial)) return fault;
   if constexpr (std::is_same_v<typename Regression::Law, HuntCrossley>) {
-    if (!(settings.initial.stiffness > 0.0)) {
-      return "method.initial must have stiffness > 0, as its logarithm is taken";
+    if (!(settings.initial.K > 0.0)) {
+      return "method.initial must have K > 0, as its logarithm is taken";
     }
   }
   if constexpr (std::is_same_v<Regression, KnownExponentLogRegression>) {
-    if (const char* fault = detail::validate_known_exponent(settings.initial.exponent)) {
+    if (const char* fault = detail::validate_known_exponent(settings.initial.n)) {
       return fault;
     }
   }
@@ -446,7 +443,7 @@ class DoubleStageMethod {
   DoubleStageMethod(const Settings& settings, const Units& units) noexcept
       : settings_(settings),
         stage_one_({in_scaled_units(settings.initial, units), of_stage_one(settings)}),
-        stage_two_({{detail::saturate(settings.initial.exponent)}, of_stage_two(settings)}) {}
+        stage_two_({{detail::saturate(settings.initial.n)}, of_stage_two(settings)}) {}
 
   bool in_range(const Sample& s) const noexcept {
     return detail::touching(s) && detail::within(s, largest_input);
@@ -523,19 +520,17 @@ class DoubleStageMethod {
   }
 
   static Vector<2> in_scaled_units(const Law& law, const Units& u) noexcept {
-    const double unit = detail::bounded_exp(law.exponent * u.log_penetration) / u.force;
-    return {detail::saturate(law.stiffness * unit),
-            detail::saturate(law.damping * unit * u.velocity)};
+    const double unit = detail::bounded_exp(law.n * u.log_penetration) / u.force;
+    return {detail::saturate(law.K * unit), detail::saturate(law.B * unit * u.velocity)};
   }
 
   // Derivative of (K, B, n) in SI by [K, B] in scaled units and n.
   static Matrix<3> jacobian(const Law& law, const Units& u) noexcept {
-    const double unit =
-        detail::saturate(u.force * detail::bounded_exp(-law.exponent * u.log_penetration));
-    return {{{unit, 0.0, detail::saturate(-law.stiffness * u.log_penetration)},
-             {0.0, detail::saturate(unit / u.velocity),
-              detail::saturate(-law.damping * u.log_penetration)},
-             {0.0, 0.0, 1.0}}};
+    const double unit = detail::saturate(u.force * detail::bounded_exp(-law.n * u.log_penetration));
+    return {
+        {{unit, 0.0, detail::saturate(-law.K * u.log_penetration)},
+         {0.0, detail::saturate(unit / u.velocity), detail::saturate(-law.B * u.log_penetration)},
+         {0.0, 0.0, 1.0}}};
   }
 
   Matrix<1> of_exponent(const Matrix<1>& two) const noexcept {
@@ -554,7 +549,7 @@ class DoubleStageMethod {
 constexpr const char* validate(const DoubleStageMethod::Settings& settings) noexcept {
   if (const char* fault = detail::validate_initial(settings.initial)) return fault;
   if (settings.exponent_known) {
-    if (const char* fault = detail::validate_known_exponent(settings.initial.exponent)) {
+    if (const char* fault = detail::validate_known_exponent(settings.initial.n)) {
       return fault;
     }
   }

@@ -420,10 +420,10 @@ inline HuntCrossley law_in_si(const ProjectionSolution& p, const Units& u) noexc
 // scaled units: dK = U (dk − k ln x_r dn), dB = (U/V) (dc − c ln x_r dn), with U = F_s x_r⁻ⁿ.
 inline Matrix<5> root_in_si(const Matrix<5>& root, const HuntCrossley& law,
                             const Units& u) noexcept {
-  const double unit = saturate(u.force * bounded_exp(-law.exponent * u.log_penetration));
+  const double unit = saturate(u.force * bounded_exp(-law.n * u.log_penetration));
   const double damping_unit = saturate(unit / u.velocity);
-  const double by_stiffness = saturate(-law.stiffness * u.log_penetration);
-  const double by_damping = saturate(-law.damping * u.log_penetration);
+  const double by_stiffness = saturate(-law.K * u.log_penetration);
+  const double by_damping = saturate(-law.B * u.log_penetration);
   Matrix<5> result{};
   for (std::size_t j = 0; j < 5; ++j) {
     result[0][j] = unit * root[0][j] + by_stiffness * root[2][j];

@@ -22,12 +22,12 @@ Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 class ModelOptions:
     """A guess of the material; an order of magnitude is enough to start."""
 
-    stiffness: float
-    "Stiffness K, N/mⁿ."
-    damping: float
-    "Damping B, N·s/mⁿ⁺¹."
-    exponent: float
-    "Exponent n, 1 to 2 for most materials."
+    K: Annotated[float, Parameter(name="--K")]
+    "Coefficient of the spring, N/mⁿ."
+    B: Annotated[float, Parameter(name="--B")]
+    "Coefficient of the damper, N·s/mⁿ⁺¹."
+    n: Annotated[float, Parameter(name="--n")]
+    "Exponent, 1 to 2 for most materials."
 
 
 @Parameter(name="*", group=Group("The sensor", sort_key=0.6))
@@ -99,8 +99,8 @@ def design(
 
     For example:
 
-        palpate design --stiffness 2000 --damping 2000 --exponent 1 --noise 0.05
-        palpate design --stiffness 300 --damping 3000 --exponent 1.2 --noise 0.1 --depth 0.005
+        palpate design --K 2000 --B 2000 --n 1 --noise 0.05
+        palpate design --K 300 --B 3000 --n 1.2 --noise 0.1 --depth 0.005
 
     Parameters
     ----------

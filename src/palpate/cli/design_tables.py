@@ -16,7 +16,7 @@ from palpate.digits import rounded
 def print_design(design: Design, console: Console) -> None:
     """Print how precisely and how soon the planned and a better motion identify the material."""
     law = design.law
-    words = (law.stiffness, law.exponent, law.dissipation)
+    words = (law.K, law.n, law.dissipation)
     say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
     say(console, _sensor(design))
     _print_precision(design, console)

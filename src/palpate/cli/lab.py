@@ -57,7 +57,7 @@ def lab(
     For example:
 
         palpate lab ball -o ball.csv
-        palpate lab hunt-crossley --stiffness 2000 --damping 2000 --exponent 1.3 -o own.csv
+        palpate lab hunt-crossley --K 2000 --B 2000 --n 1.3 -o own.csv
         palpate lab tissue --seconds 30 -o tissue.csv
         palpate lab ball-in-mujoco/scene.xml --probe ideal -o again.csv
 
@@ -79,8 +79,8 @@ def lab(
     picture
         Draw the rig in contact with the material into this file (.png, .svg or .pdf).
     law
-        Parameters of the force law by name, SI: --stiffness, --damping, --exponent and so on. For
-        generalised-hunt-crossley with memory, --relaxation-stiffness and --longest-time give one
+        Parameters of the force law by name, SI: --K, --B, --n and so on. For
+        generalised-hunt-crossley with memory, --M and --longest-time give one
         relaxation time; add --shortest-time for a flat relaxation spectrum, and
         --spectrum-exponent for a power law. Any spectrum: --relaxation-times and
         --relaxation-stiffnesses, each repeated for every relaxation time.

@@ -137,9 +137,9 @@ def design(
     instance("law", law, HuntCrossley)
     instance("motion", motion, Motion)
     for name, value, highest in (
-        ("stiffness", law.stiffness, 1e20),
-        ("damping", law.damping, 1e20),
-        ("exponent", law.exponent, 10.0),
+        ("K", law.K, 1e20),
+        ("B", law.B, 1e20),
+        ("n", law.n, 10.0),
         ("max_depth", max_depth, 10.0),
         ("max_speed", max_speed, 1000.0),
     ):

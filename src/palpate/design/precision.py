@@ -163,7 +163,7 @@ class PlannedMeasurement:
 
         Above it the single-stage method is biased; variable projection is not.
         """
-        return 0.1 * self.law.stiffness / self.law.damping
+        return 0.1 * self.law.K / self.law.B
 
     @property
     def effective_noise(self) -> float:
@@ -352,17 +352,13 @@ def limits_around(
     """
     peak_penetration = motion.peak_penetration if max_depth is None else max_depth
     law = measurement.law
-    clear = min(
-        CLEAR * measurement.effective_noise / law.stiffness, MARGIN * peak_penetration**law.exponent
-    )
-    least_penetration = max(MARGIN * peak_penetration, clear ** (1.0 / law.exponent))
+    clear = min(CLEAR * measurement.effective_noise / law.K, MARGIN * peak_penetration**law.n)
+    least_penetration = max(MARGIN * peak_penetration, clear ** (1.0 / law.n))
     if 0.0 < motion.least_penetration < least_penetration:
         least_penetration = motion.least_penetration
     speed = motion.top_speed if max_speed is None else max_speed
     frequency = max([FASTEST_PHASE / measurement.sample_time, *motion.frequencies])
-    return Limits(
-        peak_penetration, least_penetration, min(speed, law.stiffness / law.damping), frequency
-    )
+    return Limits(peak_penetration, least_penetration, min(speed, law.K / law.B), frequency)
 
 
 def find_better(
@@ -497,7 +493,7 @@ class PredictedPrecision:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers and text; infinite or undefined numbers are None."""
-        names = ("stiffness", "damping", "exponent")
+        names = HuntCrossley.names()
 
         def rows(key: str, values: Sequence[float], table: Floats) -> list[dict[str, float]]:
             every = zip(values, table.tolist(), strict=True)
@@ -560,10 +556,10 @@ def _notes(
             f"the probe leaves contact: it rises to {rounded(1e3 * least_penetration, 3)} mm; "
             "increase the depth to stay in contact"
         )
-    if outward < -law.stiffness / law.damping:
+    if outward < -law.K / law.B:
         notes.append(
             "the probe withdraws faster than K/B = "
-            f"{rounded(law.stiffness / law.damping, 3)} m/s, where the law becomes adhesive "
+            f"{rounded(law.K / law.B, 3)} m/s, where the law becomes adhesive "
             "(negative force)"
         )
     fastest = max(motion.frequencies, default=0.0)

@@ -36,7 +36,7 @@ class EquivalentEstimate(Estimate):
 
         def numbers(law: GeneralisedHuntCrossley) -> tuple[float, float, float]:
             stiffness, damping = dynamic_response(law, depth, frequency).tolist()
-            return stiffness * depth / law.exponent, stiffness, damping
+            return stiffness * depth / law.n, stiffness, damping
 
         self.law_errors = estimate.with_errors(numbers)[1]
 
@@ -76,8 +76,8 @@ def equivalent_hunt_crossley(
     """
     law: GeneralisedHuntCrossley = estimate.law
     stiffness, damping = dynamic_response(law, depth, frequency).tolist()
-    n = law.exponent
-    equivalent = HuntCrossley(stiffness / (n * depth ** (n - 1.0)), damping / depth**n, n)
+    n = law.n
+    equivalent = HuntCrossley(K=stiffness / (n * depth ** (n - 1.0)), B=damping / depth**n, n=n)
     corrected = copy(data)
     equivalent_force = equivalent.force(data.penetration - estimate.surface, data.velocity)
     corrected.force = data.force - (force - equivalent_force)

@@ -51,7 +51,7 @@ def check_one_way(fit: Fit) -> Finding | None:
         return None
     if fit.steady_speed:
         return one_speed(format_quantity(fit.steady_speed, "m/s", digits=2))
-    known = "exponent" in fit.estimate.fixed
+    known = "n" in fit.estimate.fixed
     return one_way("trust" if known else "do-not-trust", "do-not-trust")
 
 

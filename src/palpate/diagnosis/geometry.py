@@ -36,7 +36,7 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
     # Energy over the windows, refitted with this surface.
     motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.windows, fit.force)
-    change = OtherLaw(HuntCrossley(k, c, n), law, depth)
+    change = OtherLaw(HuntCrossley(K=k, B=c, n=n), law, depth)
     energy, changes = fit.solve(change.law, zero, motion).energy, change.relative(fit)
     sentence = _describe_surface(fit, change, error)
     if not math.sqrt(energy / len(fit.windows)) < NOISE_LIKE * fit.noise_floor:

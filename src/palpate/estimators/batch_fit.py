@@ -32,8 +32,8 @@ class CurveFits:
 
     Attributes
     ----------
-    stiffness, damping, exponent : numpy.ndarray, shape (k,)
-        K, N/mⁿ; B, N·s/mⁿ⁺¹; n.
+    K, B, n : numpy.ndarray, shape (k,)
+        N/mⁿ; N·s/mⁿ⁺¹; 1.
     offset, surface : numpy.ndarray, shape (k,)
         F₀, N, and d, m; 0 if not estimated.
     covariance : numpy.ndarray, shape (k, 5, 5)
@@ -50,9 +50,9 @@ class CurveFits:
         Codes of :data:`STATUS_WORDS`.
     """
 
-    stiffness: Floats
-    damping: Floats
-    exponent: Floats
+    K: Floats
+    B: Floats
+    n: Floats
     offset: Floats
     surface: Floats
     covariance: Floats
@@ -78,8 +78,7 @@ class CurveFits:
 
     def law(self, curve: int) -> HuntCrossley:
         """The law of one curve."""
-        columns = self.stiffness, self.damping, self.exponent
-        return HuntCrossley(*(float(column[curve]) for column in columns))
+        return HuntCrossley(K=float(self.K[curve]), B=float(self.B[curve]), n=float(self.n[curve]))
 
     def describe_flags(self, curve: int) -> tuple[str, ...]:
         """Parameters that the motion of one curve does not identify, and a motion that would."""

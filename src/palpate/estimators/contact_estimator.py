@@ -145,7 +145,7 @@ class ContactEstimator(Configured):
     @property
     def fixed(self) -> tuple[str, ...]:
         """Names of the law's parameters that the settings fix; they are not identified."""
-        return ("exponent",) if self._settings.get("exponent") is not None else ()
+        return ("n",) if self._settings.get("exponent") is not None else ()
 
     def replace(self, **changes: Any) -> Self:
         """Return a new estimator with these settings changed and no samples taken."""

@@ -54,10 +54,10 @@ class Candidate(Plain):
     def own(self) -> tuple[str, ...]:
         """Names of its free parameters; the law's other parameters follow from them or are 0."""
         has = {
-            "stiffness": True,
-            "exponent": not self.linear,
-            "damping": self.damping != "none",
-            "relaxation_stiffness": self.memory != "none",
+            "K": True,
+            "n": not self.linear,
+            "B": self.damping != "none",
+            "M": self.memory != "none",
         }
         return tuple(name for name, own in has.items() if own)
 

@@ -179,7 +179,7 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
 
     The settings are the same as for :class:`RecursiveLeastSquaresEstimator`, and ``exponent``: a
     known n, in [0.1, 10], from the tip's shape (1.5 for a sphere), with a standard error of 0.
-    ``initial`` is a :class:`HuntCrossley` of positive stiffness, ``initial_covariance`` the
+    ``initial`` is a :class:`HuntCrossley` with K > 0, ``initial_covariance`` the
     covariance of θ (default: 1e3).
     """
 
@@ -188,7 +188,7 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
     law_type = HuntCrossley
     minimises = "logarithm"
     needs_condition_10 = True
-    default_initial = HuntCrossley(*_core.defaults["SingleStageRLS"]["initial"])
+    default_initial = HuntCrossley.from_parameters(_core.defaults["SingleStageRLS"]["initial"])
     default_covariance = _core.defaults["SingleStageRLS"]["initial_covariance"]
 
     def estimate(self) -> Estimate:
@@ -197,10 +197,10 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
 
     def _plain_settings(self) -> tuple[Any, ...]:
         plain = super()._plain_settings()
-        stiffness = self._settings["initial"].stiffness
-        if not stiffness > 0.0:
+        coefficient = self._settings["initial"].K
+        if not coefficient > 0.0:
             raise InvalidParameterError(
-                f"initial stiffness must be above 0 (its logarithm is taken), not {stiffness!r}"
+                f"initial.K must be above 0 (its logarithm is taken), not {coefficient!r}"
             )
         return plain
 
@@ -225,7 +225,7 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
     __slots__ = ("_settings",)
     method = "double-stage"
     law_type = HuntCrossley
-    default_initial = HuntCrossley(*_core.defaults["DoubleStageRLS"]["initial"])
+    default_initial = HuntCrossley.from_parameters(_core.defaults["DoubleStageRLS"]["initial"])
     default_covariance = _core.defaults["DoubleStageRLS"]["initial_covariance"]
 
     def _plain_settings(self) -> tuple[Any, ...]:
@@ -252,7 +252,7 @@ class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     __slots__ = ("_settings",)
     method = "kelvin-voigt"
     law_type = KelvinVoigt
-    default_initial = KelvinVoigt(*_core.defaults["KelvinVoigtRLS"]["initial"])
+    default_initial = KelvinVoigt.from_parameters(_core.defaults["KelvinVoigtRLS"]["initial"])
     default_covariance = _core.defaults["KelvinVoigtRLS"]["initial_covariance"]
 
 
@@ -269,5 +269,7 @@ class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvi
     __slots__ = ("_settings",)
     method = "extended-kelvin-voigt"
     law_type = ExtendedKelvinVoigt
-    default_initial = ExtendedKelvinVoigt(*_core.defaults["ExtendedKelvinVoigtRLS"]["initial"])
+    default_initial = ExtendedKelvinVoigt.from_parameters(
+        _core.defaults["ExtendedKelvinVoigtRLS"]["initial"]
+    )
     default_covariance = _core.defaults["ExtendedKelvinVoigtRLS"]["initial_covariance"]

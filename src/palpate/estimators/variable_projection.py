@@ -287,14 +287,14 @@ def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> Constrai
     x = contact.penetration[taken] - estimate.surface
     v, force = contact.velocity[taken], contact.force[taken] - estimate.offset
     one_way = abs(float(v.mean())) > ONE_WAY * math.sqrt(float(np.mean(v**2)))
-    if not one_way or (low <= law.exponent <= high and law.damping >= 0.0):
+    if not one_way or (low <= law.n <= high and law.B >= 0.0):
         return None
     width = max(x.size // BLOCKS, 1)
     means = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
     if not math.sqrt(width * float(np.mean(means**2))) > MISFIT * noise_of(force):
         return None
     deep, fast = float(x.max()), float(np.abs(v).max())
-    local = HuntCrossley(float(force.max()), 0.0, float(np.clip(law.exponent, low, high)))
+    local = HuntCrossley(K=float(force.max()), B=0.0, n=float(np.clip(law.n, low, high)))
 
     def model(p: Floats) -> tuple[Floats, Floats]:
         predicted, slopes = local.force_and_gradient(p, x / deep, v / fast)
@@ -302,9 +302,9 @@ def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> Constrai
 
     bounds = np.array([-np.inf, 0.0, low]), np.array([np.inf, np.inf, high])
     fit = least_squares(model, local.parameters, bounds)
-    law = HuntCrossley(*fit.parameters).scaled(1.0 / deep, 1.0 / fast)
+    law = HuntCrossley.from_parameters(fit.parameters).scaled(1.0 / deep, 1.0 / fast)
     # From local units to SI: K = k/x_rⁿ, B = c/(V x_rⁿ).
-    to_si = np.diag([deep**-law.exponent, deep**-law.exponent / fast, 1.0])
+    to_si = np.diag([deep**-law.n, deep**-law.n / fast, 1.0])
     to_si[:2, 2] = -law.parameters[:2] * math.log(deep)
     joint = np.zeros((4, 4))
     joint[:3, :3] = to_si @ robust_covariance(fit.jacobian, fit.residual) @ to_si.T

@@ -39,10 +39,10 @@ def build_law(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
     """Return the law from relaxation times [s], and K, n, B, p and a stiffness for each time."""
     (stiffness, n, damping, p), stiffnesses = numbers[:4].tolist(), np.maximum(numbers[4:], 0.0)
     if not stiffnesses.any():
-        return GeneralisedHuntCrossley(stiffness, n, damping, p)
+        return GeneralisedHuntCrossley(K=stiffness, n=n, B=damping, p=p)
     # Times whose stiffness is 0 stay: the spacing of the times sets the error of a single time.
     spectrum = RelaxationSpectrum(tuple(times), tuple(stiffnesses))
-    return GeneralisedHuntCrossley(stiffness, n, damping, p, relaxation=spectrum)
+    return GeneralisedHuntCrossley(K=stiffness, n=n, B=damping, p=p, relaxation=spectrum)
 
 
 class RelaxingEstimate(Estimate):

@@ -168,10 +168,8 @@ class ExportRequest:
     form: str = "auto"
 
     def __post_init__(self) -> None:
-        if not self.law.stiffness > 0.0:
-            raise InvalidParameterError(
-                f"law must have a stiffness above 0, not {self.law.stiffness:.3g}"
-            )
+        if not self.law.K > 0.0:
+            raise InvalidParameterError(f"law must have a stiffness above 0, not {self.law.K:.3g}")
 
     @property
     def mass_or_one(self) -> float:

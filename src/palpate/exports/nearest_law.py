@@ -23,9 +23,9 @@ def fit_with_exponents(
     """
     if law.powers is not None and not law.remembers:
         own = GeneralisedHuntCrossley.of(law)
-        same = own.exponent == n and (own.damping == 0.0 or own.damping_exponent == p)
-        if same and own.damping >= 0.0:
-            return GeneralisedHuntCrossley(own.stiffness, n, own.damping, p)
+        same = own.n == n and (own.B == 0.0 or own.p == p)
+        if same and own.B >= 0.0:
+            return GeneralisedHuntCrossley(K=own.K, n=n, B=own.B, p=p)
     return _nearest(law, motion, (n, n), p)
 
 
@@ -47,7 +47,7 @@ def _nearest(
     bounds = np.array([-np.inf, exponents[0], 0.0]), np.array([np.inf, exponents[1], np.inf])
     found = least_squares(model, np.array([0.0, 0.5 * sum(exponents), 0.0]), bounds, 1e-12)
     stiffness, n, damping = found.parameters.tolist()
-    return GeneralisedHuntCrossley(stiffness / unit**n, n, damping / unit**p, p)
+    return GeneralisedHuntCrossley(K=stiffness / unit**n, n=n, B=damping / unit**p, p=p)
 
 
 def fit_with_one_exponent(
@@ -57,13 +57,13 @@ def fit_with_one_exponent(
 
     For a law with p = n it keeps b = B/K, and so the restitution.
     """
-    if law.damping > 0.0 and law.damping_exponent != law.exponent:
+    if law.B > 0.0 and law.p != law.n:
         return fit_with_exponents(law, motion, n, n)
-    b = max(law.damping, 0.0) / law.stiffness
+    b = max(law.B, 0.0) / law.K
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
     weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**n
-    stiffness = law.stiffness * float(weight @ x**law.exponent / (weight @ x**n))
-    return GeneralisedHuntCrossley(stiffness, n, stiffness * b, n)
+    stiffness = law.K * float(weight @ x**law.n / (weight @ x**n))
+    return GeneralisedHuntCrossley(K=stiffness, n=n, B=stiffness * b, p=n)
 
 
 def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:
@@ -73,8 +73,8 @@ def kelvin_voigt(law: ForceLaw, motion: ProbeMotion) -> GeneralisedHuntCrossley:
 
 def is_kelvin_voigt(law: GeneralisedHuntCrossley) -> bool:
     """Whether a law is exactly K x + B v."""
-    linear = law.damping == 0.0 or law.damping_exponent == 0.0
-    return law.exponent == 1.0 and linear and not law.remembers
+    linear = law.B == 0.0 or law.p == 0.0
+    return law.n == 1.0 and linear and not law.remembers
 
 
 def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
@@ -83,8 +83,8 @@ def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
     h² k/m + 2 h c/m = 4, with k = n K xⁿ⁻¹ and c = B xᵖ, at the greatest depth. (Semi-implicit
     Euler of m ẍ + c ẋ + k x = 0; MuJoCo was stable to within 10 % of it.)
     """
-    k = law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
-    c = law.damping * depth**law.damping_exponent
+    k = law.n * law.K * depth ** (law.n - 1.0)
+    c = law.B * depth**law.p
     return float((math.sqrt(c * c + 4.0 * k * mass) - c) / k)
 
 
@@ -122,7 +122,7 @@ def nearest_without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) ->
     """
     if not law.remembers:
         return Nearest(law)
-    fitted = fit_with_exponents(law, motion, law.exponent, law.damping_exponent)
+    fitted = fit_with_exponents(law, motion, law.n, law.p)
     members = {
         "the fully relaxed law": law.relaxed(),
         "the instantaneous (unrelaxed) law": law.instantaneous(),
@@ -132,7 +132,7 @@ def nearest_without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) ->
     # Avoid laws with K ≤ 0 or B < 0.
     return min(
         found,
-        key=lambda each: (each.law.stiffness <= 0.0, each.law.damping < 0.0, each.error_percent),
+        key=lambda each: (each.law.K <= 0.0, each.law.B < 0.0, each.error_percent),
     )
 
 

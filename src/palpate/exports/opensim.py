@@ -148,14 +148,14 @@ class OpenSim(Engine):
             warnings.append(
                 "the tip was pressed deeper than its radius; OpenSim applies the same formula there"
             )
-        if request.law.damping < 0.0:
+        if request.law.B < 0.0:
             warnings.append("the law's damping is negative; it is exported as 0")
         return SphereOnHalfSpace(
             form="hunt-crossley",
             request=request,
             numbers={
-                "stiffness": law.stiffness / (4.0 / 3.0 * radius**0.5),
-                "dissipation": law.damping / law.stiffness / 1.5,
+                "stiffness": law.K / (4.0 / 3.0 * radius**0.5),
+                "dissipation": law.B / law.K / 1.5,
                 "radius": radius,
             },
             engine_law=law,

@@ -54,8 +54,8 @@ def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
     force = law.force
     step = half_period(law, mass, depth) / _STEPS
     speed = abs(_until_surface(force, mass, depth, 0.0, -step))
-    if law.damping_exponent == law.exponent or law.damping == 0.0:
-        e = restitution(law.damping / law.stiffness, speed)
+    if law.p == law.n or law.B == 0.0:
+        e = restitution(law.B / law.K, speed)
     else:
         e = drop_restitution(force, mass, speed, step)
     return Drop(mass, speed, depth, e)
@@ -102,7 +102,7 @@ def restitution_by(law: GeneralisedHuntCrossley, drop: Drop) -> float:
 
 def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> float:
     """Return the half period, s, of a body on a spring of the law's secant stiffness at depth."""
-    return math.pi * math.sqrt(mass / (law.stiffness * depth ** (law.exponent - 1.0)))
+    return math.pi * math.sqrt(mass / (law.K * depth ** (law.n - 1.0)))
 
 
 def course(

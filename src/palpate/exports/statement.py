@@ -125,7 +125,7 @@ class ExportedLaw:
                 flags = found["flags"]
             response, fitted = _response(result, judged), result
             if response is not None:
-                exponent = result.law.exponent if "exponent" in result.fixed else None
+                exponent = result.law.n if "n" in result.fixed else None
                 plain = VariableProjection(exponent=exponent)
                 fitted = Identification.of(Data(result.contact), plain, trace=False)
             motion = ProbeMotion.recorded(fitted)
@@ -171,12 +171,12 @@ class ExportedLaw:
         else:
             law = GeneralisedHuntCrossley.of(self.law)
             found = nearest_without_memory(law, self.motion)
-            if found.law.damping < 0.0:
-                undamped = fit_with_exponents(law, self.motion, law.exponent, law.damping_exponent)
+            if found.law.B < 0.0:
+                undamped = fit_with_exponents(law, self.motion, law.n, law.p)
                 found = Nearest.of(undamped, self.law, self.motion, "without its negative damping")
-        if not found.law.stiffness > 0.0:
+        if not found.law.K > 0.0:
             raise ExportRefusedError(
-                f"the law has a stiffness of {found.law.stiffness:.3g}, not above 0; run palpate "
+                f"the law has a stiffness of {found.law.K:.3g}, not above 0; run palpate "
                 "diagnose FILE to find the cause"
             )
         return found
@@ -367,7 +367,7 @@ class Statement:
         result += make_warnings(*(f"flag: {flag}" for flag in source.flags))
         values = source.law.as_dict()
         # With two springs one may be negative.
-        strengths = ("damping",) if "quadratic_stiffness" in values else ("stiffness", "damping")
+        strengths = ("B",) if "K2" in values else ("K", "B")
         if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
             result += make_refusals(
                 "the law has a negative stiffness or damping, so it generates energy; the exported "

@@ -67,5 +67,4 @@ def length(metres: float, figures: int) -> str:
 
 def law_numbers(law: GeneralisedHuntCrossley) -> dict[str, float]:
     """Return K, n, B and p by name."""
-    names = ("stiffness", "exponent", "damping", "damping_exponent")
-    return {name: float(getattr(law, name)) for name in names}
+    return {name: float(getattr(law, name)) for name in ("K", "n", "B", "p")}

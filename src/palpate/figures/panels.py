@@ -345,17 +345,15 @@ def draw_parameter(
     known = course.parameters[:, index], course.errors[:, index]
     _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
     words = row.with_unit.replace(" ", JOINED)
-    head(axes, f"{row.name.replace('_', ' ').capitalize()} {row.symbol}: {words}")
+    head(axes, f"{row.symbol}: {words}")
 
 
 def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> None:
     """Draw the stiffness of each relaxation time of a law that has one, over the time."""
     times, weights = law.branches()
-    stiffnesses = law.relaxation_stiffness * weights
+    stiffnesses = law.M * weights
     present = stiffnesses > 0.0
-    scale = choose_scale(
-        float(stiffnesses.max()), law.units[law.names().index("relaxation_stiffness")]
-    )
+    scale = choose_scale(float(stiffnesses.max()), law.units[law.names().index("M")])
     stems = times[present], scale.factor * stiffnesses[present]
     axes.vlines(stems[0], 0.0, stems[1], color=look.theme.lines[0], linewidth=look.points(2.2))
     axes.plot(*stems, "o", color=look.theme.lines[0], markersize=look.points(4.0))

@@ -195,7 +195,7 @@ def _find_saturated_samples(curves: Curves, force: Floats, fits: CurveFits) -> N
     with np.errstate(invalid="ignore"):
         highest = np.fmax.reduce(force, axis=1, initial=-np.inf)
         often = (force == highest[:, None]).sum(axis=1) >= 5
-    for row in np.flatnonzero(often & np.isfinite(fits.stiffness)).tolist():
+    for row in np.flatnonzero(often & np.isfinite(fits.K)).tolist():
         assert curves.velocity is not None
         below = curves.penetration[row] - fits.surface[row]
         motion = curves.clock(row), below, curves.velocity[row]
@@ -369,10 +369,10 @@ def _energy_creating_rows(
 ) -> NDArray[np.bool_]:
     """Mark the rows whose negative damping creates energy, as in :func:`palpate.identify`."""
     creating = np.zeros(len(curves), dtype=np.bool_)
-    rows = np.flatnonzero(fits.damping < 0.0)
+    rows = np.flatnonzero(fits.B < 0.0)
     if not rows.size or curves.velocity is None:
         return creating
-    names = ("damping_at_depth", "damping_at_depth_standard_error", "force_at_depth")
+    names = ("damping", "damping_standard_error", "force")
     inside = curves.penetration[rows] > fits.surface[rows, None]
     with np.errstate(all="ignore"):
         squares = np.where(inside, np.nan_to_num(curves.velocity[rows]) ** 2, 0.0)
@@ -401,7 +401,7 @@ def _frequencies(curves: Curves, fits: CurveFits) -> Floats:
 def _numbers(fits: CurveFits, law: type[ForceLaw]) -> dict[str, Any]:
     errors = fits.standard_errors
     columns: dict[str, Any] = {"residual": fits.noise}
-    for k, name in enumerate(("stiffness", "damping", "exponent")):
+    for k, name in enumerate(HuntCrossley.names()):
         columns[name] = getattr(fits, name).copy()
         columns[f"{name}_standard_error"] = errors[:, k].copy()
     for k, name in ((3, "offset"), (4, "surface")):
@@ -411,8 +411,8 @@ def _numbers(fits: CurveFits, law: type[ForceLaw]) -> dict[str, Any]:
     covariance = fits.covariance[:, :3, :3]
     if law is GeneralisedHuntCrossley:  # K, n, B, p = n and M = 0
         for end in ("", "_standard_error"):
-            columns[f"damping_exponent{end}"] = columns[f"exponent{end}"].copy()
-            columns[f"relaxation_stiffness{end}"] = np.where(fits.taken > 0, 0.0, np.nan)
+            columns[f"p{end}"] = columns[f"n{end}"].copy()
+            columns[f"M{end}"] = np.where(fits.taken > 0, 0.0, np.nan)
         to_columns = power_law_derivatives(HuntCrossley)
         covariance = to_columns @ covariance @ to_columns.T
     columns["covariance"] = list(covariance.reshape(len(covariance), -1))
@@ -431,7 +431,7 @@ def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[s
     depth, largest = depths.T.copy()
     columns = {"depth": depth, "largest_depth": largest}
     with np.errstate(all="ignore"):
-        k, c, n = fits.stiffness, fits.damping, fits.exponent
+        k, c, n = fits.K, fits.B, fits.n
         power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
         force, damping = k * power, c * power
         stiffness = n * force / depth
@@ -444,16 +444,14 @@ def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[s
         ):
             g = np.stack(gradient, axis=1)  # with respect to K, B, n, F₀ and d
             variance = np.einsum("ki,kij,kj->k", g, fits.covariance, g)
-            columns[f"{name}_at_depth"] = value
-            columns[f"{name}_at_depth_standard_error"] = np.sqrt(
-                np.where(variance >= 0.0, variance, np.nan)
-            )
+            columns[name] = value
+            columns[f"{name}_standard_error"] = np.sqrt(np.where(variance >= 0.0, variance, np.nan))
     return columns
 
 
 def _flags(fits: CurveFits, left_out: NDArray[np.int64], creating: NDArray[np.bool_]) -> list[Any]:
     few = fits.taken < 30  # ten samples per parameter
-    pulling = fits.stiffness < 0.0
+    pulling = fits.K < 0.0
     unsettled = fits.status == STATUS_WORDS.index("did not settle")
     flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
     for k in np.flatnonzero(few | pulling | creating | unsettled | (left_out > 0)).tolist():

@@ -147,7 +147,7 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
 
 def _at_depth(table: Table, quantity: str) -> tuple[Floats, Floats]:
     """Values at working depth and their whole standard errors."""
-    name = f"{quantity}_at_depth"
+    name = quantity
     return maps.numbers(table, name), maps.whole_errors(table, name)
 
 
@@ -225,7 +225,7 @@ def _lateness(table: Table) -> str:
     """How late the force is, as text."""
     delays, errors = (maps.numbers(table, f"force_delay{end}") for end in ("", "_standard_error"))
     known = np.isfinite(delays) & (errors > 0.0)
-    touching = int(np.isfinite(maps.numbers(table, "stiffness_at_depth")).sum())
+    touching = int(np.isfinite(maps.numbers(table, "stiffness")).sum())
     if not known.any():
         return f"unknown: the delay was found in none of {touching} contacts"
     ms, error_ms = 1e3 * delays[known], 1e3 * errors[known]
@@ -253,7 +253,7 @@ def _percent(share: float) -> str:
 
 def _cautions(table: Table) -> Iterator[str]:
     rate = maps.numbers(table, "rate")
-    stiffness, damping = (maps.numbers(table, f"{name}_at_depth") for name in maps.JUDGED)
+    stiffness, damping = (maps.numbers(table, name) for name in maps.JUDGED)
     turns = maps.numbers(table, "frequency") / math.tau
     known = np.isfinite(stiffness) & np.isfinite(damping) & np.isfinite(rate)
     if not known.any():

@@ -54,13 +54,13 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
     shown = [
         (
             f"{of} at working depth{describe_frequencies(table, of)}",
-            f"{of}_at_depth",
+            of,
             AT_DEPTH[of],
         )
         for of in JUDGED
     ]
-    if "exponent" in table.schema.names and _varies(table, "exponent"):
-        shown.append(("exponent", "exponent", ""))
+    if "n" in table.schema.names and _varies(table, "n"):
+        shown.append(("exponent", "n", ""))
     count, narrow = len(shown), look.narrow
     with drawing(look, 5.2 * count if narrow else 5.6) as figure:
         grid = figure.subplots(2 * count, 1) if narrow else figure.subplots(2, count)
@@ -105,10 +105,8 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
             _histogram(lag, 1e3 * delay, "delay [ms]", "delay of the force", look)
         else:
             lag.set_axis_off()
-        stiffness, place = numbers(table, "stiffness_at_depth"), numbers(table, "index")
-        parts = (
-            numbers(table, f"stiffness_at_depth_{k}") for k in ("standard_error", "systematic")
-        )
+        stiffness, place = numbers(table, "stiffness"), numbers(table, "index")
+        parts = (numbers(table, f"stiffness_{k}") for k in ("standard_error", "systematic"))
         error = np.sqrt(sum(np.nan_to_num(part) ** 2 for part in parts))
         scale = choose_scale(_usual(stiffness, 90.0), AT_DEPTH["stiffness"])
         place = np.where(np.isfinite(place), place, np.arange(len(place)))

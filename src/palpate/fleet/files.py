@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate._core import __version__
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
@@ -206,6 +207,8 @@ def _read_in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
 MANIFEST = "_fleet.json"
 #: Run times have a separate folder: everything else is the same in two runs.
 TIMES = "_seconds"
+#: Version of the columns; it rises when one is removed or changes its meaning.
+SCHEMA = 2
 REPORT = "report.html"
 #: The data card of a data set of robot learning, and its page.
 CARD, CARD_PAGE = "card.md", "card.html"
@@ -242,6 +245,7 @@ class Results:
         make_folder(folder)
         manifest: dict[str, Any] = {
             "palpate": settings.version,
+            "schema": SCHEMA,
             "settings": settings.plain(),
             "sources": sources_digest(sources),
             "contacts": sum(source.contacts for source in sources),
@@ -360,6 +364,11 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         manifest = json.loads(path.read_text(encoding="utf-8"))
         if not {"palpate", "settings", "sources", "contacts"} <= set(manifest):
             raise ValueError("it lacks entries that palpate writes")
+        if (version := manifest.get("schema", 1)) != SCHEMA:
+            raise FleetError(
+                f"{path}: the results have schema {version}, but palpate {__version__} reads "
+                f"schema {SCHEMA}; run palpate fleet again, with another -o"
+            )
     except FileNotFoundError:
         raise FleetError(
             f"{folder}: holds no results of palpate fleet; pass the folder of its option -o"

@@ -164,11 +164,6 @@ def list_quantities(table: Table) -> tuple[str, ...]:
     return (*("modulus" for name in table.schema.names if name == "modulus"), *JUDGED)
 
 
-def quantity_column(quantity: str) -> str:
-    """Return the column of a quantity."""
-    return quantity if quantity == "modulus" else f"{quantity}_at_depth"
-
-
 def quantity_unit(quantity: str) -> str:
     """Return the unit of a quantity."""
     return "Pa" if quantity == "modulus" else AT_DEPTH.get(quantity, "")
@@ -181,7 +176,7 @@ def quantity_name(quantity: str) -> str:
 
 def format_values(table: Table, quantity: str) -> list[str]:
     """Return a quantity at working depth for each row, with its total standard error and unit."""
-    name = quantity_column(quantity)
+    name = quantity
     return [
         with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
         for value, error in zip(numbers(table, name), whole_errors(table, name), strict=True)
@@ -201,8 +196,8 @@ def repeats_of(table: Table, quantity: str) -> list[Repeats]:
     quantity : str
         ``"modulus"``, ``"stiffness"`` or ``"damping"``.
     """
-    value = numbers(table, quantity_column(quantity))
-    error = whole_errors(table, quantity_column(quantity))
+    value = numbers(table, quantity)
+    error = whole_errors(table, quantity)
     usable = np.isfinite(value) & np.isfinite(error) & (error > 0.0)
     groups: dict[str, list[int]] = defaultdict(list)
     totals: Counter[str] = Counter()
@@ -297,8 +292,8 @@ def rig_lag_of(table: Table) -> RigLag | None:
     that are excluded.
     """
     names = np.array([source or "" for source in table.column("source").to_pylist()])
-    stiffness, damping = (numbers(table, f"{name}_at_depth") for name in JUDGED)
-    error = numbers(table, "damping_at_depth_standard_error")
+    stiffness, damping = (numbers(table, name) for name in JUDGED)
+    error = numbers(table, "damping_standard_error")
     with np.errstate(invalid="ignore"):
         known = (stiffness > 0.0) & (names != "") & (error <= _SAME * np.abs(damping))
     alone = [index is None and part is None for index, part in _column_rows(table, "index", "part")]
@@ -376,8 +371,8 @@ def outliers_of(table: Table) -> list[Outlier]:
     outliers: list[Outlier] = []
     names = names_of(table)
     for quantity in list_quantities(table):
-        value = numbers(table, quantity_column(quantity))
-        error = numbers(table, f"{quantity_column(quantity)}_standard_error")
+        value = numbers(table, quantity)
+        error = numbers(table, f"{quantity}_standard_error")
         usable = np.isfinite(value) & (value > 0.0)
         if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
@@ -579,7 +574,7 @@ def describe_frequencies(results: Table, of: str) -> str:
     The damping always does, the stiffness if the material relaxes.
     """
     frequency = numbers(results, "frequency")
-    name = "relaxed_stiffness_at_depth"
+    name = "relaxed_stiffness"
     relaxes = name in results.schema.names and np.isfinite(numbers(results, name)).any()
     known = frequency[np.isfinite(frequency)]
     if not known.size or not (of == "damping" or (of == "stiffness" and relaxes)):
@@ -638,18 +633,15 @@ def _numbers(results: Table, name: str) -> Floats:
 def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Floats, Floats]:
     depths = numbers(results, "depth")
     if of in _OF_THE_CONTACT:
-        if of not in results.schema.names:
+        column = "n" if of == "exponent" else of
+        if column not in results.schema.names:
             why = "run the fleet with --tip" if of == "modulus" else "this law has none"
             raise InvalidParameterError(f"of: the results have no {of}: {why}")
-        error = (
-            whole_errors(results, of)
-            if of == "modulus"
-            else numbers(results, f"{of}_standard_error")
-        )
-        return numbers(results, of), error, depths
-    name = f"{of}_at_depth"
+        if of == "modulus":
+            return numbers(results, of), whole_errors(results, of), depths
+        return numbers(results, column), numbers(results, f"{column}_standard_error"), depths
     if depth is None:
-        return numbers(results, name), whole_errors(results, name), depths
+        return numbers(results, of), whole_errors(results, of), depths
     number_in("depth", depth, 0.0, 1e6, open_low=True)
     law = FORCE_LAWS[(results.schema.metadata or {})[b"law"].decode()]
     quantities = np.full((results.num_rows, 2), np.nan)
@@ -662,5 +654,5 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
             law_of_row = law_from(json.loads(whole[k])) if whole[k] else law.from_parameters(row)
             covariance = np.reshape(matrix, (len(row), len(row)))
             response = values_for_depth(law_of_row, covariance, depth, frequencies[k])
-            quantities[k] = response[name], response[f"{name}_standard_error"]
+            quantities[k] = response[of], response[f"{of}_standard_error"]
     return quantities[:, 0], quantities[:, 1], depths

@@ -101,7 +101,7 @@ def _tiles(table: Table) -> Iterator[str]:
         ("failed", f"{failed}", "errors listed below"),
     ]
     for quantity in maps.list_quantities(table):
-        value = maps.numbers(table, maps.quantity_column(quantity))
+        value = maps.numbers(table, quantity)
         known = value[np.isfinite(value)]
         if known.size:
             low, middle, high = (rounded(v, 3) for v in np.percentile(known, (5, 50, 95)).tolist())
@@ -132,7 +132,7 @@ def _percent(count: int, of: int) -> str:
 def _distributions(table: Table) -> Iterator[str]:
     if (lag := maps.rig_lag_of(table)) is not None:
         yield f"<p>{escape(str(lag))}.</p>"
-    known = np.isfinite(maps.numbers(table, "stiffness_at_depth"))
+    known = np.isfinite(maps.numbers(table, "stiffness"))
     if np.count_nonzero(known) < _FEWEST:
         return
     words = (

@@ -63,11 +63,11 @@ def table_schema(settings: Settings) -> Any:
     ]
     for name, unit in AT_DEPTH.items():
         moved = "systematic uncertainty; NaN without a full diagnosis"
-        columns.append((f"{name}_at_depth", number, unit, f"{name} at working depth"))
-        columns.append((f"{name}_at_depth_standard_error", number, unit, "statistical uncertainty"))
-        columns.append((f"{name}_at_depth_systematic", number, unit, moved))
+        columns.append((name, number, unit, f"{name} at working depth"))
+        columns.append((f"{name}_standard_error", number, unit, "statistical uncertainty"))
+        columns.append((f"{name}_systematic", number, unit, moved))
     if law.relaxes:
-        name = "relaxed_stiffness_at_depth"
+        name = "relaxed_stiffness"
         columns.append((name, number, "N/m", "after relaxation; NaN where nothing relaxes"))
         columns.append((f"{name}_standard_error", number, "N/m", "statistical uncertainty"))
     if settings.tip is not None:
@@ -211,8 +211,8 @@ def identify_row(
         row["law"] = json.dumps(law.description())
     if law.remembers and result.depths:
         relaxed = result.relaxed_stiffness()
-        row["relaxed_stiffness_at_depth"] = relaxed.value
-        row["relaxed_stiffness_at_depth_standard_error"] = relaxed.standard_error
+        row["relaxed_stiffness"] = relaxed.value
+        row["relaxed_stiffness_standard_error"] = relaxed.standard_error
     for name in ("offset", "surface"):
         if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
             row |= {name: getattr(estimate, name), f"{name}_standard_error": error}
@@ -240,7 +240,7 @@ def identify_row(
 def power_law_derivatives(law: type[ForceLaw]) -> Floats:
     """Derivatives of the generalised law's five parameters with respect to a power law's."""
     names = law.names()
-    like = {"damping_exponent": "exponent", **{name: name for name in names}}
+    like = {"p": "n", **{name: name for name in names}}
     columns = GeneralisedHuntCrossley.names()
     derivatives = np.zeros((len(columns), len(names)))
     for k, name in enumerate(columns):
@@ -278,8 +278,8 @@ def indentation_row(found: Indentation, settings: Settings) -> Row:
     row: Row = {
         "fit": "approach",
         "law_name": HuntCrossley.kind,
-        "stiffness": found.stiffness.value,
-        "stiffness_standard_error": found.stiffness.standard_error,
+        "K": found.K.value,
+        "K_standard_error": found.K.standard_error,
         "offset": found.baseline[0],
         "surface": found.contact_point.value,
         "surface_standard_error": found.contact_point.whole_error,
@@ -292,11 +292,11 @@ def indentation_row(found: Indentation, settings: Settings) -> Row:
         "findings": [finding_cell(finding) for finding in found.findings],
     }
     exponent = found.modulus.tip.exponent
-    if "exponent" in law:
-        row |= {"exponent": exponent, "exponent_standard_error": 0.0}
-    force = found.stiffness.scaled(depth**exponent)
+    if "n" in law:
+        row |= {"n": exponent, "n_standard_error": 0.0}
+    force = found.K.scaled(depth**exponent)
     for name, value in (("force", force), ("stiffness", force.scaled(exponent / depth))):
-        row |= _quantity_columns(f"{name}_at_depth", value)
+        row |= _quantity_columns(name, value)
     mark = found.modulus.mark
     return row | _modulus_columns(found.modulus) | {"verdict": mark, "verdict_stiffness": mark}
 
@@ -332,7 +332,7 @@ def values_for_depth(
         values, errors = estimate.with_errors(response)
     row: Row = {"depth": depth}
     for name, value, error in zip(AT_DEPTH, values.tolist(), errors.tolist(), strict=True):
-        row |= {f"{name}_at_depth": value, f"{name}_at_depth_standard_error": error}
+        row |= {name: value, f"{name}_standard_error": error}
     return row
 
 
@@ -375,8 +375,8 @@ def _working_depth_columns(result: Identified, *, systematic: bool = True) -> Ro
     row: Row = {"depth": working_depth.depth}
     for name in AT_DEPTH:
         quantity = getattr(working_depth, name)
-        row[f"{name}_at_depth"] = quantity.value
-        row[f"{name}_at_depth_standard_error"] = quantity.standard_error
+        row[name] = quantity.value
+        row[f"{name}_standard_error"] = quantity.standard_error
         if systematic:
-            row[f"{name}_at_depth_systematic"] = quantity.systematic
+            row[f"{name}_systematic"] = quantity.systematic
     return row

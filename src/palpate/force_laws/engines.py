@@ -62,12 +62,11 @@ def exact_in(law: GeneralisedHuntCrossley) -> tuple[EngineLaw, ...]:
     return tuple(
         engine
         for engine in ENGINES
-        if engine.exponent == law.exponent
-        and (law.damping == 0.0 or engine.damping_exponent == law.damping_exponent)
+        if engine.exponent == law.n and (law.B == 0.0 or engine.damping_exponent == law.p)
     )
 
 
-def kelvin_voigt(*, stiffness: float, damping: float) -> GeneralisedHuntCrossley:
+def kelvin_voigt(*, K: float, B: float) -> GeneralisedHuntCrossley:
     """Return F = K x + B v.
 
     The law of PyBullet (contactStiffness, contactDamping), PhysX and Isaac (compliant contact,
@@ -75,12 +74,10 @@ def kelvin_voigt(*, stiffness: float, damping: float) -> GeneralisedHuntCrossley
 
     Parameters
     ----------
-    stiffness, damping : float
-        K, N/m, > 0; B, N·s/m, ≥ 0.
+    K, B : float
+        N/m, > 0; N·s/m, ≥ 0.
     """
-    return GeneralisedHuntCrossley(
-        above_zero("stiffness", stiffness), 1.0, not_below_zero("damping", damping), 0.0
-    )
+    return GeneralisedHuntCrossley(K=above_zero("K", K), n=1.0, B=not_below_zero("B", B), p=0.0)
 
 
 def drake_point(*, stiffness: float, dissipation: float) -> GeneralisedHuntCrossley:
@@ -97,7 +94,9 @@ def drake_point(*, stiffness: float, dissipation: float) -> GeneralisedHuntCross
         hunt_crossley_dissipation of the pair, s/m, ≥ 0.
     """
     k = above_zero("stiffness", stiffness)
-    return GeneralisedHuntCrossley(k, 1.0, k * not_below_zero("dissipation", dissipation), 1.0)
+    return GeneralisedHuntCrossley(
+        K=k, n=1.0, B=k * not_below_zero("dissipation", dissipation), p=1.0
+    )
 
 
 def drake_sap(*, stiffness: float, relaxation_time: float) -> GeneralisedHuntCrossley:
@@ -115,7 +114,7 @@ def drake_sap(*, stiffness: float, relaxation_time: float) -> GeneralisedHuntCro
     """
     k = above_zero("stiffness", stiffness)
     damping = k * not_below_zero("relaxation_time", relaxation_time)
-    return kelvin_voigt(stiffness=k, damping=damping)
+    return kelvin_voigt(K=k, B=damping)
 
 
 def drake_hydroelastic(
@@ -140,7 +139,9 @@ def drake_hydroelastic(
     """
     pressure = above_zero("modulus", modulus) / above_zero("thickness", thickness)
     k = math.pi * pressure * above_zero("radius", radius)
-    return GeneralisedHuntCrossley(k, 2.0, k * not_below_zero("dissipation", dissipation), 2.0)
+    return GeneralisedHuntCrossley(
+        K=k, n=2.0, B=k * not_below_zero("dissipation", dissipation), p=2.0
+    )
 
 
 def mujoco(
@@ -175,7 +176,7 @@ def mujoco(
     number_in("solimp", high, 1e-4, 0.9999)
     if low == high:
         mass = 1.0 / ((1.0 - high) * mobility)
-        return kelvin_voigt(stiffness=spring * mass, damping=damper * mass)
+        return kelvin_voigt(K=spring * mass, B=damper * mass)
     if not (low <= 1e-4 and power >= 1.0 and 0.99 <= midpoint <= 1.0 and width > 0.0):
         raise InvalidParameterError(
             "solimp must be constant (d0 = dwidth) or a power of depth (d0 <= 1e-4, "
@@ -184,7 +185,7 @@ def mujoco(
     # Up to the midpoint the engine uses (x/width)^q/midpoint^(q − 1).
     rise = midpoint ** (1.0 - power) * width**-power
     return GeneralisedHuntCrossley(
-        spring * rise**2 / mobility, 1.0 + 2.0 * power, damper * rise / mobility, power
+        K=spring * rise**2 / mobility, n=1.0 + 2.0 * power, B=damper * rise / mobility, p=power
     )
 
 
@@ -205,7 +206,7 @@ def simbody(*, modulus: float, radius: float, dissipation: float) -> Generalised
     """
     k = _hertz(modulus, radius)
     return GeneralisedHuntCrossley(
-        k, 1.5, 1.5 * k * not_below_zero("dissipation", dissipation), 1.5
+        K=k, n=1.5, B=1.5 * k * not_below_zero("dissipation", dissipation), p=1.5
     )
 
 
@@ -234,7 +235,7 @@ def hertz_tsuji(
     beta = loss / math.hypot(math.pi, loss)
     # 2 √(5/6) √(2 E √R m) = √(20/3 · 3/4 K m)
     damping = beta * math.sqrt(5.0 * k * above_zero("mass", mass))
-    return GeneralisedHuntCrossley(k, 1.5, damping, 0.25)
+    return GeneralisedHuntCrossley(K=k, n=1.5, B=damping, p=0.25)
 
 
 def chrono_hertz(
@@ -255,7 +256,7 @@ def chrono_hertz(
     scale = above_zero("radius", radius)
     damper = above_zero("mass", mass) * not_below_zero("damping", damping)
     return GeneralisedHuntCrossley(
-        scale * above_zero("stiffness", stiffness), 1.5, scale * damper, 0.5
+        K=scale * above_zero("stiffness", stiffness), n=1.5, B=scale * damper, p=0.5
     )
 
 

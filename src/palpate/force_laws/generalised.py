@@ -39,7 +39,7 @@ from palpate.validation import (
 
 
 @register
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GeneralisedHuntCrossley(CompiledLaw):
     """A spring that stiffens with depth, a damper, and a part of the spring that relaxes.
 
@@ -53,16 +53,16 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     Parameters
     ----------
-    stiffness : float
-        K, N/mⁿ, of the fully relaxed material.
-    exponent : float
+    K : float
+        N/mⁿ, of the fully relaxed material.
+    n : float
         n; 1.5 for a Hertzian sphere, 2 for a cone, 1 for a punch.
-    damping : float
-        B, N·s/mᵖ⁺¹.
-    damping_exponent : float
+    B : float
+        N·s/mᵖ⁺¹.
+    p : float
         p.
-    relaxation_stiffness : float
-        M, N/mⁿ: instantaneous stiffness minus relaxed stiffness. Default: 0, or the sum of the
+    M : float
+        N/mⁿ: instantaneous stiffness minus relaxed stiffness. Default: 0, or the sum of the
         stiffnesses of a RelaxationSpectrum.
     relaxation : RelaxationSpectrum, FlatSpectrum, SingleRelaxation or PowerLawRelaxation, optional
         Kind of relaxation; required if M is not 0. Default: none, and no memory.
@@ -74,35 +74,35 @@ class GeneralisedHuntCrossley(CompiledLaw):
         not the sum of the stiffnesses of a RelaxationSpectrum to 1e-9.
     """
 
-    stiffness: float
-    exponent: float
-    damping: float
-    damping_exponent: float
-    relaxation_stiffness: float = 0.0
+    K: float
+    n: float
+    B: float
+    p: float
+    M: float = 0.0
     relaxation: Relaxation | None = None
     kind: ClassVar[str] = "generalised-hunt-crossley"
     units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "", "N·s/mᵖ⁺¹", "", "N/mⁿ")
     symbols: ClassVar[tuple[str, ...]] = ("K", "n", "B", "p", "M")
-    optional: ClassVar[tuple[str, ...]] = ("relaxation_stiffness", *FORMULA, *LISTS)
+    optional: ClassVar[tuple[str, ...]] = ("M", *FORMULA, *LISTS)
     relaxes: ClassVar[bool] = True
     _compiled: ClassVar[Callable[..., None]] = _core.generalised_hunt_crossley_force
 
     def __post_init__(self) -> None:
         ForceLaw.__post_init__(self)
         instance("relaxation", self.relaxation, (Relaxation, type(None)))
-        relaxing = self.relaxation_stiffness
+        relaxing = self.M
         if isinstance(self.relaxation, RelaxationSpectrum):
             whole = self.relaxation.stiffness
             if relaxing and not abs(relaxing - whole) <= 1e-9 * whole:
                 raise InvalidParameterError(
-                    f"relaxation_stiffness must be the sum of the relaxation's stiffnesses, "
+                    f"M must be the sum of the relaxation's stiffnesses, "
                     f"{whole:g}, or omitted, not {relaxing:g}"
                 )
-            object.__setattr__(self, "relaxation_stiffness", whole)
+            object.__setattr__(self, "M", whole)
         elif self.relaxation is None and relaxing != 0.0:
             raise InvalidParameterError(
                 "relaxation must be a RelaxationSpectrum, FlatSpectrum, SingleRelaxation or "
-                f"PowerLawRelaxation, as relaxation_stiffness is {relaxing!r}"
+                f"PowerLawRelaxation, as M is {relaxing!r}"
             )
 
     @classmethod
@@ -123,7 +123,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
             raise InvalidParameterError(
                 f"the spring of law must be a single power of depth; it is {law!r}"
             )
-        return GeneralisedHuntCrossley(*law.powers)
+        names = (each.name for each in fields(GeneralisedHuntCrossley))
+        return GeneralisedHuntCrossley(**dict(zip(names, law.powers, strict=False)))
 
     def simplest(self) -> "KelvinVoigt | HuntCrossley | GeneralisedHuntCrossley":
         """Return the equivalent Kelvin–Voigt or Hunt–Crossley law, if there is one.
@@ -132,29 +133,17 @@ class GeneralisedHuntCrossley(CompiledLaw):
         """
         if self.remembers:
             return self
-        undamped = self.damping == 0.0
-        if self.exponent == 1.0 and (undamped or self.damping_exponent == 0.0):
-            return KelvinVoigt(self.stiffness, self.damping)
-        if undamped or self.damping_exponent == self.exponent:
-            return HuntCrossley(self.stiffness, self.damping, self.exponent)
+        undamped = self.B == 0.0
+        if self.n == 1.0 and (undamped or self.p == 0.0):
+            return KelvinVoigt(K=self.K, B=self.B)
+        if undamped or self.p == self.n:
+            return HuntCrossley(K=self.K, B=self.B, n=self.n)
         return self
 
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of its five parameters, in their order."""
         return [each.name for each in fields(cls) if each.name != "relaxation"]
-
-    @classmethod
-    def from_parameters(cls, parameters: "ArrayLike") -> Self:
-        """Return the law without memory from five numbers in the order of :attr:`parameters`.
-
-        Raises
-        ------
-        InvalidParameterError
-            The last, M, is not 0: the numbers alone do not contain the relaxation times. See
-            :meth:`with_parameters`.
-        """
-        return cls(*np.asarray(parameters, dtype=np.float64).tolist())
 
     def with_parameters(self, parameters: "ArrayLike") -> "GeneralisedHuntCrossley":
         """Return the law with other parameters and the same relaxation; M scales a spectrum.
@@ -165,20 +154,20 @@ class GeneralisedHuntCrossley(CompiledLaw):
             A parameter is outside its range, or M is not 0 for a law without relaxation.
         """
         numbers = np.asarray(parameters, dtype=np.float64).tolist()
-        stiffness, n, damping, p, relaxing = numbers
         relaxation = self.relaxation
         if isinstance(relaxation, RelaxationSpectrum):
-            relaxation = relaxation.scaled(relaxing)
-        return GeneralisedHuntCrossley(stiffness, n, damping, p, relaxing, relaxation)
+            relaxation = relaxation.scaled(numbers[-1])
+        coefficients = dict(zip(self.names(), numbers, strict=True))
+        return GeneralisedHuntCrossley(**coefficients, relaxation=relaxation)
 
     @classmethod
     def from_dict(cls, numbers: dict[str, Any]) -> Self:
         """Return the law from a :meth:`description` without its kind."""
         own = {name: numbers[name] for name in cls.names() if name in numbers}
         relaxation = relaxation_from({name: numbers.get(name) for name in (*FORMULA, *LISTS)})
-        if relaxation is None and own.get("relaxation_stiffness", 0.0) != 0.0:
+        if relaxation is None and own.get("M", 0.0) != 0.0:
             raise InvalidParameterError(
-                "longest_time must be above 0 if relaxation_stiffness is not 0: pass it alone for "
+                "longest_time must be above 0 if M is not 0: pass it alone for "
                 "one relaxation time, or with shortest_time for a spectrum"
             )
         return cls(**own, relaxation=relaxation)
@@ -191,7 +180,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
     @property
     def remembers(self) -> bool:
         """Whether the law has memory."""
-        return self.relaxation is not None and self.relaxation_stiffness != 0.0
+        return self.relaxation is not None and self.M != 0.0
 
     @property
     def relaxation_time(self) -> float | None:
@@ -208,12 +197,12 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     def relaxed(self) -> "GeneralisedHuntCrossley":
         """Return the law of the fully relaxed material: stiffness K, without memory."""
-        return replace(self, relaxation_stiffness=0.0, relaxation=None)
+        return replace(self, M=0.0, relaxation=None)
 
     def instantaneous(self) -> "GeneralisedHuntCrossley":
         """Return the law before any relaxation: stiffness K + M, without memory."""
-        whole = self.stiffness + self.relaxation_stiffness
-        return replace(self, stiffness=whole, relaxation_stiffness=0.0, relaxation=None)
+        whole = self.K + self.M
+        return replace(self, K=whole, M=0.0, relaxation=None)
 
     def branches(self) -> tuple[Floats, Floats]:
         """Relaxation times [s] of the branches, and weights with the sum 1; none without memory.
@@ -228,7 +217,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
     def rest(self, penetration: float = 0.0) -> RelaxationState:
         """Return the fully relaxed state at a penetration [m]."""
         depth = number("penetration", penetration)
-        elastic = depth**self.exponent if depth > 0.0 else 0.0
+        elastic = depth**self.n if depth > 0.0 else 0.0
         return RelaxationState(elastic, (0.0,) * len(self.branches()[0]))
 
     def step(self, state: RelaxationState, penetration: float, dt: float) -> RelaxationState:
@@ -280,7 +269,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         if state is None or not self.remembers:
             return static
         weights = self.branches()[1]
-        memory = self.relaxation_stiffness * float(weights @ self._flatten_state(state)[1:])
+        memory = self.M * float(weights @ self._flatten_state(state)[1:])
         if isinstance(static, float):
             return static + memory if float(np.asarray(penetration)) > 0.0 else static
         return np.where(np.broadcast_to(penetration, static.shape) > 0.0, static + memory, static)
@@ -339,32 +328,30 @@ class GeneralisedHuntCrossley(CompiledLaw):
         all_good("frequency", omega, (omega >= 0.0) & np.isfinite(omega), "finite and ≥ 0")
         times, weights = self.branches()
         phase = 1j * omega[..., None] * times
-        memory = self.relaxation_stiffness * (weights * phase / (1.0 + phase)).sum(axis=-1)
-        slope = self.exponent * x ** (self.exponent - 1.0)
-        whole = slope * (self.stiffness + memory)
-        whole = whole + 1j * omega * self.damping * x**self.damping_exponent
+        memory = self.M * (weights * phase / (1.0 + phase)).sum(axis=-1)
+        slope = self.n * x ** (self.n - 1.0)
+        whole = slope * (self.K + memory)
+        whole = whole + 1j * omega * self.B * x**self.p
         return whole if whole.ndim else complex(whole)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, n, B, p) of the relaxed material, and 0 for M."""
-        elastic = penetration**self.exponent
-        damper = penetration**self.damping_exponent * velocity
+        elastic = penetration**self.n
+        damper = penetration**self.p * velocity
         depth = np.log(penetration)
-        spring = elastic, self.stiffness * elastic * depth
-        return np.column_stack(
-            [*spring, damper, self.damping * damper * depth, np.zeros_like(elastic)]
-        )
+        spring = elastic, self.K * elastic * depth
+        return np.column_stack([*spring, damper, self.B * damper * depth, np.zeros_like(elastic)])
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = n K xⁿ⁻¹ + p B xᵖ⁻¹ v of the relaxed material."""
-        elastic = self.exponent * self.stiffness * penetration ** (self.exponent - 1.0)
-        damper = self.damping * velocity * penetration ** (self.damping_exponent - 1.0)
-        slope: Floats = elastic + self.damping_exponent * damper
+        elastic = self.n * self.K * penetration ** (self.n - 1.0)
+        damper = self.B * velocity * penetration ** (self.p - 1.0)
+        slope: Floats = elastic + self.p * damper
         return slope
 
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v = B xᵖ."""
-        slope: Floats = self.damping * penetration**self.damping_exponent
+        slope: Floats = self.B * penetration**self.p
         return slope
 
     def _flatten_state(self, state: RelaxationState) -> Floats:
@@ -380,7 +367,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
         """Advance a state in place and return the force."""
         force = np.empty(x.size)
         times, weights = self.branches()
-        stiffnesses = self.relaxation_stiffness * weights
+        stiffnesses = self.M * weights
         own = self.parameters[:4]
         _core.generalised_force_along(own, times, stiffnesses, steps, x, v, numbers, force)
         return force

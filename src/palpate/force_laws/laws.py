@@ -6,7 +6,7 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
@@ -20,9 +20,12 @@ Floats = NDArray[np.float64]
 
 
 class ForceLaw:
-    """Force as a function of penetration and velocity: a frozen dataclass of parameters, SI.
+    """Force as a function of penetration and velocity: a frozen dataclass of coefficients, SI.
 
-    Your own law derives from this class, defines ``kind``, ``units``, ``symbols``, ``force`` and
+    Coefficients have the symbols of the law as names, and are passed by keyword: K, B, n.
+    ``stiffness`` and ``damping`` are what is felt at a depth, ∂F/∂x [N/m] and ∂F/∂v [N·s/m].
+
+    Your own law derives from this class, defines ``kind``, ``units``, ``symbols``, ``_force`` and
     the two gradients, and is registered by :func:`register`; see ``CONTRIBUTING.md``.
     """
 
@@ -52,7 +55,8 @@ class ForceLaw:
     @classmethod
     def from_parameters(cls, parameters: "ArrayLike") -> Self:
         """Return the law with these numbers, in the order of :attr:`parameters`."""
-        return cls(*np.asarray(parameters, dtype=np.float64).tolist())
+        numbers = np.asarray(parameters, dtype=np.float64).tolist()
+        return cls(**dict(zip(cls.names(), numbers, strict=True)))
 
     def with_parameters(self, parameters: "ArrayLike") -> "ForceLaw":
         """Return the law with other parameters, and the rest of it, such as its memory, the same.
@@ -76,7 +80,7 @@ class ForceLaw:
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of the parameters, in their order."""
-        return list(cls.__match_args__)  # type: ignore[attr-defined]  # every subclass is a dataclass
+        return [each.name for each in fields(cls)]  # type: ignore[arg-type]  # subclasses are
 
     def as_dict(self) -> dict[str, float]:
         """Return the parameters by name, SI."""
@@ -128,7 +132,18 @@ class ForceLaw:
     @overload
     def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
     def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
-        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays."""
+        """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays.
+
+        0 out of contact, and NaN for NaN.
+        """
+        x, v = together(penetration=penetration, velocity=velocity)
+        force = np.zeros(x.shape)
+        inside = ~(x <= 0.0)
+        force[inside] = self._force(x[inside], v[inside])
+        return force if force.ndim else float(force)
+
+    def _force(self, x: Floats, v: Floats) -> Floats:
+        """Force [N] in contact, shape (k,), at penetrations > 0 [m] and velocities [m/s], (k,)."""
         raise NotImplementedError
 
     def in_a_loop(self) -> Callable[[float, float], float]:
@@ -216,6 +231,9 @@ _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹", "0123456789")
 
 Law = TypeVar("Law", bound=type[ForceLaw])
 
+#: What is felt at a depth, no names of coefficients.
+FELT = frozenset(("force", "stiffness", "damping"))
+
 #: All force laws by ``kind``.
 FORCE_LAWS: dict[str, type[ForceLaw]] = {}
 
@@ -234,10 +252,15 @@ def register(law: Law) -> Law:
     if not (isinstance(law, type) and issubclass(law, ForceLaw) and is_dataclass(law)):
         raise InvalidParameterError(f"law must be a dataclass of ForceLaw, not {shown(law)}")
     missing = [name for name in ("kind", "units", "symbols") if not hasattr(law, name)]
-    needed = ("force", "parameter_gradient", "penetration_gradient")
+    needed = ["parameter_gradient", "penetration_gradient"]
+    needed += ["_force"] * (law.force is ForceLaw.force)
     missing += [name for name in needed if getattr(law, name) is getattr(ForceLaw, name)]
     if missing:
         raise InvalidParameterError(f"{law.__name__} lacks {', '.join(missing)}")
+    if taken := sorted(FELT.intersection(law.names())):
+        raise InvalidParameterError(
+            f"{law.__name__}.{taken[0]} is felt at a depth: name a coefficient by its symbol"
+        )
     if not len(law.names()) == len(law.units) == len(law.symbols):
         raise InvalidParameterError(f"{law.__name__} must have one unit and symbol per parameter")
     if FORCE_LAWS.setdefault(law.kind, law) is not law:
@@ -301,7 +324,7 @@ class CompiledLaw(ForceLaw):
         return sample_force
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Spring(ForceLaw):
     """A power-law spring whose damping is unknown: the law of a curve without time.
 
@@ -311,36 +334,31 @@ class Spring(ForceLaw):
 
     Parameters
     ----------
-    stiffness : float
-        K, N/mⁿ.
-    exponent : float
+    K : float
+        N/mⁿ.
+    n : float
         n.
     """
 
-    stiffness: float
-    exponent: float
+    K: float
+    n: float
     kind: ClassVar[str] = "spring"
     units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "")
     symbols: ClassVar[tuple[str, ...]] = ("K", "n")
 
-    @overload
-    def force(self, penetration: float, velocity: float) -> float: ...
-    @overload
-    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> Floats: ...
-    def force(self, penetration: "ArrayLike", velocity: "ArrayLike") -> float | Floats:
-        """Force [N] at a penetration [m], at whatever velocity."""
-        x, _ = together(penetration=penetration, velocity=velocity)
-        force: Floats = self.stiffness * np.maximum(x, 0.0) ** self.exponent
-        return force if force.ndim else float(force)
+    def _force(self, x: Floats, v: Floats) -> Floats:
+        """K xⁿ, at whatever velocity."""
+        force: Floats = self.K * x**self.n
+        return force
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂K and ∂F/∂n."""
-        power = penetration**self.exponent
-        return np.column_stack([power, self.stiffness * power * np.log(penetration)])
+        power = penetration**self.n
+        return np.column_stack([power, self.K * power * np.log(penetration)])
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = n K xⁿ⁻¹."""
-        slope: Floats = self.exponent * self.stiffness * penetration ** (self.exponent - 1.0)
+        slope: Floats = self.n * self.K * penetration ** (self.n - 1.0)
         return slope
 
     def velocity_gradient(self, penetration: Floats) -> Floats:
@@ -349,7 +367,7 @@ class Spring(ForceLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class KelvinVoigt(CompiledLaw):
     """A linear spring and a linear damper in parallel.
 
@@ -359,14 +377,14 @@ class KelvinVoigt(CompiledLaw):
 
     Parameters
     ----------
-    stiffness : float
-        K, N/m; positive for a real material.
-    damping : float
-        B, N·s/m; not negative for a real material.
+    K : float
+        N/m; positive for a real material.
+    B : float
+        N·s/m; not negative for a real material.
     """
 
-    stiffness: float
-    damping: float
+    K: float
+    B: float
     kind: ClassVar[str] = "kelvin-voigt"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N·s/m")
     symbols: ClassVar[tuple[str, ...]] = ("K", "B")
@@ -377,7 +395,7 @@ class KelvinVoigt(CompiledLaw):
     @property
     def powers(self) -> tuple[Any, ...] | None:
         """K x + B x⁰ v."""
-        return self.stiffness, 1.0, self.damping, 0.0
+        return self.K, 1.0, self.B, 0.0
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, B) = (x, v)."""
@@ -385,15 +403,15 @@ class KelvinVoigt(CompiledLaw):
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = K."""
-        return np.full_like(penetration, self.stiffness)
+        return np.full_like(penetration, self.K)
 
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v = B."""
-        return np.full_like(penetration, self.damping)
+        return np.full_like(penetration, self.B)
 
 
 @register
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ExtendedKelvinVoigt(CompiledLaw):
     """A stiffening spring and a linear damper in parallel.
 
@@ -401,17 +419,17 @@ class ExtendedKelvinVoigt(CompiledLaw):
 
     Parameters
     ----------
-    stiffness : float
-        K₁, N/m.
-    quadratic_stiffness : float
-        K₂, N/m².
-    damping : float
-        B, N·s/m.
+    K1 : float
+        N/m.
+    K2 : float
+        N/m².
+    B : float
+        N·s/m.
     """
 
-    stiffness: float
-    quadratic_stiffness: float
-    damping: float
+    K1: float
+    K2: float
+    B: float
     kind: ClassVar[str] = "extended-kelvin-voigt"
     units: ClassVar[tuple[str, ...]] = ("N/m", "N/m²", "N·s/m")
     symbols: ClassVar[tuple[str, ...]] = ("K₁", "K₂", "B")
@@ -421,9 +439,9 @@ class ExtendedKelvinVoigt(CompiledLaw):
     @property
     def powers(self) -> tuple[Any, ...] | None:
         """K₁ x + B x⁰ v or K₂ x² + B x⁰ v, where the other is 0."""
-        if self.quadratic_stiffness == 0.0:
-            return self.stiffness, 1.0, self.damping, 0.0
-        return None if self.stiffness else (self.quadratic_stiffness, 2.0, self.damping, 0.0)
+        if self.K2 == 0.0:
+            return self.K1, 1.0, self.B, 0.0
+        return None if self.K1 else (self.K2, 2.0, self.B, 0.0)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K₁, K₂, B) = (x, x², v)."""
@@ -431,16 +449,16 @@ class ExtendedKelvinVoigt(CompiledLaw):
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = K₁ + 2 K₂ x."""
-        slope: Floats = self.stiffness + 2.0 * self.quadratic_stiffness * penetration
+        slope: Floats = self.K1 + 2.0 * self.K2 * penetration
         return slope
 
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v = B."""
-        return np.full_like(penetration, self.damping)
+        return np.full_like(penetration, self.B)
 
 
 @register
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class HuntCrossley(CompiledLaw):
     """A spring and a damper in parallel, both increasing with depth.
 
@@ -448,17 +466,17 @@ class HuntCrossley(CompiledLaw):
 
     Parameters
     ----------
-    stiffness : float
-        K, N/mⁿ; positive for a real material.
-    damping : float
-        B, N·s/mⁿ⁺¹; not negative for a real material.
-    exponent : float
-        n; 1 to 2 for most materials (1.5 for a Hertzian sphere, 2 for a cone).
+    K : float
+        N/mⁿ; positive for a real material.
+    B : float
+        N·s/mⁿ⁺¹; not negative for a real material.
+    n : float
+        1 to 2 for most materials (1.5 for a Hertzian sphere, 2 for a cone).
     """
 
-    stiffness: float
-    damping: float
-    exponent: float
+    K: float
+    B: float
+    n: float
     kind: ClassVar[str] = "hunt-crossley"
     units: ClassVar[tuple[str, ...]] = ("N/mⁿ", "N·s/mⁿ⁺¹", "")
     symbols: ClassVar[tuple[str, ...]] = ("K", "B", "n")
@@ -471,31 +489,31 @@ class HuntCrossley(CompiledLaw):
     @property
     def dissipation(self) -> float:
         """Dissipation b = B/K, s/m, as simulators name it."""
-        return self.damping / self.stiffness if self.stiffness else float("nan")
+        return self.B / self.K if self.K else float("nan")
 
     @property
     def powers(self) -> tuple[Any, ...] | None:
         """K xⁿ + B xⁿ v."""
-        return self.stiffness, self.exponent, self.damping, self.exponent
+        return self.K, self.n, self.B, self.n
 
     def scaled(self, depth: float, speed: float) -> "HuntCrossley":
         """Return k = K x_rⁿ, c = B x_rⁿ V and n."""
-        power = depth**self.exponent
-        return HuntCrossley(self.stiffness * power, self.damping * power * speed, self.exponent)
+        power = depth**self.n
+        return HuntCrossley(K=self.K * power, B=self.B * power * speed, n=self.n)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, B, n) = (xⁿ, xⁿ v, F ln x)."""
-        power = penetration**self.exponent
-        force = power * (self.stiffness + self.damping * velocity)
+        power = penetration**self.n
+        force = power * (self.K + self.B * velocity)
         return np.stack([power, power * velocity, np.log(penetration) * force], axis=-1)
 
     def penetration_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂x = n xⁿ⁻¹ (K + B v)."""
-        stiffness = self.stiffness + self.damping * velocity
-        slope: Floats = self.exponent * penetration ** (self.exponent - 1.0) * stiffness
+        coefficient = self.K + self.B * velocity
+        slope: Floats = self.n * penetration ** (self.n - 1.0) * coefficient
         return slope
 
     def velocity_gradient(self, penetration: Floats) -> Floats:
         """∂F/∂v = B xⁿ."""
-        slope: Floats = self.damping * penetration**self.exponent
+        slope: Floats = self.B * penetration**self.n
         return slope

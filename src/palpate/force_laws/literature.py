@@ -11,9 +11,7 @@ from palpate.force_laws.relaxation import FlatSpectrum, SingleRelaxation
 from palpate.validation import above_zero, not_below_zero, number_in
 
 
-def half_space(
-    *, stiffness: float, exponent: float, retardation_time: float
-) -> GeneralisedHuntCrossley:
+def half_space(*, K: float, n: float, retardation_time: float) -> GeneralisedHuntCrossley:
     """Return F = K (xⁿ + A n xⁿ⁻¹ v) = K xⁿ + K A d(xⁿ)/dt: a Kelvin–Voigt half-space.
 
     B = n A K, p = n − 1. Kuwabara & Kono, *Jpn. J. Appl. Phys.* 26 (1987) 1230–1233, Brilliantov,
@@ -23,18 +21,18 @@ def half_space(
 
     Parameters
     ----------
-    stiffness, exponent : float
-        K, N/mⁿ, > 0; n, ≥ 1: 1 a punch, 1.5 a sphere, 2 a cone.
+    K, n : float
+        N/mⁿ, > 0; ≥ 1: 1 a punch, 1.5 a sphere, 2 a cone.
     retardation_time : float
         A, s, ≥ 0: viscosity over modulus.
     """
-    k, n = above_zero("stiffness", stiffness), number_in("exponent", exponent, 1.0, 10.0)
-    damping = n * k * not_below_zero("retardation_time", retardation_time)
-    return GeneralisedHuntCrossley(k, n, damping, n - 1.0)
+    k, power = above_zero("K", K), number_in("n", n, 1.0, 10.0)
+    damping = power * k * not_below_zero("retardation_time", retardation_time)
+    return GeneralisedHuntCrossley(K=k, n=power, B=damping, p=power - 1.0)
 
 
 def hunt_crossley_1975(
-    *, stiffness: float, exponent: float, restitution: float, speed: float
+    *, K: float, n: float, restitution: float, speed: float
 ) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): the dissipation that Hunt & Crossley chose.
 
@@ -43,19 +41,19 @@ def hunt_crossley_1975(
 
     Parameters
     ----------
-    stiffness, exponent : float
-        K, N/mⁿ, and n, > 0.
+    K, n : float
+        N/mⁿ and 1, > 0.
     restitution : float
         e, in [0, 1].
     speed : float
         Approach speed v₀, m/s, > 0; the law is for impacts at this speed.
     """
     e = number_in("restitution", restitution, 0.0, 1.0)
-    return _law_from_dissipation(stiffness, exponent, 1.5 * (1.0 - e), speed)
+    return _law_from_dissipation(K, n, 1.5 * (1.0 - e), speed)
 
 
 def lankarani_nikravesh(
-    *, stiffness: float, exponent: float, restitution: float, speed: float
+    *, K: float, n: float, restitution: float, speed: float
 ) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 3 (1 − e²)/(4 v₀) v).
 
@@ -63,31 +61,29 @@ def lankarani_nikravesh(
 
     Parameters
     ----------
-    stiffness, exponent, restitution, speed : float
+    K, n, restitution, speed : float
         As in :func:`hunt_crossley_1975`.
     """
     e = number_in("restitution", restitution, 0.0, 1.0)
-    return _law_from_dissipation(stiffness, exponent, 0.75 * (1.0 - e * e), speed)
+    return _law_from_dissipation(K, n, 0.75 * (1.0 - e * e), speed)
 
 
-def flores(
-    *, stiffness: float, exponent: float, restitution: float, speed: float
-) -> GeneralisedHuntCrossley:
+def flores(*, K: float, n: float, restitution: float, speed: float) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 8 (1 − e)/(5 e v₀) v), which Chrono uses too.
 
     Flores, Machado, Silva & Martins, *Multibody System Dynamics* 25 (2011) 357–375. For every e.
 
     Parameters
     ----------
-    stiffness, exponent, restitution, speed : float
+    K, n, restitution, speed : float
         As in :func:`hunt_crossley_1975`, but e > 0.
     """
     e = number_in("restitution", restitution, 0.0, 1.0, open_low=True)
-    return _law_from_dissipation(stiffness, exponent, 1.6 * (1.0 - e) / e, speed)
+    return _law_from_dissipation(K, n, 1.6 * (1.0 - e) / e, speed)
 
 
 def standard_linear_solid(
-    *, stiffness: float, branch_stiffness: float, branch_damping: float, exponent: float = 1.0
+    *, K: float, branch_stiffness: float, branch_damping: float, n: float = 1.0
 ) -> GeneralisedHuntCrossley:
     """Return the standard linear solid in Maxwell's form: a spring parallel to a Maxwell branch.
 
@@ -97,26 +93,26 @@ def standard_linear_solid(
 
     Parameters
     ----------
-    stiffness : float
-        K, N/mⁿ, ≥ 0.
+    K : float
+        N/mⁿ, ≥ 0.
     branch_stiffness, branch_damping : float
         E, N/mⁿ, and η, N·s/mⁿ, > 0.
-    exponent : float
-        n, > 0; 1 is the linear solid.
+    n : float
+        > 0; 1 is the linear solid.
     """
     relaxing = above_zero("branch_stiffness", branch_stiffness)
     return GeneralisedHuntCrossley(
-        not_below_zero("stiffness", stiffness),
-        above_zero("exponent", exponent),
-        0.0,
-        exponent,
-        relaxing,
-        SingleRelaxation(above_zero("branch_damping", branch_damping) / relaxing),
+        K=not_below_zero("K", K),
+        n=above_zero("n", n),
+        B=0.0,
+        p=n,
+        M=relaxing,
+        relaxation=SingleRelaxation(above_zero("branch_damping", branch_damping) / relaxing),
     )
 
 
 def fung(
-    *, instantaneous: float, exponent: float, c: float, shortest: float, longest: float
+    *, instantaneous: float, n: float, c: float, shortest: float, longest: float
 ) -> GeneralisedHuntCrossley:
     """Return quasi-linear viscoelasticity with Fung's box spectrum, common for soft tissue.
 
@@ -126,7 +122,7 @@ def fung(
 
     Parameters
     ----------
-    instantaneous, exponent : float
+    instantaneous, n : float
         K₀, N/mⁿ, and n of the elastic response, > 0.
     c : float
         Magnitude of the spectrum, > 0.
@@ -135,13 +131,16 @@ def fung(
     """
     spectrum, whole = FlatSpectrum(shortest, longest), above_zero("instantaneous", instantaneous)
     relaxed = whole / (1.0 + above_zero("c", c) * math.log(longest / shortest))
-    n = above_zero("exponent", exponent)
-    return GeneralisedHuntCrossley(relaxed, n, 0.0, n, whole - relaxed, spectrum)
+    power = above_zero("n", n)
+    return GeneralisedHuntCrossley(
+        K=relaxed, n=power, B=0.0, p=power, M=whole - relaxed, relaxation=spectrum
+    )
 
 
 def _law_from_dissipation(
-    stiffness: float, exponent: float, wanted: float, speed: float
+    K: float, n: float, wanted: float, speed: float
 ) -> GeneralisedHuntCrossley:
     """K xⁿ (1 + b v) with the requested b v₀."""
-    k, n = above_zero("stiffness", stiffness), above_zero("exponent", exponent)
-    return GeneralisedHuntCrossley(k, n, k * wanted / above_zero("speed", speed), n)
+    k, power = above_zero("K", K), above_zero("n", n)
+    damping = k * wanted / above_zero("speed", speed)
+    return GeneralisedHuntCrossley(K=k, n=power, B=damping, p=power)

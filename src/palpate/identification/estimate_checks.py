@@ -37,9 +37,9 @@ def check_estimate(
     if estimate.samples < 10 * len(law.symbols):
         yield few_samples(estimate.samples)
     pulls = (law.power_law or law.relaxes) and not law.remembers
-    if pulls and law.stiffness < 0.0:
+    if pulls and law.K < 0.0:
         yield NEGATIVE_STIFFNESS
-    if law.as_dict().get("damping", 0.0) < 0.0 and _creates_energy(contact, trace, estimate):
+    if law.as_dict().get("B", 0.0) < 0.0 and _creates_energy(contact, trace, estimate):
         yield NEGATIVE_DAMPING
     violated = violated_fraction(trace) if estimator.needs_condition_10 else 0.0
     if violated > 0.0:

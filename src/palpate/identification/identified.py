@@ -31,7 +31,7 @@ from palpate.diagnosis.timeless import (
     findings_without_time,
     trace_without_time,
 )
-from palpate.digits import format_quantity
+from palpate.digits import format_quantity, rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, LawVerdict, VariableProjection, ViscoelasticContact
 from palpate.estimators.estimate import (
@@ -288,6 +288,35 @@ class Identified:
         way = float(np.std(contact.penetration[inside])) if inside.any() else 0.0
         speed = float(np.sqrt(np.mean(contact.velocity[inside] ** 2))) if inside.any() else 0.0
         return speed / way if way > 0.0 and speed > 0.0 else math.nan
+
+    @property
+    def stiffness(self) -> Quantity:
+        """K′ at the working depth, N/m, with both standard errors.
+
+        Raises
+        ------
+        InvalidParameterError
+            Each of several segments or places has its own.
+        """
+        return self._of_one("stiffness")
+
+    @property
+    def damping(self) -> Quantity:
+        """B′ at the working depth and the motion's frequency, N·s/m; see :attr:`stiffness`."""
+        return self._of_one("damping")
+
+    def _of_one(self, name: str) -> Quantity:
+        if self.segments:
+            times = (part.contact.time[[0, -1]].tolist() for part in self.segments)
+            spans = ", ".join(
+                f"{rounded(first, 4)} to {rounded(last, 4)} s" for first, last in times
+            )
+            raise InvalidParameterError(
+                f"each of {len(self.segments)} segments ({spans}) has its own {name}: use "
+                f"segments[0].{name}, or numbers of all"
+            )
+        quantity: Quantity = getattr(self.diagnosis.working_depth, name)
+        return quantity
 
     @property
     def working_depths(self) -> tuple[WorkingDepth, ...]:

@@ -47,12 +47,12 @@ def weak_prior(
 def _finding(least_squares: HuntCrossley, bounded: HuntCrossley, depth: float) -> Finding:
     """Report that the estimate uses the weak prior, and the least squares without it."""
     moved = float(bounded.stiffness_at(depth) / least_squares.stiffness_at(depth)) - 1.0
-    sign = "negative" if least_squares.damping < 0.0 else "positive"
+    sign = "negative" if least_squares.B < 0.0 else "positive"
     mark: Mark = "trust" if abs(moved) <= CARE else "with-care"
     return Check.WEAK_PRIOR.finding(
         "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
         f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
-        f"prior n is {least_squares.exponent:.2f} and B {sign}",
+        f"prior n is {least_squares.n:.2f} and B {sign}",
         "press and release, at several speeds; without the prior: --no-weak-prior",
         stiffness="do-not-trust" if abs(moved) > STOP else mark,
         damping="do-not-trust",

@@ -286,7 +286,7 @@ class TimeVaryingMaterial(Material):
 def _remembering(law: GeneralisedHuntCrossley) -> Touch:
     """The force function of a law with memory, fully relaxed at the first penetration."""
     elastic, (times, weights) = law.parameters[:4], law.branches()
-    stiffnesses, last, state = law.relaxation_stiffness * weights, math.nan, np.empty(0)
+    stiffnesses, last, state = law.M * weights, math.nan, np.empty(0)
     # One sample in preallocated arrays: twenty times as fast per call as the law's states.
     step, depth, speed, force = (np.zeros(1) for _ in range(4))
 
@@ -318,9 +318,9 @@ def _select_material(
 
 def _check_real(law: ForceLaw) -> None:
     """Refuse unphysical laws: negative stiffness, or damping that generates energy."""
-    positive = ("exponent",) if law.remembers else ("stiffness", "exponent")  # a fluid has K = 0
+    positive = ("n",) if law.remembers else ("K", "n")  # a fluid has K = 0
     for name, value in law.as_dict().items():
-        highest = 10.0 if name in ("exponent", "damping_exponent") else 1e30
+        highest = 10.0 if name in ("n", "p") else 1e30
         number_in(name, value, 0.0, highest, open_low=name in positive)
 
 
@@ -338,16 +338,19 @@ def _check_sequence(name: str, materials: tuple[Material, ...], edges: tuple[flo
 
 # Chosen within the orders of magnitude in the paper's text (section V): ball K ≈ B ≈ 2000, n ≈ 1;
 # sponge B ≈ 10 K, n ≈ 1; phantom n ≈ 2.
-BALL = Homogeneous(HuntCrossley(2000.0, 2000.0, 1.0), "rubber ball")
-SPONGE = Homogeneous(HuntCrossley(300.0, 3000.0, 1.0), "sponge")
-PVC = Homogeneous(HuntCrossley(1e5, 2e5, 2.0), "PVC phantom")
-INCLUSION = Homogeneous(HuntCrossley(3e5, 3e5, 2.0), "PVC phantom with a hard inclusion")
+BALL = Homogeneous(HuntCrossley(K=2000.0, B=2000.0, n=1.0), "rubber ball")
+SPONGE = Homogeneous(HuntCrossley(K=300.0, B=3000.0, n=1.0), "sponge")
+PVC = Homogeneous(HuntCrossley(K=1e5, B=2e5, n=2.0), "PVC phantom")
+INCLUSION = Homogeneous(HuntCrossley(K=3e5, B=3e5, n=2.0), "PVC phantom with a hard inclusion")
 # The paper's bar lies 7 mm deep; α is ours: the force at 4 mm is 1.5 times the layer's.
-OVER_BAR = Layered(HuntCrossley(1e5, 2e5, 2.0), 7e-3, 0.63, "PVC phantom over a bar")
-RELAXING_SPONGE = Relaxing(HuntCrossley(300.0, 300.0, 1.0), 150.0, 1.0, "relaxing sponge")
+OVER_BAR = Layered(HuntCrossley(K=1e5, B=2e5, n=2.0), 7e-3, 0.63, "PVC phantom over a bar")
+RELAXING_SPONGE = Relaxing(HuntCrossley(K=300.0, B=300.0, n=1.0), 150.0, 1.0, "relaxing sponge")
 # Half of its stiffness relaxes, equally in each decade of time, as Fung found for tissue.
 TISSUE = Homogeneous(
-    GeneralisedHuntCrossley(8000.0, 1.5, 2000.0, 1.5, 8000.0, FlatSpectrum(1e-3, 4.0)), "tissue"
+    GeneralisedHuntCrossley(
+        K=8000.0, n=1.5, B=2000.0, p=1.5, M=8000.0, relaxation=FlatSpectrum(1e-3, 4.0)
+    ),
+    "tissue",
 )
 SOFT_AND_HARD = SpaceVaryingMaterial((PVC, INCLUSION), (0.0,), "PVC phantom with a hard zone")
 SOFT_AND_BAR = SpaceVaryingMaterial((PVC, OVER_BAR), (0.0,), "PVC phantom with a bar in it")

@@ -136,8 +136,8 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
         errors = (or_nan(there.get(part)) for part in ("standard_error", "systematic"))
         fields |= {
             f"{name}_verdict": marks[name],
-            f"dynamic_{name}": or_nan(there.get("value")),
-            f"dynamic_{name}_standard_error": math.hypot(*errors),
+            name: or_nan(there.get("value")),
+            f"{name}_standard_error": math.hypot(*errors),
         }
     time = 1e-9 * status.get("origin", 0) + known["window"][1] if known else math.nan
     return fields | {

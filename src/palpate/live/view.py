@@ -31,7 +31,7 @@ from palpate.results.view import NumberLine, describe_place
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
 _FEW = 1.0 / 15.0
-_DAMPING = GeneralisedHuntCrossley.names().index("damping")
+_DAMPING = GeneralisedHuntCrossley.names().index("B")
 #: Unit and name of each number of the preferred law.
 NUMBERS: Mapping[str, tuple[str, str]] = {
     "stiffness": ("N/m", "Dynamic stiffness K′"),
@@ -184,7 +184,7 @@ def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
 def _estimate_in(page: Mapping[str, Any]) -> Estimate:
     """Return the estimate in the loop's status; a law of zero force before the first sample."""
     if page["parameters"] is None:
-        law = GeneralisedHuntCrossley(0.0, 1.0, 0.0, 1.0)
+        law = GeneralisedHuntCrossley(K=0.0, n=1.0, B=0.0, p=1.0)
         size = law.parameters.size
         return Estimate.from_law(law, np.zeros((size, size)), status=Status.WAITING, samples=0)
     packed = (page["covariance"], *page["spectrum"])
@@ -327,9 +327,8 @@ def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float)
     ]
     for k in law.get("shown", ()):
         symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
-        title = f"{name.replace('_', ' ').capitalize()} {symbol}"
         words = _parameter(page["now"], name, k, verdict)
-        tiles.append([f"{title} [{unit}]" if unit else title, words])
+        tiles.append([f"{symbol} [{unit}]" if unit else symbol, words])
         panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
     changes = [
         [

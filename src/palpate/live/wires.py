@@ -506,14 +506,14 @@ BEFORE = (
 )
 #: Fields of the last diagnosis: K′ and B′, their standard errors, depth and frequency, and marks.
 DIAGNOSED = (
-    "dynamic_stiffness", "dynamic_stiffness_standard_error",
-    "dynamic_damping", "dynamic_damping_standard_error",
+    "stiffness", "stiffness_standard_error",
+    "damping", "damping_standard_error",
     "working_depth", "frequency", "stiffness_verdict", "damping_verdict", "verdict",
 )  # fmt: skip
 #: Fields at the end: the diagnosis, and the time since the last update, s.
 AFTER = (*DIAGNOSED, "age")
 #: Version of the published fields; it rises when a field is removed or changes its meaning.
-SCHEMA = 2
+SCHEMA = 3
 _TIMES = (0, 1)
 _COLUMNS = [PLACE[column] for _, column in BEFORE]
 GENERATION = PLACE["method"]

@@ -462,7 +462,7 @@ def fit_surface_position(
     exponents = (starts[0, 2],) * 2 if exponent_fixed else EXPONENT_RANGE
     found = _core.fit_samples(np.ascontiguousarray(samples), starts, exponents, SURFACE_RANGE)
     parameters = np.array(found)
-    law, (x, v, force) = HuntCrossley(*found[:3]), samples
+    law, (x, v, force) = HuntCrossley.from_parameters(found[:3]), samples
     below = x - parameters[4]
     touching = (below > 0.0)[:, None]
     below = np.where(below > 0.0, below, 1.0)

@@ -68,7 +68,7 @@ class Indentation:
     ----------
     modulus : ElasticModulus
         Young's modulus, with its mark.
-    stiffness : Quantity
+    K : Quantity
         K, N/mᵐ.
     contact_point : Quantity
         d, m, in the coordinate of the penetration, which is minus the position of the tip.
@@ -85,7 +85,7 @@ class Indentation:
     """
 
     modulus: ElasticModulus
-    stiffness: Quantity
+    K: Quantity
     contact_point: Quantity
     baseline: tuple[float, float]
     depth: float
@@ -237,9 +237,7 @@ def _search(approach: Floats, exponent: float) -> tuple[float, float, float]:
         ends = max(low, high - part * (high - low)), high + (high - low) / 79.0
         signals = x[used], np.zeros(np.count_nonzero(used)), force[used]
         fit = fit_curves(*signals, surface="estimate", surface_range=ends, exponent=exponent)
-        stiffness, surface, offset = (
-            float(each[0]) for each in (fit.stiffness, fit.surface, fit.offset)
-        )
+        stiffness, surface, offset = (float(each[0]) for each in (fit.K, fit.surface, fit.offset))
         if stiffness > 0.0 and surface < float(approach[0].max()) and math.isfinite(offset):
             return stiffness, surface, offset
     raise np.linalg.LinAlgError

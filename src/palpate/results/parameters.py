@@ -105,9 +105,9 @@ def relaxation_range(law: GeneralisedHuntCrossley) -> str:
 
 def _growth(law: GeneralisedHuntCrossley) -> str | None:
     """Return the damper's exponent in terms of the spring's, ``n`` or ``n − 1``; else None."""
-    if law.damping_exponent == law.exponent:
+    if law.p == law.n:
         return "n"
-    return "n − 1" if law.damping_exponent == law.exponent - 1.0 else None
+    return "n − 1" if law.p == law.n - 1.0 else None
 
 
 def _time(seconds: float) -> str:

@@ -142,7 +142,7 @@ def _status_names() -> NDArray[np.str_]:
 
 
 #: Increment it if a field is removed or changes its meaning.
-SCHEMA_VERSION = 3
+SCHEMA_VERSION = 4
 
 
 def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> dict[str, Any]:

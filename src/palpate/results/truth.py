@@ -53,8 +53,8 @@ def comparable(law: Any, truth: Any) -> set[str]:
     if not _same_memory(law, truth):
         return set()
     pair = (law, truth)
-    dampers = {round(each.damping_exponent - each.exponent, 6) for each in pair if each.damping}
-    return names if len(dampers) < 2 else names - {"damping", "damping_exponent"}
+    dampers = {round(each.p - each.n, 6) for each in pair if each.B}
+    return names if len(dampers) < 2 else names - {"B", "p"}
 
 
 def _same_memory(law: GeneralisedHuntCrossley, truth: GeneralisedHuntCrossley) -> bool:

@@ -307,7 +307,7 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
     rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
-        shown = (row for row in parameter_rows(result) if row.name != "relaxation_stiffness")
+        shown = (row for row in parameter_rows(result) if row.name != "M")
         terms = (_parameter(result, row) for row in shown)
         # A wrong surface changes K, B and n by far more than stiffness and damping.
         surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
@@ -442,12 +442,11 @@ def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
         if whole:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
-            rows[-1].append(row.name.replace("_", " "))
     lines = [describe_relaxed_stiffness(result), _describe_correlation(result)]
     lines += [*_describe_settings(result.estimate), describe_model_selection(result)]
     shown = [Line(each) for each in (*lines, _describe_fit_errors(result)) if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
-    return ViewSection(title, shown, headings + ["95 % interval", "parameter"] * whole, rows)
+    return ViewSection(title, shown, headings + ["95 % interval"] * whole, rows)
 
 
 def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection:

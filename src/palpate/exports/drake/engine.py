@@ -255,12 +255,12 @@ def _nearest(request: ExportRequest) -> DrakeContact:
     """Return the exact contact if Drake has the law, else the one of least predicted error."""
     law = request.law
     steps = request.time_step > 0.0  # SAP needs time steps
-    if steps and is_kelvin_voigt(law) and law.damping > 0.0:
+    if steps and is_kelvin_voigt(law) and law.B > 0.0:
         return _sap(request)
-    spheres = _nearest_point(request) if law.exponent <= 1.0 else _spheres(request)
+    spheres = _nearest_point(request) if law.n <= 1.0 else _spheres(request)
     found = _point(request, "nested-spheres" if spheres.gaps.size > 1 else "point", spheres)
     # SAP's damper is independent of depth: skip it for a law whose damper grows like the force.
-    if steps and law.damping > 0.0 and law.damping_exponent < 0.5 * law.exponent:
+    if steps and law.B > 0.0 and law.p < 0.5 * law.n:
         return min(found, _sap(request), key=_error)
     return found
 
@@ -295,7 +295,7 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
             # Height relative to the outer sphere's lowest point.
             tips.append(DrakeTip(f"tip_{number}", inner, gap - (radius - inner), each))
         parts = replace(_parts(request, rigid, {}), tips=tuple(tips))
-    exact = law.exponent == 1.0 and (law.damping == 0.0 or law.damping_exponent == 1.0)
+    exact = law.n == 1.0 and (law.B == 0.0 or law.p == 1.0)
     warnings = [*_negative(law), *_step(request)]
     if spheres.gaps[-1] > 0.9 * radius:
         warnings.append(
@@ -306,7 +306,7 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
         form=form,
         request=request,
         numbers=numbers,
-        exact=exact and law.damping >= 0.0,
+        exact=exact and law.B >= 0.0,
         findings=make_warnings(*warnings),
         parts=parts,
         contact=spheres,
@@ -328,22 +328,20 @@ def _spheres(request: ExportRequest) -> Spheres:
 
 def _dissipating(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
     """Return the law without negative damping, which would generate energy."""
-    if law.damping >= 0.0:
+    if law.B >= 0.0:
         return law
-    return GeneralisedHuntCrossley(law.stiffness, law.exponent, 0.0, law.exponent)
+    return GeneralisedHuntCrossley(K=law.K, n=law.n, B=0.0, p=law.n)
 
 
 def _pushing(law: GeneralisedHuntCrossley) -> GeneralisedHuntCrossley:
     """Return the fitted law; raise unless its stiffness is positive."""
-    if law.stiffness > 0.0:
+    if law.K > 0.0:
         return law
-    raise InvalidParameterError(
-        f"Drake needs a stiffness above 0; that of the law is {law.stiffness:.3g}"
-    )
+    raise InvalidParameterError(f"Drake needs a stiffness above 0; that of the law is {law.K:.3g}")
 
 
 def _negative(law: GeneralisedHuntCrossley) -> tuple[str, ...]:
-    if law.damping >= 0.0:
+    if law.B >= 0.0:
         return ()
     return ("the law's damping is negative, which Drake does not allow; it is exported as 0",)
 
@@ -356,16 +354,16 @@ def _sap(request: ExportRequest) -> DrakeContact:
         )
     law = _pushing(kelvin_voigt(_dissipating(request.law), request.motion))
     surface = {
-        "point_contact_stiffness": law.stiffness,
-        "relaxation_time": law.damping / law.stiffness,
+        "point_contact_stiffness": law.K,
+        "relaxation_time": law.B / law.K,
     }
-    tip = {"point_contact_stiffness": RIGID * law.stiffness, "relaxation_time": 0.0}
+    tip = {"point_contact_stiffness": RIGID * law.K, "relaxation_time": 0.0}
     return DrakeContact(
         form="sap",
         request=request,
         numbers=surface,
         engine_law=law,
-        exact=is_kelvin_voigt(request.law) and request.law.damping >= 0.0,
+        exact=is_kelvin_voigt(request.law) and request.law.B >= 0.0,
         findings=make_warnings(*_negative(request.law), *_step(request)),
         parts=_parts(request, surface, tip),
         contact=Sap(law),
@@ -387,8 +385,8 @@ def _parts(
 def _step(request: ExportRequest) -> tuple[str, ...]:
     """Return a warning if an implicit step adds much damping: h ∂F/∂x compared with B xᵖ."""
     law, depth = request.law, request.motion.deepest
-    more = request.time_step * law.exponent * law.stiffness * depth ** (law.exponent - 1.0)
-    own = max(law.damping, 0.0) * depth**law.damping_exponent
+    more = request.time_step * law.n * law.K * depth ** (law.n - 1.0)
+    own = max(law.B, 0.0) * depth**law.p
     # Below 2 % of the law's damping, restitution changes by less than about 1 %.
     if more < 0.02 * own:
         return ()

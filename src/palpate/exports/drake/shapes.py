@@ -56,7 +56,7 @@ class Spheres:
 
 def one_sphere(law: GeneralisedHuntCrossley) -> Spheres:
     """Return the sphere K x (1 + B/K v) of a law with n = p = 1."""
-    return Spheres(np.zeros(1), np.array([law.stiffness]), np.array([law.damping / law.stiffness]))
+    return Spheres(np.zeros(1), np.array([law.K]), np.array([law.B / law.K]))
 
 
 def fit_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Floats) -> Spheres:
@@ -73,19 +73,19 @@ def fit_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Flo
         Penetration, m, > 0, and velocity, m/s.
     """
     x, v = _samples(penetration, velocity)
-    alike = law.damping == 0.0 or law.damping_exponent == law.exponent
-    b = law.damping / law.stiffness if alike else 0.0
+    alike = law.B == 0.0 or law.p == law.n
+    b = law.B / law.K if alike else 0.0
     weight = np.maximum(1.0 + b * v, 0.0)
-    wanted = law.stiffness * x**law.exponent
+    wanted = law.K * x**law.n
     for count in range(1, MOST_SPHERES + 1):
-        gaps, stiffness, error = _springs(x, weight, wanted, _spread(x, law.exponent, count))
+        gaps, stiffness, error = _springs(x, weight, wanted, _spread(x, law.n, count))
         if error < GOOD_ENOUGH:
             break
     kept = stiffness > 0.0
     gaps, stiffness = gaps[kept], stiffness[kept]
     if alike:
         return Spheres(gaps, stiffness, np.full(gaps.size, b))
-    damper = law.damping * x**law.damping_exponent * v
+    damper = law.B * x**law.p * v
     damping = _not_negative(np.maximum(x[:, None] - gaps, 0.0) * v[:, None], damper)
     return Spheres(gaps, stiffness, damping / stiffness)
 

@@ -33,7 +33,7 @@ class ExactContact:
     model : mujoco.MjModel
         Model that contains both geoms.
     contact : mapping, optional
-        stiffness K [N/m^n], exponent n, damping B [N s/m^(p+1)], damping_exponent p, and the names
+        K [N/m^n], n, B [N s/m^(p+1)], p, and the names
         of the geoms, tip and pad. Default: those of the JSON file in this folder.
     """
 
@@ -57,8 +57,8 @@ class ExactContact:
         if penetration <= 0.0:
             return 0.0
         c = self.contact
-        elastic = c["stiffness"] * penetration ** c["exponent"]
-        damper = c["damping"] * penetration ** c["damping_exponent"]
+        elastic = c["K"] * penetration ** c["n"]
+        damper = c["B"] * penetration ** c["p"]
         return max(float(elastic + damper * velocity), 0.0)
 
     def install(self) -> "ExactContact":

@@ -129,7 +129,7 @@ class InMuJoCo(Fragment):
 
     def _files(self, first: Mapping[str, str], notes: Sequence[str]) -> Mapping[str, str]:
         law, deepest = self.request.law, self.request.motion.deepest
-        speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.stiffness > 0.0 else 0.1
+        speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.K > 0.0 else 0.1
         files = {**first, "scene.xml": self.scene(speed, notes)}
         if self.robot is not None and self.robot.path.suffix == ".xml":
             here = [
@@ -289,13 +289,13 @@ class MuJoCo(Engine):
     def _ways(self, law: GeneralisedHuntCrossley) -> tuple[str, ...]:
         if is_kelvin_voigt(law):
             return ("kelvin-voigt",)
-        if law.damping == 0.0:
+        if law.B == 0.0:
             return ("pair",)
         if not self.pulls():
             return ("two-contacts",)
         # A law whose damper exceeds its spring near the surface is adhesive there, and so is a
         # pair: when a body leaves, rows that only push may be nearer.
-        return ("pair",) if law.damping_exponent >= law.exponent else ("pair", "two-contacts")
+        return ("pair",) if law.p >= law.n else ("pair", "two-contacts")
 
     def pulls(self) -> bool:
         """Whether contacts can pull in the installed version, or without one in the newest."""
@@ -326,25 +326,25 @@ def _raise_exponent(request: ExportRequest) -> tuple[ExportRequest, tuple[str, .
     Rows have n ≥ 1; without this a small statistical error of n would turn contacts into callbacks.
     """
     law, motion = request.law, request.motion
-    if law.exponent >= 1.0 or request.form in ("callback", "kelvin-voigt"):
+    if law.n >= 1.0 or request.form in ("callback", "kelvin-voigt"):
         return request, ()
-    p = 1.0 if law.damping_exponent == law.exponent else law.damping_exponent
+    p = 1.0 if law.p == law.n else law.p
     near = fit_with_exponents(law, motion, 1.0, p)
     off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
     if off > _NEARLY_ONE:
         return request, ()
-    words = f"exponent {law.exponent:.4g} is exported as 1: the force changes by {percent(off)}"
+    words = f"exponent {law.n:.4g} is exported as 1: the force changes by {percent(off)}"
     return replace(request, law=near), (words,)
 
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
     """Return why rows cannot represent a law; empty if they can."""
     offered = "use --form callback, which has the exact law"
-    if law.exponent < 1.0:
-        return f"a MuJoCo contact needs an exponent of at least 1, not {law.exponent:g}: {offered}"
-    if law.damping < 0.0:
+    if law.n < 1.0:
+        return f"a MuJoCo contact needs an exponent of at least 1, not {law.n:g}: {offered}"
+    if law.B < 0.0:
         return f"a MuJoCo contact cannot have negative damping: {offered}"
-    if law.damping > 0.0 and law.damping_exponent < 0.0:
+    if law.B > 0.0 and law.p < 0.0:
         return f"a MuJoCo contact cannot have a damper that decreases with depth: {offered}"
     return ""
 
@@ -380,7 +380,7 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
             f"the mass that the contacts add changes the force by {percent(heavy)} on this motion: "
             "a lighter body, a slower motion or --form callback reduces it"
         )
-    if form == "pair" and law.damping:
+    if form == "pair" and law.B:
         words += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
     if shallow := _shallow(law, rows, motion.deepest):
         words.append(
@@ -392,8 +392,8 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
 
 def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:
     """Return warnings about the speed from which a pair pulls and its largest adhesive force."""
-    rising = law.exponent - law.damping_exponent
-    speed = law.stiffness / law.damping * depth**rising
+    rising = law.n - law.p
+    speed = law.K / law.B * depth**rising
     where = " (K/B)" if rising == 0.0 else f" from a depth of {length(depth, 2)}"
     where += " (nearer the surface at lower speeds)" if rising > 0.0 else ""
     most = rows.contacts * max(row.adhesion for row in rows.rows)

@@ -426,15 +426,15 @@ def single(
 ) -> PairRows:
     """Return one row for the nearest Kelvin–Voigt law: S = K (1 − d) Â, D = B (1 − d) Â."""
     nearest = kelvin_voigt(law, motion)
-    if not (nearest.stiffness > 0.0 and nearest.damping >= 0.0):
+    if not (nearest.K > 0.0 and nearest.B >= 0.0):
         # A positive solref has another meaning in MuJoCo.
         raise InvalidParameterError(
-            f"form kelvin-voigt: the nearest K x + B v has K = {nearest.stiffness:.3g} N/m and B = "
-            f"{nearest.damping:.3g} N·s/m, but MuJoCo needs K > 0 and B ≥ 0: use --form callback"
+            f"form kelvin-voigt: the nearest K x + B v has K = {nearest.K:.3g} N/m and B = "
+            f"{nearest.B:.3g} N·s/m, but MuJoCo needs K > 0 and B ≥ 0: use --form callback"
         )
     share = (1.0 - LEAST) * mobility / contacts
     solimp = (LEAST, LEAST, _ROOM * motion.deepest, 0.5, 2.0)
-    row = PairRow(share * nearest.stiffness, share * nearest.damping, solimp)
+    row = PairRow(share * nearest.K, share * nearest.B, solimp)
     return PairRows((row,), mobility, contacts)
 
 
@@ -446,21 +446,21 @@ def pair(
     # While the law pushes, its damper pulls less than its spring pushes; on the motion it may pull
     # more. With more adhesion than both the pair would pull without need.
     x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
-    drag = law.damping * x**law.damping_exponent * -v
-    strongest = max(float(drag.max()), law.stiffness * float(depths[-1]) ** law.exponent)
+    drag = law.B * x**law.p * -v
+    strongest = max(float(drag.max()), law.K * float(depths[-1]) ** law.n)
     adhesion = float(f"{_ADHESION * strongest / contacts:.2g}")
-    if law.exponent == 1.0:
-        solimp, inset, scale = _level(depths), 0.0, law.stiffness * (1.0 - LEAST) / LEAST**2
+    if law.n == 1.0:
+        solimp, inset, scale = _level(depths), 0.0, law.K * (1.0 - LEAST) / LEAST**2
     else:
-        target = law.stiffness * depths**law.exponent
+        target = law.K * depths**law.n
         solimp, inset, scale = power_of_depth(depths, target, SPRING_HIGH, spring=True, low=True)
     spring = PairRow(scale * solimp[1] ** 2 * share, 0.0, solimp, inset)
-    if law.damping == 0.0:
+    if law.B == 0.0:
         return PairRows((spring,), mobility, contacts)
-    if law.damping_exponent == 0.0:
-        shapes = [(_level(depths), 0.0, law.damping * (1.0 - LEAST) / LEAST)]
+    if law.p == 0.0:
+        shapes = [(_level(depths), 0.0, law.B * (1.0 - LEAST) / LEAST)]
     else:
-        target, low = law.damping * depths**law.damping_exponent, law.damping_exponent < 1.0
+        target, low = law.B * depths**law.p, law.p < 1.0
         shapes = [
             power_of_depth(depths, target, high, spring=False, low=low) for high in DAMPER_HIGHS
         ]

@@ -9,8 +9,8 @@ export function table(store, page) {
   const names = {
     ...COLUMNS,
     predicted_force: "predicted_force",
-    stiffness: "stiffness_at_depth", stiffness_error: "stiffness_at_depth_standard_error",
-    damping: "damping_at_depth", damping_error: "damping_at_depth_standard_error",
+    stiffness: "stiffness", stiffness_error: "stiffness_standard_error",
+    damping: "damping", damping_error: "damping_standard_error",
     ...Object.fromEntries((law.names ?? law.symbols).flatMap((name, k) => [
       [`parameter_${k}`, name], [`error_${k}`, `${name}_standard_error`]])),
     margin: "validity_margin", state: "state", lateness: "lateness_s",
