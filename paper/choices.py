@@ -55,6 +55,9 @@ _HALVES = {
 DRAWS, SEED = 40, 2012
 #: Share of the draws from which a claim holds for other values of what the paper leaves open.
 ENOUGH = 0.2
+#: Difference of the shares of draws within a bound, of those that hold and of the others: chance
+#: alone gives more in few claims (Kolmogorov and Smirnov's test at 1 %, 20 of 40 draws).
+CLEARLY = 0.5
 _FILE = Path(__file__).with_name("settings.json")
 
 
@@ -173,11 +176,11 @@ class Share:
 
     @property
     def where(self) -> str:
-        """The setting that best separates the draws in which it holds from the others."""
+        """The setting that best separates the draws in which it holds, if one does clearly."""
         held = np.array(self.held)
         if held.all() or not held.any():
             return ""
-        best = 0.0, ""
+        best = CLEARLY, ""
         for name in RANGES:
             values = np.array([(each.drawn or {})[name] for each in draws(held.size)])
             for edge in np.unique(values)[1:]:

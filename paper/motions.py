@@ -78,7 +78,7 @@ class _Hysteresis(Experiment):
             "least force, ideal probe, half the speed [N]": _ideal(rig.BALL_LAW, 0.5, seed),
             "least force, ideal probe, three times the damping [N]": _ideal(damped, 1.0, seed),
         }
-        keep = np.flatnonzero(contact.time > SINES)[::2]
+        keep = np.flatnonzero(contact.time > SINES)[::4]
         curves = {
             "time": contact.time[keep],
             "penetration": contact.penetration[keep],
