@@ -84,8 +84,8 @@ def test_the_whole_paper_runs_and_every_claim_has_its_verdict(tmp_path):
     assert whole["unfinished"] == whole["failures"] == []
     assert [each["name"] for each in whole["experiments"]] == list(EXPERIMENTS)
     assert len(whole["claims"]) == 111
-    # 17 drawings of 0.2 MB each, and the tables.
-    assert (tmp_path / "report.html").stat().st_size < 4e6
+    # 17 drawings of 0.1 MB each, and the tables.
+    assert (tmp_path / "report.html").stat().st_size < 2.5e6
 
 
 def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_one():
