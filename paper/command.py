@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from palpate import InvalidParameterError, PalpateError
-from palpate.writing import abandon_output
+from palpate.writing import abandon_output, as_json, make_folder, write_text
 
 if TYPE_CHECKING:
     from paper.experiment import Experiment
@@ -64,6 +64,10 @@ def reproduce(
     output: Annotated[Path, Parameter(name=["--output", "-o"])] = Path("report"),
     seeds: Annotated[int, Parameter(validator=Number(gte=1, lte=10_000))] = 5,
     workers: Annotated[int | None, Parameter(validator=Number(gte=1, lte=1_000))] = None,
+    settings: Annotated[int, Parameter(validator=Number(gte=0, lte=10_000))] = 0,
+    recording: Annotated[
+        tuple[Path, ...], Parameter(consume_multiple=True, show_default=False)
+    ] = (),
 ) -> None:
     """Repeat the paper's experiments in simulation, and write a report.
 
@@ -83,14 +87,33 @@ def reproduce(
         Number of repetitions, each with other noise.
     workers
         Number of processes (default: one per core).
+    settings
+        Instead, judge every claim with so many draws of what the paper leaves open, and write
+        settings.json to the folder; the report reads the one in paper/.
+    recording
+        Instead, compare the paper's methods on these recordings of others, and write
+        recordings.json and recordings.md to the folder; the report reads the one in paper/.
     """
+    if recording:
+        _compare(recording, output)
+        return
     from palpate.lab.rig import require_mujoco
 
     import_module("palpate.figures")  # raises before the work if matplotlib is not installed
     require_mujoco()
-    from paper.running import run_paper
+    from paper.running import judge_draws, run_paper
 
     experiments = _chosen(only)
+    if settings:
+        with _progress() as progress:
+            answers = judge_draws(
+                experiments, count=settings, seeds=seeds, workers=workers, progress=progress
+            )
+        make_folder(output)
+        write_text(output / "settings.json", as_json(answers))
+        for name, signs in answers.items():
+            print(f"{name}: {signs.count('1')} of {len(signs)}")
+        return
     try:
         with _progress() as progress:
             report = run_paper(
@@ -107,6 +130,31 @@ def reproduce(
             _complain(f"{words}: {output / 'report.html'}")
         raise
     _print(report, output)
+
+
+def _compare(recordings: tuple[Path, ...], output: Path) -> None:
+    """Print the table of methods by recording, and where palpate loses; write both."""
+    from paper.recordings import losses, markdown, measure, plain, summary, table
+
+    every = {}
+    for path in recordings:
+        try:
+            every[path.stem] = measure(path)
+        except PalpateError as error:
+            _complain(f"{path}: skipped: {error}")
+    if not every:
+        raise PalpateError("no recording left to compare")
+    make_folder(output)
+    write_text(output / "recordings.json", as_json(plain(every)))
+    write_text(output / "recordings.md", markdown(every))
+    shown = table(every)
+    printed = Table(*shown.header, box=None, pad_edge=False)
+    printed.columns[0].no_wrap = True
+    for row in shown.rows:
+        printed.add_row(*(Text(cell.replace("*", "")) for cell in row))
+    Console(highlight=False, width=None if sys.stdout.isatty() else _PIPE).print(printed)
+    print("\n".join(summary(every)))
+    print("\n".join(["where palpate loses:", *losses(every)]))
 
 
 def _complain(words: str) -> None:
@@ -139,7 +187,7 @@ def _progress() -> "Iterator[Progress]":
 
         def advance(words: str, done: int, total: int) -> None:
             bar.update(task, completed=done, total=total)
-            if words.endswith("figure") and not console.is_terminal:
+            if words.endswith(("figure", "draws")) and not console.is_terminal:
                 print(f"{words}: {done} of {total} tasks", file=sys.stderr)
 
         yield advance

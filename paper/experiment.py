@@ -166,8 +166,12 @@ class Experiment(ABC):
         return Outcome(seed, plain, {name: _rounded(curve) for name, curve in curves.items()})
 
     def findings(self, outcome: Outcome) -> dict[str, SeedAnswer]:
-        """Judge every claim by an outcome."""
-        return {claim.key: self.judges[claim.key](outcome.numbers) for claim in self.claims}
+        """Judge every claim by an outcome; those on recordings of others stay open."""
+        judges = {claim.key: self.judges[claim.key] for claim in self.claims}
+        return {
+            key: judge(outcome.numbers) if judge.recorded is None else SeedAnswer(None)
+            for key, judge in judges.items()
+        }
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""

@@ -185,12 +185,21 @@ class SeedAnswer:
 
 @dataclass(frozen=True, slots=True)
 class Judge:
-    """A function that judges a claim by an outcome's numbers; see :func:`judge`."""
+    """A function that judges a claim by an outcome's numbers; see :func:`judge`.
+
+    With ``recorded`` by those of each recording of others that meets it instead.
+    """
 
     ours: PaperQuantity | None = None
     conditions: tuple[Condition, ...] = ()
     beside: tuple[PaperQuantity, ...] = ()
     elsewhere: str = ""
+    recorded: Condition | None = None
+
+    @property
+    def searched(self) -> bool:
+        """Whether the claim can be judged with other values of what the paper leaves open."""
+        return bool(self.conditions) and self.recorded is None
 
     def __call__(self, numbers: Numbers) -> SeedAnswer:
         """Check the conditions for the numbers of one seed."""
@@ -231,17 +240,19 @@ def judge(
     *kept: Condition,
     beside: str | Iterable[Of] = (),
     elsewhere: str = "",
+    recorded: Condition | None = None,
 ) -> Judge:
     """Return a judge of a number, or of a condition on it, and of further conditions.
 
     Without a number nothing is measured; without a condition the claim cannot be checked. The
     quantities ``beside`` are also printed; ``elsewhere`` is the prefix of the numbers of a second
-    material, for which the claim is judged too.
+    material, for which the claim is judged too. With ``recorded`` the numbers are those of the
+    recordings of others that meet this condition.
     """
     others = quantities(beside) if isinstance(beside, str) else quantities(*beside)
     if isinstance(ours, Condition):
-        return Judge(ours.parts[0], (ours, *kept), others, elsewhere)
-    return Judge(None if ours is None else number(ours), kept, others, elsewhere)
+        return Judge(ours.parts[0], (ours, *kept), others, elsewhere, recorded)
+    return Judge(None if ours is None else number(ours), kept, others, elsewhere, recorded)
 
 
 def between(of: Of, low: float, high: float) -> Condition:
@@ -262,11 +273,22 @@ def increasing(*of: Of) -> Condition:
 #: Judges by experiment and key.
 JUDGES: dict[str, Mapping[str, Judge]] = {"today": {}}
 
+# On recordings of others: all, those of damped materials, and those whose stiffness grows.
+
+_RECORDED = {
+    "all": number("peak force") > 0.0,
+    "damped": number("B/K") >= 3.0,
+    "growing": number("n") >= 1.5,
+}
+_RECORDED_OVER = least("rmse Kelvin–Voigt") / least("rmse single stage")
+_EXTENDED_OVER = least("rmse extended") / least("rmse single stage")
+
 # Trials: tracking of the motion, repetitions, and condition 10.
 
 JUDGES["fig03"] = {
-    "formula": judge("peak speed commanded"),
-    "depth": judge(farthest_from(10.0, "mean depth")),
+    # The limit of condition 10 on the ball by the paper's K ≈ B, mm/s.
+    "formula": judge(number("peak speed commanded") < 100.0),
+    "depth": judge(about(farthest_from(10.0, "mean depth"), 10.0)),
     "inside": judge(least("least depth") > 0.0),
     # Half a step of the sensor, 1/16 N.
     "pause": judge(between(farthest_from(0.0, "bias left"), -62.5, 62.5)),
@@ -282,8 +304,9 @@ def _repetitions(material: str) -> dict[str, Judge]:
         "stiffness": judge("mean final single-stage K", beside="mean final single-stage B"),
         "ratio": judge("B/K single-stage"),
         "exponent": judge("mean final single-stage n"),
-        # An unloaded Hunt–Crossley surface recovers at the speed K/B: time from 10 mm, ms.
-        "restitution": judge(number("B/K single-stage") * 10.0),
+        # An unloaded Hunt–Crossley surface recovers at the speed K/B: time from 10 mm, ms. The
+        # ball's takes 10 ms.
+        "restitution": judge(number("B/K single-stage") * 10.0 > 20.0),
         "elastic": judge("B/K single-stage"),
     }
 
@@ -315,13 +338,17 @@ _UNTIL, _WORST = "seconds until it holds", "worst error, {} times slower"
 JUDGES["fig12"] = {
     "violated": judge(about(f"{_UNTIL} sponge", 5.0), beside="broken sponge"),
     "margin": judge(number(_AFTERWARDS) > 0.75, number(_AFTERWARDS) < 1.0),
-    "violated-relaxing": judge(f"{_UNTIL} relaxing-sponge", beside="broken relaxing-sponge"),
+    "violated-relaxing": judge(
+        about(f"{_UNTIL} relaxing-sponge", 5.0), beside="broken relaxing-sponge"
+    ),
     "margin-relaxing": judge("fastest after 5 s relaxing-sponge"),
     "speed": judge(number(_WORST.format(1)) > _WORST.format(10), beside=_WORST.format(2)),
-    "shortcoming": judge("broken sponge"),
-    "limit": judge("final limit sponge"),
+    "shortcoming": judge(number("broken sponge") > 50.0),
+    "limit": judge(number("final limit sponge") < 50.0),
     "conservative": judge(number(_WORST.format(1)) <= 5.0),
-    "concluded": judge("broken, 10 times slower", beside="broken, 1 times slower"),
+    "concluded": judge(
+        number("broken, 10 times slower") < 1.0, number("broken, 1 times slower") > 50.0
+    ),
 }
 _MOMENT = "{fastest after 2 s is at|peak speed|final limit} pvc"
 JUDGES["fig15"] = {
@@ -336,7 +363,7 @@ _SIZES, _TOP = "overshoot P₀ = {100|1000|10000} K|B", "overshoot P₀ = 1e+06 
 _STARTS, _LARGE = "overshoot start {I|II|III} K|B", "time P₀ = {20|100|1000|10000|1e+06}"
 _OTHERS, _BALANCED = "{λ = 1|α = 0.1}", "{5|6|7|8}"
 JUDGES["fig07"] = {
-    "unity": judge("λ after 1 s"),
+    "unity": judge(number("λ after 1 s") > 1.0 - 1e-3),
     "varying": judge(
         number("varying rmse λ = 0.99") / "varying rmse λ = 1" < 1.0,
         beside="varying error of K λ = {0.99|1}",
@@ -378,8 +405,6 @@ _DOUBLE_OVER_SINGLE = least(
     *(number(f"rmse double-stage {k}") / f"rmse single-stage {k}" for k in ("I", "II", "III"))
 )
 _BESIDE_ERROR = f"least double over single {_SAME}"
-_LINEAR_ERROR = least("rmse kelvin-voigt") / "rmse single-stage"
-_EXTENDED_ERROR = least(f"rmse {_EXTENDED}")
 _RELAXING = "relaxing sponge"
 _INSENSITIVE, _INCONSISTENT = largest(f"spread {_BOTH}") <= 5.0, number("spread double-stage") > 5.0
 _WITH, _WITHOUT = "time with ln", "time without ln"
@@ -407,7 +432,7 @@ JUDGES["fig08"] = _concluded("double-stage", "kelvin-voigt") | {
     "wide-range": judge(
         number("off the truth single-stage") <= 5.0, number("off the truth double-stage") > 5.0
     ),
-    "kelvin-voigt-error": judge(_LINEAR_ERROR),
+    "kelvin-voigt-error": judge(_RECORDED_OVER > 1.0, recorded=_RECORDED["all"]),
     "kelvin-voigt-rate": judge(
         largest(*_OVER_KELVIN_VOIGT) < 1.0, beside=(*_BESIDE_SPEED, _OWN_UNITS)
     ),
@@ -434,9 +459,7 @@ JUDGES["fig13"] = _concluded("double-stage", "kelvin-voigt", elsewhere=_RELAXING
     ),
     "insensitive": judge(_INSENSITIVE, elsewhere=_RELAXING),
     "inconsistent": judge(_INCONSISTENT, elsewhere=_RELAXING),
-    "kelvin-voigt-error": judge(
-        _LINEAR_ERROR, beside=f"{_RELAXING} rmse {{kelvin-voigt|single-stage}}"
-    ),
+    "kelvin-voigt-error": judge(_RECORDED_OVER > 1.0, recorded=_RECORDED["damped"]),
     "double-stage-error": judge(
         _DOUBLE_OVER_SINGLE > 1.0, beside=_BESIDE_ERROR, elsewhere=_RELAXING
     ),
@@ -456,8 +479,12 @@ JUDGES["fig16"] = _concluded("double-stage", "kelvin-voigt", _EXTENDED) | {
     "quadratic-never": judge(
         least(f"time {_SAME} {_EXTENDED} K₂") >= NEVER, beside=f"time {_EXTENDED} K₂"
     ),
-    "best-error": judge(least(least("rmse kelvin-voigt"), _EXTENDED_ERROR) / "rmse single-stage"),
-    "as-good": judge(_EXTENDED_ERROR / least("rmse single-stage")),
+    "best-error": judge(_EXTENDED_OVER > 1.0, _RECORDED_OVER > 1.0, recorded=_RECORDED["growing"]),
+    "as-good": judge(
+        between(_EXTENDED_OVER, 0.8, 1.25),
+        least("rmse extended") < least("rmse Kelvin–Voigt"),
+        recorded=_RECORDED["growing"],
+    ),
 }
 
 _OFF = "{0.01|0.02|0.05|0.1|0.2|0.3|0.5|0.5, n right|0.1, P₀ = 1e4|0.1, P₀ = 10|0.1, in cm}"
@@ -476,7 +503,7 @@ JUDGES["fig09"] = {
         beside=("ball {(5) broken|(6) one-sided}, near, ending right", "apart ball 0.5, n right"),
     ),
     "power": judge(
-        "ball 0.01^0.2",
+        between("ball 0.01^0.2", 0.3975, 0.3985),
         beside=("ball stage 1 {K|rmse}, n {right|0.2 too large}", "apart ball {0.1|0.1, in cm}"),
     ),
 }
@@ -487,8 +514,12 @@ _PULL = "least force, ideal probe,"
 _OURS = "least force {single stage|variable projection}"
 JUDGES["fig10"] = {
     "negative-force": judge(number("least force Kelvin–Voigt") < 0.0, beside=_OURS),
-    "always-positive": judge("least force felt", beside="least force measured"),
-    "power": judge("energy given Kelvin–Voigt", beside="energy given single stage"),
+    "always-positive": judge(
+        number("least force while withdrawing") > -2.0, recorded=_RECORDED["all"]
+    ),
+    "power": judge(
+        number("energy given Kelvin–Voigt") > "energy given single stage", recorded=_RECORDED["all"]
+    ),
     "damping-and-speed": judge(
         number(f"{_PULL} three times the damping") < f"{_PULL} as it is",
         number(f"{_PULL} half the speed") > f"{_PULL} as it is",
@@ -530,7 +561,7 @@ JUDGES["fig18"] = {
 
 #: The paper's 0.05 N, with a tolerance of 50 %.
 _FLOOR = 0.075
-_SP, _NEAR, _SP_NEAR = "self-perturbing", ", 7 % apart", "self-perturbing, 7 % apart"
+_SP, _NEAR, _SP_NEAR = "self-perturbing", ", over a bar", "self-perturbing, over a bar"
 _ERROR, _ENDS = "mean error after change", "K off at a zone's end"
 _BEFORE, _AFTER = "corrected before a change", "corrected after a change"
 
@@ -563,7 +594,8 @@ JUDGES["fig19"] = {
         beside=(f"{_ERROR} regular{_NEAR} {{1|2|4}}", f"{_ERROR} regular {{1|3}}"),
     ),
     "regular-constant": judge(
-        number(f"range after 10 s regular{_NEAR} K") <= 5.0, beside="range after 10 s regular K"
+        number(f"range after 10 s regular{_NEAR} K") <= 5.0,
+        beside=("range after 10 s regular K", "range of K, no bar but 7 % stiffer, 10 mm"),
     ),
     "small-gain": judge(
         number(f"{_BEFORE} regular") < 1.0,
@@ -598,8 +630,8 @@ JUDGES["fig19"] = {
         number(f"{_ERROR} constants exchanged{_NEAR} 1") > _FLOOR,
     ),
     "sensitivity": judge(
-        number(f"{_ERROR} γ = 0.25{_NEAR} 1") > 2.0 * _FLOOR,
-        number(f"{_ERROR} γ = 0.25 1") <= 2.0 * _FLOOR,
+        number(f"{_ERROR} γ = 0.1{_NEAR} 1") > 2.0 * _FLOOR,
+        number(f"{_ERROR} γ = 0.1 1") <= 2.0 * _FLOOR,
         number(f"{_ERROR} {_SP_NEAR} 1") <= _FLOOR,
     ),
     "gain-by-contrast": judge(

@@ -13,6 +13,7 @@ import numpy as np
 import palpate
 from palpate import lab
 from paper import experiment, rig
+from paper.choices import chosen
 from paper.experiment import (
     UNITS,
     Curves,
@@ -121,13 +122,15 @@ class _Forgetting(Experiment):
             axes.set_title(title, pad=46)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
             lowest.set(xlabel="time since contact [s]")
-        held, spare = grid[3]
+        left, right = grid[3]
+        left.remove()
+        right.remove()
+        held = figure.add_subplot(left.get_gridspec()[3, :])
         lines = {name: curves[f"held/{name}"] for name in HELD}
         experiment.lines(held, curves["held/time"], lines, linewidth=1.0)
         held.set(yscale="log", xlabel="time since the probe stopped [s]")
         held.set(ylabel="worst parameter's error [%]", title="Probe held at one depth")
-        spare.set_axis_off()
-        spare.legend(*held.get_legend_handles_labels(), loc="center left", title="held with")
+        held.legend(loc="upper right", ncols=len(HELD), title="held with")
 
 
 def _held(seed: int) -> Measured:
@@ -227,10 +230,14 @@ class _Comparison(Experiment):
             for name, start in starts.items():
                 numbers |= by_symbol(f"start {kind.method} {name}", start.parameters, law=law)
             times = {"": list(results.values())}
+            same: dict[Any, list[palpate.Identification]] = {}  # a draw has one P₀ for all sizes
             for size in rig.SAME_COVARIANCES:
-                others = rig.from_starts(contact, kind, starts, initial_covariance=size).values()
-                times[f"P₀ = {size:g} "] = list(others)
-                errors[size, kind] = [each.prediction_rmse_percent for each in others]
+                first = chosen().covariance_of(kind, size)
+                if first not in same:
+                    others = rig.from_starts(contact, kind, starts, initial_covariance=first)
+                    same[first] = list(others.values())
+                times[f"P₀ = {size:g} "] = same[first]
+                errors[size, kind] = [each.prediction_rmse_percent for each in same[first]]
             for which, every in times.items():
                 what, apart = f"{which}{kind.method}", 100.0 * rig.spread(every)[-1]
                 numbers |= by_symbol(f"time {what}", rig.convergence_times(every), "s", law)
@@ -336,7 +343,8 @@ def _logarithm(contact: palpate.Contact) -> dict[str, float]:
     numbers: dict[str, float] = {}
     for size in rig.SAME_COVARIANCES:
         for words, kind, each, settings, scale in models:
-            given: dict[str, Any] = {"initial_covariance": size, "scale": scale, **settings}
+            same = chosen().covariance_of(kind, size) if scale is rig.SI else size
+            given: dict[str, Any] = {"initial_covariance": same, "scale": scale, **settings}
             times = rig.convergence_times(rig.from_starts(contact, kind, each, **given).values())
             numbers |= by_symbol(f"time {words}, P₀ = {size:g}", times[:2], "s")
     known = contact.window(rig.START + 1.0)
@@ -437,16 +445,17 @@ class _NearTruth(Experiment):
                 for away in DRAWN:
                     for way, result in ends[f"{away:g}"].items():
                         curves |= experiment.traced(f"{away:g}/{way}", result)
-                curves |= experiment.traced("projection", rig.identified(contact, PROJECTION))
         return numbers, curves
 
     def draw(self, figure: Figure, outcomes: Sequence[Outcome]) -> None:
         grid = figure.subplots(len(UNITS), len(DRAWN))
         for column, away in zip(grid.T, DRAWN, strict=True):
-            shown = {way: f"{away:g}/{way}" for way in WAYS} | {"variable projection": "projection"}
-            for axes, (symbol, unit) in zip(column, UNITS.items(), strict=True):
+            shown = {way: f"{away:g}/{way}" for way in WAYS}
+            truths = zip(UNITS.items(), rig.BALL_LAW.parameters, strict=True)
+            for axes, ((symbol, unit), truth) in zip(column, truths, strict=True):
                 limits: dict[str, Any] = {"xscale": "log", "ylim": LIMITS[symbol]}
                 experiment.course(axes, outcomes[0].curves, symbol, shown, unit=unit, **limits)
+                experiment.truth(axes, truth)
             column[0].set_title(f"initial values {100 * away:g} % off")
             column[-1].set(xlabel="time since contact [s]")
         experiment.legend_below(figure, grid[0, 0], 5)

@@ -20,8 +20,10 @@ from palpate import __version__, lab
 from palpate.reports import html
 from palpate.reports.html import DRAWINGS, STYLE, inline
 from palpate.writing import as_json, write_text
+from paper.choices import Share, shares
 from paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
 from paper.judging import SeedAnswer, format_values
+from paper.recordings import measured
 from paper.rig import GATE, START
 
 TITLE = "Haddadi & Hashtrudi-Zaad (2012), run again"
@@ -40,13 +42,14 @@ class Reproduction(enum.Enum):
 
     REPRODUCED = "reproduced"
     PARTLY = "partly reproduced"
+    ELSEWHERE = "holds for other values of what the paper leaves open"
     NOT_REPRODUCED = "not reproduced"
     UNCHECKED = "cannot be checked"
 
 
 #: Signs next to the words, so that colour is not the only mark of a verdict.
-SIGNS = dict(zip(Reproduction, "✓◐✗–", strict=True))
-CLASSES = dict(zip(Reproduction, ("yes", "partly", "no", "open"), strict=True))
+SIGNS = dict(zip(Reproduction, "✓◐◇✗–", strict=True))
+CLASSES = dict(zip(Reproduction, ("yes", "partly", "partly", "no", "open"), strict=True))
 
 
 def verdict_of(held: int, checked: int) -> Reproduction:
@@ -66,6 +69,8 @@ class Judgement:
     claim: Claim
     findings: tuple[SeedAnswer, ...]
     text: str = ""
+    counted: str = "seeds"  # what the findings are of: seeds or recordings
+    share: Share | None = None
 
     @property
     def anchor(self) -> str:
@@ -84,17 +89,27 @@ class Judgement:
 
     @property
     def verdict(self) -> Reproduction:
-        """Verdict over all seeds."""
-        return verdict_of(self.held, self.checked)
+        """Verdict over all seeds, or else over other values of what the paper leaves open."""
+        found = verdict_of(self.held, self.checked)
+        others = self.share is not None and self.share.enough
+        return Reproduction.ELSEWHERE if others and found is Reproduction.NOT_REPRODUCED else found
 
     @property
     def verdict_text(self) -> str:
         """The verdict, with the number of seeds if they differ."""
         if self.verdict is Reproduction.PARTLY:
-            return f"reproduced in {self.held} of {self.checked} seeds"
+            return f"reproduced in {self.held} of {self.checked} {self.counted}"
         if 0 < self.checked < len(self.findings):
-            return f"{self.verdict.value} (checked in {self.checked} of {len(self.findings)} seeds)"
+            every = f"{len(self.findings)} {self.counted}"
+            return f"{self.verdict.value} (checked in {self.checked} of {every})"
         return str(self.verdict.value)
+
+    @property
+    def settings_text(self) -> str:
+        """In how many draws of what is open it holds, and which setting separates them best."""
+        if self.share is None:
+            return ""
+        return "; ".join(filter(None, (self.share.text, self.share.where)))
 
     @property
     def ours(self) -> tuple[float, float, float] | None:
@@ -131,13 +146,19 @@ class Section:
     @cached_property
     def judgements(self) -> tuple[Judgement, ...]:
         """Judgements of all claims."""
-        every = self.say.every
-        name, judges = self.experiment.name, self.experiment.judges
-        return tuple(
-            Judgement(name, claim, tuple(map(judge, every)), judge.describe(every))
-            for claim in self.experiment.claims
-            for judge in (judges[claim.key],)
-        )
+        return tuple(map(self._judged, self.experiment.claims))
+
+    def _judged(self, claim: Claim) -> Judgement:
+        name, judge, every = self.experiment.name, self.experiment.judges[claim.key], self.say.every
+        if judge.recorded is not None:
+            every = [each for each in measured().values() if judge.recorded.of(each)]
+            if not every:
+                return Judgement(name, claim, ())
+            findings = tuple(map(judge, every))
+            return Judgement(name, claim, findings, judge.describe(every), "recordings")
+        share = shares().get(f"{name}.{claim.key}") if judge.searched else None
+        findings = tuple(map(judge, every))
+        return Judgement(name, claim, findings, judge.describe(every), share=share)
 
 
 @dataclass
@@ -278,8 +299,8 @@ def write_report(report: Report) -> None:
     folder = report.folder
     chapters = [
         ("claims", "Every claim of the paper", _claims(report)),
-        ("not-held", "Not tested", _not_held()),
-        ("settings", "Settings and materials", _tables(settings())),
+        ("not-held", "Not tested", _folded("Sentences that are not tested", _not_held())),
+        ("settings", "Settings and materials", _folded("Our choices", _tables(settings()))),
         *(
             (s.experiment.name, _heading(s.experiment), _section(s, folder))
             for s in report.sections
@@ -309,6 +330,7 @@ def _claim_as_dict(each: Judgement) -> dict[str, Any]:
     ours = dict(zip(("median", "least", "largest"), each.ours or (), strict=False)) or None
     seeds = {"seeds_checked": each.checked, "seeds_held": each.held}
     found = {"verdict": each.verdict.value, **seeds, "ours": ours, "seen": each.text}
+    found |= {"counted": each.counted, "settings": each.settings_text}
     return {"experiment": each.experiment, **asdict(each.claim), **found}
 
 
@@ -337,7 +359,8 @@ def _plain(value: float | None) -> float | None:
 
 def _markdown(report: Report) -> str:
     """Return the table of claims, to paste into a document."""
-    header = ("figure", "claim", "the paper's number", "ours", "verdict", "read as, depends on")
+    known = ("figure", "claim", "the paper's number", "ours", "verdict")
+    header = (*known, "settings that hold", "read as, depends on")
     rows: list[tuple[str, ...]] = [header]
     for each in report.judgements:
         claim, number = each.claim, each.ours_text
@@ -345,7 +368,8 @@ def _markdown(report: Report) -> str:
             number = f"{claim.measured}: {number}"
         ours = ". ".join(filter(None, (number, each.text)))
         where, words = f"{each.experiment}; {claim.where}", f"“{claim.words}”"
-        rows.append((where, words, claim.number, ours, each.verdict_text, each.remark))
+        verdicts = (each.verdict_text, each.settings_text)
+        rows.append((where, words, claim.number, ours, *verdicts, each.remark))
     lines = ["| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |" for cells in rows]
     lines[1:1] = ["|---" * len(header) + "|"]
     lines += ["", "Not tested:", ""]
@@ -411,10 +435,12 @@ def _claims(report: Report) -> Iterator[str]:
     yield _list((_badge(verdict, f"{n} {verdict.value}") for verdict, n in counts), "counts")
     yield (
         "<p>Our number is the median over the seeds, with the range in brackets. A claim is "
-        "reproduced if it holds in all seeds. Below its figure, each claim states how its words "
-        "are interpreted, the other numbers, and on what the result depends.</p>"
+        "reproduced if it holds in all seeds. If it holds in none, but in a fifth or more of the "
+        "draws of what the paper leaves open, the verdict says so. Below its figure, each claim "
+        "states how its words are interpreted, the other numbers, and on what the result "
+        "depends.</p>"
     )
-    header = ("figure", "claim", "the paper's number", "ours", "verdict")
+    header = ("figure", "claim", "the paper's number", "ours", "verdict", "settings that hold")
     rows = (
         (
             f'<a href="#{each.anchor}">{escape(_figure(each.experiment))}</a>',
@@ -422,6 +448,7 @@ def _claims(report: Report) -> Iterator[str]:
             escape(each.claim.number or "–"),
             escape(each.ours_text or "–"),
             _badge(each.verdict, each.verdict_text),
+            escape(each.share.text if each.share else "–"),
         )
         for each in report.judgements
     )
@@ -435,6 +462,13 @@ def _not_held() -> Iterator[str]:
         yield f"<h3>{escape(why)}</h3>"
         every = (f"<q>{escape(words)}</q> <small>{escape(at)}</small>" for at, words in sentences)
         yield _list(every)
+
+
+def _folded(summary: str, lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines that a click shows."""
+    yield f"<details><summary>{escape(summary)}</summary>"
+    yield from lines
+    yield "</details>"
 
 
 def _tables(tables: Iterable[Table]) -> Iterator[str]:
@@ -462,9 +496,9 @@ def _section(section: Section, folder: Path) -> Iterator[str]:
             f"{name}: {value}" for name, value in numbers.items() if value
         ):
             yield f"<p>{escape(format_values)}</p>"
-        yield from (f'<p class="soft">{escape(w)}</p>' for w in (each.text, each.remark) if w)
+        settings = f"Settings that hold: {each.settings_text}" if each.share else ""
+        remarks = (each.text, settings, each.remark)
+        yield from (f'<p class="soft">{escape(w)}</p>' for w in remarks if w)
         yield "</div>"
     yield from _tables(section.experiment.tables(section.say))
-    yield "<details><summary>All measured numbers</summary>"
-    yield from _tables([section.say.every_number()])
-    yield "</details>"
+    yield from _folded("All measured numbers", _tables([section.say.every_number()]))

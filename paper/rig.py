@@ -4,6 +4,7 @@ Every identification keeps its full trace, with the parameters after each sample
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -11,12 +12,12 @@ import numpy as np
 
 import palpate
 from palpate import lab
+from paper.choices import Choice, chosen
 from paper.experiment import Floats
 
 #: Time at which the motion begins, s; in the paper contact is made at 2 s.
 START = 2.0
-#: A force of ten times its noise keeps the bias of the logarithm below 0.5 %.
-GATE = palpate.ContactGate(minimum_penetration=0.1e-3, make_force=0.5)
+GATE = Choice().gate
 #: The paper computes in SI.
 SI = palpate.Scale()
 #: Initial covariances, equal for all methods, for the comparison of convergence.
@@ -43,8 +44,8 @@ def session(
     return _measurement(material, motion, seed, seconds)  # type: ignore[arg-type]  # hashable
 
 
-# The number of recordings that a group needs in one seed; each takes megabytes.
-@lru_cache(maxsize=16)
+# The number of recordings that all experiments need in one seed; each takes megabytes.
+@lru_cache(maxsize=32)
 def _measurement(
     material: str, motion: lab.Trajectory, seed: int, seconds: float
 ) -> lab.Measurement:
@@ -52,23 +53,31 @@ def _measurement(
 
 
 def simulated_contact(
-    material: str, trajectory: str | lab.Trajectory, seed: int, seconds: float = 12.0
+    material: str, trajectory: str | lab.Trajectory, seed: int, seconds: float | None = None
 ) -> palpate.Contact:
-    """Return the recorded contact after the pause."""
-    return session(material, trajectory, seed, seconds).contact.window(START)
+    """Return the recorded contact after the pause; default: as long as is chosen."""
+    length, used = chosen().recorded(seconds, one_sine=trajectory == "one-sine")
+    return _after_pause(session(material, trajectory, seed, length).contact, used)
 
 
 def ideal_contact(
-    material: lab.Material, motion: lab.Trajectory, seed: int, seconds: float = 12.0
+    material: lab.Material, motion: lab.Trajectory, seed: int, seconds: float | None = None
 ) -> palpate.Contact:
     """Press a material with an ideal probe, and return the contact after the pause."""
-    run = lab.Bench(material, motion, lab.IdealProbe()).run(seed, seconds=seconds)
-    return run.contact.window(START)
+    _, used = chosen().recorded(seconds, one_sine=False)
+    run = lab.Bench(material, motion, lab.IdealProbe()).run(seed, seconds=used)
+    return _after_pause(run.contact, used)
+
+
+def _after_pause(recorded: palpate.Contact, end: float) -> palpate.Contact:
+    velocity = chosen().velocity(recorded)
+    contact = recorded if velocity is recorded.velocity else replace(recorded, velocity=velocity)
+    return contact.window(START, end)
 
 
 def identified(contact: palpate.Contact, kind: Method, **settings: Any) -> palpate.Identification:
     """Identify from samples above the noise, including outliers; the paper's methods in SI."""
-    paper = {"gate": GATE, "outlier_rejection": False}
+    paper = {"gate": chosen().gate, "outlier_rejection": False, **chosen().settings_of(kind)}
     if issubclass(kind, palpate.RecursiveLeastSquaresEstimator):
         paper["scale"] = SI
     return palpate.identify(contact, kind(**{**paper, **settings}), trace="full")
@@ -90,7 +99,7 @@ def taken(result: palpate.Identification) -> Floats:
     return result.trace.parameters[result.trace.taken]
 
 
-def starts_of(contact: palpate.Contact, kind: Method) -> Starts:
+def starts_of(contact: palpate.Contact, kind: Method, **settings: Any) -> Starts:
     """Return the initial values of Tables I, III and V for a method, from the contact itself.
 
     Set I has small values, set II the same with n = 2, set III 2.5 times the stiffness and damping
@@ -99,16 +108,21 @@ def starts_of(contact: palpate.Contact, kind: Method) -> Starts:
     """
     if kind.law_type is not palpate.HuntCrossley:
         low = kind.law_type.from_parameters([SMALL] * len(kind.law_type.symbols))
-        return {"low": low, "high": kind.law_type.from_parameters(_high(contact, kind, low))}
+        return {
+            "low": low,
+            "high": kind.law_type.from_parameters(_high(contact, kind, low, **settings)),
+        }
     small = palpate.HuntCrossley(K=SMALL, B=SMALL, n=1.0)
-    stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small)
+    stiffness, damping, _ = _high(contact, palpate.SingleStageRLS, small, **settings)
     third = palpate.HuntCrossley(K=stiffness, B=damping, n=1.0)
     return {"I": small, "II": palpate.HuntCrossley(K=SMALL, B=SMALL, n=2.0), "III": third}
 
 
-def _high(contact: palpate.Contact, kind: Method, start: palpate.ForceLaw) -> list[float]:
+def _high(
+    contact: palpate.Contact, kind: Method, start: palpate.ForceLaw, **settings: Any
+) -> list[float]:
     """Return 2.5 times the mean of each parameter over the second half of the contact."""
-    known = taken(identified(contact, kind, initial=start))
+    known = taken(identified(contact, kind, initial=start, **settings))
     return [float(each) for each in HIGH * known[len(known) // 2 :].mean(axis=0)]
 
 

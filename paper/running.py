@@ -20,6 +20,7 @@ import palpate
 from palpate.figures.style import as_svg, recolour_for_dark
 from palpate.fleet.running import holding_interrupts
 from palpate.writing import check_own, make_folder, write_text
+from paper.choices import Choice, choosing, draws
 from paper.experiment import Experiment, Outcome
 from paper.report import Report, figures_of, versions, write_report
 
@@ -35,7 +36,8 @@ Result = Outcome | tuple[str, str] | str
 ROOTS = (Path(str(palpate.__file__)).parent, Path(__file__).parent)
 NOT_MEASURING = (
     "palpate/cli", "palpate/reports",
-    "paper/__main__.py", "paper/command.py", "paper/judging.py", "paper/report.py",
+    "paper/__main__.py", "paper/command.py", "paper/judging.py", "paper/recordings.py",
+    "paper/report.py",
 )  # fmt: skip
 
 
@@ -201,6 +203,61 @@ def _prepare_worker() -> None:
         os._exit(1)
 
     threading.Thread(target=follow, daemon=True).start()
+
+
+# The search over what the paper leaves open.
+
+
+def judge_draws(
+    experiments: Sequence[Experiment],
+    *,
+    count: int,
+    seeds: int,
+    workers: int | None = None,
+    progress: Progress = lambda words, done, total: None,
+) -> dict[str, str]:
+    """Return whether each claim holds in each of ``count`` draws: "1", "0", or "-" if unknown.
+
+    Draw k repeats the noise of seed k modulo ``seeds``; those of a seed share its recordings.
+    """
+    answers: dict[int, dict[str, str]] = {}
+    with processes(workers or os.cpu_count() or 1) as pool:
+        tasks = [
+            pool.submit(_judge_draws, experiments, seed, range(seed, count, seeds), count)
+            for seed in range(seeds)
+        ]
+        for done in futures.as_completed(tasks):
+            answers |= done.result()
+            progress("draws", len(answers), count)
+    names = {name for each in answers.values() for name in each}
+    every = [answers[k] for k in range(count)]
+    return {name: "".join(each.get(name, "-") for each in every) for name in sorted(names)}
+
+
+def _judge_draws(
+    experiments: Sequence[Experiment], seed: int, which: Iterable[int], count: int
+) -> dict[int, dict[str, str]]:
+    return {k: judge_draw(experiments, seed, draws(count)[k]) for k in which}
+
+
+def judge_draw(experiments: Sequence[Experiment], seed: int, choice: Choice) -> dict[str, str]:
+    """Return whether each claim that can be checked holds with other values of what is open."""
+    answers: dict[str, str] = {}
+    with choosing(choice):
+        for each in experiments:
+            checked = {
+                c.key: each.judges[c.key] for c in each.claims if each.judges[c.key].searched
+            }
+            if not checked:
+                continue
+            try:
+                numbers, _ = each.measure(seed)
+            except palpate.PalpateError:  # no sample in contact, for example
+                continue
+            for key, judge in checked.items():
+                holds = judge({name: float(value) for name, value in numbers.items()}).holds
+                answers[f"{each.name}.{key}"] = "-" if holds is None else str(int(holds))
+    return answers
 
 
 # Files: outcomes and figures, with the version of the code that made them.

@@ -252,7 +252,7 @@ KINDS = ("image/png", "image/svg+xml", "text/html", "text/plain")
 
 
 def test_there_are_notebooks():
-    assert [path.stem for path in NOTEBOOKS] == ["loop", "recording"]
+    assert [path.stem for path in NOTEBOOKS] == ["loop", "paper", "recording"]
 
 
 # The other takes twice as long, of calls that the snippets of the pages make too.

@@ -169,6 +169,19 @@ def test_a_relaxing_material_lags_behind_the_leaving_probe_and_never_pulls():
     assert force.max() > 1.0
 
 
+def test_a_layer_is_its_law_at_the_surface_and_stiffens_above_a_body():
+    bare = lab.OVER_BAR.law.force(DEPTH, SPEED)
+    layered = lab.OVER_BAR.force(TIME, HERE, DEPTH, SPEED)
+    pressed = DEPTH > 0.0
+    factor = layered[pressed] / bare[pressed]
+    # King's for a rigid substrate, 1/(1 − w), w = e^(−0.63 · 7 mm / x): 1.5 at 4 mm.
+    np.testing.assert_allclose(factor, 1.0 / (1.0 - np.exp(-0.63 * 7e-3 / DEPTH[pressed])))
+    assert np.interp(4e-3, np.sort(DEPTH[pressed]), np.sort(factor)) == pytest.approx(1.5, abs=0.01)
+    near = lab.OVER_BAR.touch()
+    assert near(0.0, 0.0, 1e-4, 0.0) == lab.OVER_BAR.law.force(1e-4, 0.0)
+    assert near(0.0, 0.0, -1e-4, 0.0) == 0.0
+
+
 def test_the_place_decides_between_zones_and_the_time_between_episodes():
     laws = lab.PVC.law, lab.INCLUSION.law
     parts = tuple(lab.Homogeneous(law) for law in laws)
@@ -195,6 +208,8 @@ TWO, THREE = (lab.BALL, lab.PVC), (lab.BALL, lab.PVC, lab.PVC)
             "relaxation_time must be",
         ),
         (lambda: lab.SpaceVaryingMaterial(TWO, ()), "borders must have length 1"),
+        (lambda: lab.Layered(lab.PVC.law, 0.0, 1.0), "depth must be"),
+        (lambda: lab.Layered(lab.PVC.law, 1e-3, -1.0), "influence must be"),
         (lambda: lab.SpaceVaryingMaterial(THREE, (1.0, 0.0)), "borders must increase"),
         (lambda: lab.TimeVaryingMaterial((lab.BALL, 3), (1.0,)), "must be a Material, not 3"),
         (lambda: lab.TwinPantograph(counts_per_turn=-1.0), "counts_per_turn must be in"),

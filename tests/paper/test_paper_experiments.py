@@ -11,7 +11,8 @@ from palpate import ConstantForgetting, HuntCrossley, KelvinVoigt, KelvinVoigtRL
 from palpate.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
 from palpate.figures.style import as_svg
 from paper import running
-from paper.changes import correction, palpated
+from paper.changes import correction, palpated, stiffer
+from paper.choices import DRAWS, choosing, draws, shares
 from paper.experiment import Outcome, Seeds, all_claims
 from paper.experiments import EXPERIMENTS
 from paper.judging import JUDGES, quantities
@@ -83,8 +84,8 @@ def test_the_whole_paper_runs_and_every_claim_has_its_verdict(tmp_path):
     assert whole["unfinished"] == whole["failures"] == []
     assert [each["name"] for each in whole["experiments"]] == list(EXPERIMENTS)
     assert len(whole["claims"]) == 111
-    # 17 drawings of 0.2 MB each, and the tables.
-    assert (tmp_path / "report.html").stat().st_size < 4e6
+    # 17 drawings of 0.1 MB each, and the tables.
+    assert (tmp_path / "report.html").stat().st_size < 2.5e6
 
 
 def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_one():
@@ -103,7 +104,7 @@ def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_on
 
 
 def test_what_a_sample_corrects_of_its_error_is_what_the_regressors_say():
-    contact = palpated(0.07, SEED, 3.0)
+    contact = palpated(stiffer(0.07), SEED, 3.0)
     result = identified(contact, SingleStageRLS, forgetting=ConstantForgetting())
     taken = result.trace.taken
     x, v = contact.penetration[taken], contact.velocity[taken]
@@ -114,6 +115,31 @@ def test_what_a_sample_corrects_of_its_error_is_what_the_regressors_say():
     assert time[-1] == contact.time[-1]
     # The parameters, of the order of 1e5, are known to 1e-16 of their size.
     assert corrected[-1] == pytest.approx(100.0 * expected / (1.0 + expected), rel=1e-3)
+
+
+def test_every_claim_that_can_be_checked_has_its_share_of_the_draws():
+    searched = {
+        f"{name}.{claim.key}"
+        for name, each in EXPERIMENTS.items()
+        for claim in each.claims
+        if each.judges[claim.key].searched
+    }
+    assert shares().keys() == searched
+    assert {len(share.held) for share in shares().values()} == {DRAWS}
+
+
+def test_a_draw_changes_what_is_open_and_nothing_that_the_paper_states():
+    contact = simulated_contact("ball", "three-sines", SEED)
+    with choosing(draws()[0]):
+        other = simulated_contact("ball", "three-sines", SEED)
+        single, double = (identified(other, kind) for kind in (SingleStageRLS, DoubleStageRLS))
+    settings, drawn = single.estimator.settings, draws()[0].drawn
+    assert settings["forgetting"] == SingleStageRLS().settings["forgetting"]  # stated
+    assert settings["initial_covariance"] == drawn["P₀ of the single stage"]
+    assert double.estimator.settings["initial_covariance"][2] == drawn["P₀ of n, stage 2"]
+    assert other.time[-1] == pytest.approx(2.0 + drawn["duration [s]"], abs=2e-3)
+    assert contact.time[-1] == pytest.approx(12.0, abs=2e-3)
+    assert identified(contact, SingleStageRLS).estimator.settings["initial_covariance"] == 1e3
 
 
 # What physics says, whatever the seed: claims that hold, and that do not.

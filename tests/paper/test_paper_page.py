@@ -14,8 +14,9 @@ import pytest
 from paper_cases import Tiny, no_processes
 from report_reading import Reading
 
-from palpate import PalpateError, RecordingError
+from palpate import PalpateError, RecordingError, lab, write_contact
 from paper import command, experiments, running
+from paper.choices import DRAWS, Share, draws
 from paper.experiment import Claim, all_claims, claims_file
 from paper.experiments import EXPERIMENTS
 from paper.judging import (
@@ -35,6 +36,7 @@ from paper.report import (
     Judgement,
     Report,
     Reproduction,
+    Section,
     abstract,
     figures_of,
     not_held,
@@ -145,7 +147,7 @@ def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason
     assert sum(whole["verdicts"].values()) == len(whole["claims"]) == 6
     rows = [line.replace("\\|", "") for line in markdown.splitlines() if line.startswith("|")]
     assert len(rows) == 2 + len(report.judgements)
-    assert {row.count("|") for row in rows} == {7}
+    assert {row.count("|") for row in rows} == {8}
 
 
 @pytest.fixture
@@ -175,6 +177,36 @@ def test_it_prints_the_claims_and_where_the_page_is(run, tiny, tmp_path, monkeyp
     status, out, err = run("-o", folder, "--seeds", 2, "--only", "b")
     assert err == "2 of 2 outcomes reused from an earlier run by the same code\n"
     assert "2 claims" in out
+
+
+def test_it_judges_draws_of_what_the_paper_leaves_open(run, tiny, tmp_path, monkeypatch):
+    monkeypatch.setattr("paper.running.processes", no_processes)
+    folder = tmp_path / "report"
+    status, out, err = run("-o", folder, "--seeds", 2, "--settings", 3)
+    assert (status, out) == (0, "a.even: 2 of 3\nb.even: 2 of 3\n")
+    assert err.splitlines()[-1] == "draws: 3 of 3 tasks"
+    answers = json.loads((folder / "settings.json").read_text(encoding="utf-8"))
+    assert answers == {"a.even": "101", "b.even": "101"}
+
+
+def test_it_compares_the_methods_on_recordings_of_others(run, tmp_path):
+    """Without simulation, and by the file alone; here of a ball, whose truth nobody uses."""
+    bench = lab.Bench(lab.BALL, lab.THREE_SINES, lab.IdealProbe())
+    good, bad = tmp_path / "ball.csv", tmp_path / "bad.csv"
+    write_contact(bench.run(1, seconds=6.0).contact, good)
+    bad.write_text("nothing\n")
+    status, out, err = run("--recording", good, bad, "-o", tmp_path / "report")
+    assert status == 0
+    assert f"{bad}: skipped: " in err
+    numbers = json.loads((tmp_path / "report" / "recordings.json").read_text("utf-8"))["ball"]
+    assert numbers["final palpate [%]"] < numbers["final single stage [%]"]
+    assert numbers["spread single stage K [%]"] < 5.0 < numbers["spread double stage K [%]"]
+    page = (tmp_path / "report" / "recordings.md").read_text("utf-8")
+    said = out.partition("where palpate loses:\n")[2].splitlines()
+    assert page.partition("## Where palpate loses\n\n")[2].splitlines() == (
+        [f"- {words}" for words in said] or ["Nowhere."]
+    )
+    assert run("--recording", bad, "-o", tmp_path / "other")[0] == 2
 
 
 REFUSED = {
@@ -305,6 +337,8 @@ def test_a_second_material_is_judged_beside_the_first():
 
 
 CLAIM = Claim("key", "V", "words", unit="mm")
+GROWING = number("n") >= 1.5
+JUDGED_ON_RECORDINGS = {"even": judge(number("rmse") < 5.0, recorded=GROWING), "lost": judge()}
 VERDICTS = {
     "all seeds hold": ((True, True), Reproduction.REPRODUCED, "reproduced"),
     "no seed holds": ((False, False), Reproduction.NOT_REPRODUCED, "not reproduced"),
@@ -322,7 +356,36 @@ VERDICTS = {
 def test_a_verdict_counts_the_seeds_that_can_tell(holds, verdict, words):
     judgement = Judgement("fig", CLAIM, tuple(SeedAnswer(each) for each in holds))
     assert (judgement.verdict, judgement.verdict_text, judgement.ours) == (verdict, words, None)
-    assert len({SIGNS[each] for each in Reproduction}) == 4
+    assert len({SIGNS[each] for each in Reproduction}) == 5
+
+
+@pytest.mark.parametrize("holds", [True, False])
+@pytest.mark.parametrize("held", [7, 8])
+def test_a_claim_that_fails_holds_elsewhere_if_a_fifth_of_the_draws_hold(holds, held):
+    share = Share(tuple(k < held for k in range(DRAWS)))
+    judgement = Judgement("fig", CLAIM, (SeedAnswer(holds),), share=share)
+    fails = Reproduction.ELSEWHERE if held == 8 else Reproduction.NOT_REPRODUCED
+    assert judgement.verdict is (Reproduction.REPRODUCED if holds else fails)
+    assert judgement.settings_text.startswith(f"{held} of 40; ")
+
+
+def test_a_share_says_which_setting_separates_best():
+    few = [each.drawn["P₀ of the single stage"] for each in draws()]
+    share = Share(tuple(size < 3.0 for size in few))
+    assert share.where.startswith(f"{sum(share.held)} of {sum(share.held)} with P₀ of the single")
+    assert Share((True, True)).where == Share((False,)).where == ""
+
+
+def test_a_claim_on_recordings_counts_those_that_meet_its_condition(tmp_path, monkeypatch):
+    every = {f"file {k}": {"rmse [%]": float(k), "n": k / 2.0} for k in range(6)}
+    monkeypatch.setattr("paper.report.measured", lambda: every)
+    experiment = Tiny()
+    object.__setattr__(experiment, "judges", JUDGED_ON_RECORDINGS)
+    (even, lost) = Section(experiment, [experiment.run(0)]).judgements
+    assert (even.verdict_text, even.ours) == ("reproduced in 2 of 3 recordings", (4.0, 3.0, 5.0))
+    assert lost.verdict is Reproduction.UNCHECKED
+    monkeypatch.setattr("paper.report.measured", dict)
+    assert Section(experiment, [experiment.run(0)]).judgements[0].verdict is lost.verdict
 
 
 def ran(folder, *experiments, seeds=2, **options):

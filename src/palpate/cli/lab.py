@@ -64,9 +64,9 @@ def lab(
     Parameters
     ----------
     material
-        ball, sponge, pvc, inclusion, tissue, relaxing-sponge, soft-and-hard (by lateral position)
-        or soft-then-hard (by time); or a force law, such as hunt-crossley, with its parameters as
-        options; or a MuJoCo scene from palpate export.
+        ball, sponge, pvc, inclusion, tissue, relaxing-sponge, soft-and-hard or soft-and-bar (by
+        lateral position) or soft-then-hard (by time); or a force law, such as hunt-crossley, with
+        its parameters as options; or a MuJoCo scene from palpate export.
     output
         CSV file to write; the true parameters are in the comments above its header.
     trajectory

@@ -210,8 +210,9 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
     Stage 1: y = F, φ = [x^n̂, x^n̂ v] → K̂, B̂ (eq. 3).
     Stage 2: y = ln(F / (K̂ + B̂ v)), φ = ln x → n̂ (eq. 4), skipped while K̂ + B̂ v ≤ 0.
 
-    Kept unchanged for comparison: it converges only from starts within about 10 % of the truth.
-    From others it stalls, because errors in K and n compensate each other.
+    Kept unchanged for comparison: where it ends depends on its start, because errors in K and n
+    compensate each other. With the paper's fading λ, starts 1 % off the truth end 8 % apart. With a
+    constant λ = 0.99 and variances of 10, starts 10 % off end 2 % apart after a minute.
 
     With a known exponent only stage 1 remains: linear least squares, which does not stall.
 

@@ -11,13 +11,16 @@ from palpate.lab.bench import OngoingBench as OngoingBench
 from palpate.lab.materials import BALL as BALL
 from palpate.lab.materials import INCLUSION as INCLUSION
 from palpate.lab.materials import MATERIALS as MATERIALS
+from palpate.lab.materials import OVER_BAR as OVER_BAR
 from palpate.lab.materials import PVC as PVC
 from palpate.lab.materials import RELAXING_SPONGE as RELAXING_SPONGE
+from palpate.lab.materials import SOFT_AND_BAR as SOFT_AND_BAR
 from palpate.lab.materials import SOFT_AND_HARD as SOFT_AND_HARD
 from palpate.lab.materials import SOFT_THEN_HARD as SOFT_THEN_HARD
 from palpate.lab.materials import SPONGE as SPONGE
 from palpate.lab.materials import TISSUE as TISSUE
 from palpate.lab.materials import Homogeneous as Homogeneous
+from palpate.lab.materials import Layered as Layered
 from palpate.lab.materials import Material as Material
 from palpate.lab.materials import Relaxing as Relaxing
 from palpate.lab.materials import SpaceVaryingMaterial as SpaceVaryingMaterial

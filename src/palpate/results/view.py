@@ -640,8 +640,9 @@ def _describe_fit_errors(result: "Identified") -> str:
         f"{format_percent(result.fit_rmse_percent)}, one-step prediction "
         f"{format_percent(result.prediction_rmse_percent)}"
     )
-    if result.law.has_condition_10:
-        words += f"; |v| ≥ 0.1 K/B in {format_share(result.violated_fraction)} of the contact"
+    if result.estimator.needs_condition_10:
+        share = format_share(result.violated_fraction)
+        words += f"; |v| ≥ 0.1 K/B in {share} of the contact, by each sample's estimate"
     return words
 
 
