@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate.diagnosis import Quantity, WorkingDepth
+from palpate.diagnosis import Quantity, Where
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, percent, rough_percent, rounded, with_error
+from palpate.digits import format_quantity, interval, percent, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
@@ -117,7 +117,7 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
         Names of the files, quoted for a shell, for the commands that show more.
     """
     places = [part for part in result.segments if part.place is not None]
-    yield ViewSection("Verdict", [*_count_verdicts(places)]) if places else verdict_section(result)
+    yield verdict_section(result)
     # The worst three places, or every segment between changes.
     shown = sort_by_verdict(places)[:3] or list(result.segments)
     yield from segment_table(replace(result, segments=tuple(shown)))
@@ -180,7 +180,6 @@ _QUALITY = (
     "of the force. |v| ≥ 0.1 K/B: part of the contact in which the single-stage method is biased"
 )
 _CHECKS = "z: significance in standard errors; S, C: stiffness and damping at working depth"
-_SKEWED = 0.05  # fraction of the damping; the line reports a larger change by 1 ms of skew
 _FOLD = 69, 73  # columns of text next to the labels of two tables, which together fit in 80
 
 
@@ -196,63 +195,43 @@ class NumberLine(NamedTuple):
     mark: Mark | None
     #: Reason of the error bar or the mark; empty for *trust*.
     reason: str = ""
-    #: Change by 1 ms of skew, if it is large.
-    skew: str = ""
-
-    @property
-    def why(self) -> str:
-        """Reason and skew."""
-        return "; ".join(filter(None, (self.reason, self.skew)))
 
     def text(self, *, reasons: bool = True) -> str:
         """Return it as one line, with its mark, and with ``why`` if ``reasons``."""
         words = " ".join(filter(None, (self.name, self.value, self.at)))
         if self.mark is None:
             return words
-        why = self.why if reasons else ""
+        why = self.reason if reasons else ""
         return f"{words} ({': '.join(filter(None, (spoken(self.mark), why)))})"
 
 
-def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0) -> str:
+def describe_place(at: Where) -> str:
     """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
-    often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
-    fast = f", {format_quantity(speed, 'm/s', digits=2)}" if speed else ""
-    return f"at {format_quantity(depth, 'm')}{often}{fast}"
+    often = f", {format_hertz(at.frequency)}" if math.isfinite(at.frequency) else ""
+    fast = f", {format_quantity(at.speed, 'm/s', digits=2)}" if at.speed else ""
+    return f"at {format_quantity(at.depth, 'm')}{often}{fast}"
 
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
-    diagnosis, lines = result.diagnosis, list[NumberLine]()
-    at_depth, frequency = diagnosis.working_depth, result.frequency
-    marks = diagnosis.verdict.stiffness, diagnosis.verdict.damping
-    reasons = ["" if each is None else each.brief or each.message for each in diagnosis.limits]
-    for k, (name, unit) in enumerate(_ROWS[:2]):
+    at_depth, lines = result.diagnosis.working_depth, list[NumberLine]()
+    for name, unit in _ROWS[:2]:
         quantity: Quantity = getattr(at_depth, name)
-        if k and math.isnan(quantity.value):
-            lines.append(NumberLine(name, f"not given: {reasons[k]}", "", None))
+        if math.isnan(quantity.value) and lines:
+            lines.append(NumberLine(name, f"not given: {quantity.reason}", "", None))
             continue
-        often = frequency if k or result.law.remembers else math.nan
-        at = describe_place(at_depth.depth, often, at_depth.speed)
-        value, skew = f"{format_number(quantity)} {unit}", _describe_skew(at_depth) if k else ""
-        same = k and reasons[k] and reasons[k] == reasons[0]
-        reason = "for the same reason" if same else reasons[k]
-        error, limit = quantity.whole_error, diagnosis.limits[k]
-        if limit is not None and limit.check is Check.PRECISION and quantity.value > 2.0 * error:
-            reason = f"± {rough_percent(error / quantity.value)}, {reason}"
-        lines.append(NumberLine(name, value, at, marks[k], reason, skew))
+        at = "" if quantity.at is None else describe_place(quantity.at)
+        same = lines and quantity.reason and quantity.reason == lines[0].reason
+        reason = "for the same reason" if same else quantity.reason
+        value = f"{format_number(quantity)} {unit}"
+        lines.append(NumberLine(name, value, at, quantity.mark, reason))
     return lines
-
-
-def _describe_skew(there: WorkingDepth) -> str:
-    """Describe the change of the damping by 1 ms of skew, if it is above 5 %."""
-    stiffness, damping = abs(there.stiffness.value), abs(there.damping.value)
-    part = 1e-3 * stiffness / damping if damping > 0.0 else math.inf
-    known = _SKEWED < part < math.inf
-    return f"1 ms of skew changes it by {rounded(100.0 * part, 2)} %" if known else ""
 
 
 def verdict_section(result: "Identified") -> ViewSection:
     """Compose a line per number with depth, frequency, mark and reason; then the next step."""
+    if result.segments:
+        return ViewSection("Verdict", [*_count_verdicts(result.segments)])
     numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
     values = max(len(each.value) for each in numbers if each.mark is not None)
     places = max(len(each.at) for each in numbers)
@@ -261,8 +240,12 @@ def verdict_section(result: "Identified") -> ViewSection:
             rows.append((each.name, _fold_sentence(each.value)))
             continue
         before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
-        beside = len(before) + len(spoken(each.mark)) + 2 + len(each.why) <= _FOLD[0]
-        after = (f": {each.why}" if beside else f"\n{_fold_sentence(each.why)}") if each.why else ""
+        beside = len(before) + len(spoken(each.mark)) + 2 + len(each.reason) <= _FOLD[0]
+        after = (
+            (f": {each.reason}" if beside else f"\n{_fold_sentence(each.reason)}")
+            if each.reason
+            else ""
+        )
         rows.append((each.name, Styled(spoken(each.mark), each.mark, before, after)))
     if remedy := result.diagnosis.remedy:
         rows.append(("next", _fold_sentence(remedy)))
@@ -277,11 +260,13 @@ def _fold_sentence(text: str) -> str:
 def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
     """Describe the number of places with each mark, and the next step for the worst place."""
     counts = []
-    for number in ("stiffness", "damping"):
-        marks = [getattr(part.diagnosis.verdict, number) for part in places]
+    for number in _MARKS:
+        marks = [getattr(part.diagnosis.working_depth, number).mark for part in places]
         each = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
-        counts.append(f"{number} {each}")
-    yield Line(f"{len(places)} places: {'; '.join(counts)}; below the worst three.")
+        counts.append(f"{number} {each or 'not given'}")
+    what = "segments" if places[0].place is None else "places"
+    worst = "; below the worst three" if what == "places" else ""
+    yield Line(f"{len(places)} {what}: {'; '.join(counts)}{worst}.")
     if remedy := next((part.diagnosis.remedy for part in sort_by_verdict(places)), None):
         yield Line(_sentence(remedy), "next, for the worst")
 
@@ -290,10 +275,11 @@ def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
     """Return places, the worst first: by verdict, then by relative error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
-        found = part.diagnosis
-        stiffness = found.working_depth.stiffness
+        there = part.diagnosis.working_depth
+        stiffness, marks = there.stiffness, (there.stiffness.mark, there.damping.mark)
         error = stiffness.whole_error / abs(stiffness.value) if stiffness.value else math.inf
-        return -MARKS.index(found.verdict.overall), -(error if error >= 0.0 else math.inf)
+        worst = max(MARKS.index(mark) for mark in marks if mark is not None)
+        return -worst, -(error if error >= 0.0 else math.inf)
 
     return sorted(places, key=badness)
 
@@ -512,8 +498,9 @@ def number_table(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> 
         values = format_number(there.stiffness), format_number(there.damping)
         where = (_millimetres(result), _hertz(result)) if places[1:] else ("", "")
         rows.append((result.method, *_both_marks(result), *where, *values))
-        if found.deciding is not None:
-            reasons.setdefault(found.reason, []).append(result.method)
+        for name in _MARKS:
+            if reason := getattr(there, name).reason:
+                reasons.setdefault(f"{name}: {reason}", []).append(result.method)
     if real := stated_truth(ordered[0], ordered[0].diagnosis.working_depth.depth):
         numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
         rows.append(("truth", "", "", _millimetres(ordered[0]) * bool(places[1:]), "", *numbers))
@@ -623,9 +610,10 @@ def _hertz(part: "Identified") -> str:
 
 def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
     """Return the marks of stiffness and damping; a dash for a damping without a value."""
-    found = part.diagnosis
-    finite = math.isfinite(found.working_depth.damping.value)
-    return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if finite else "–"
+    there = part.diagnosis.working_depth
+    marks = there.stiffness.mark, there.damping.mark
+    first, second = ("–" if mark is None else _mark_cell(mark) for mark in marks)
+    return first, second
 
 
 def _span(part: "Identified") -> str:
