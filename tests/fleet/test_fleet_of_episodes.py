@@ -191,7 +191,8 @@ def judged():
 
 
 def _finding(severity, message):
-    return {"severity": severity, "check": "misfit", "message": message, "remedy": None}
+    marks = {"stiffness": severity, "damping": "trust"}
+    return {"severity": severity, "check": "misfit", "message": message, "remedy": None, **marks}
 
 
 def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():

@@ -41,7 +41,8 @@ from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
 
 def cell(severity, check, message):
     """A finding in a row."""
-    return finding_cell(Finding(check, message, severity=severity))
+    mark = "trust" if severity == "note" else severity
+    return finding_cell(Finding(check, message, severity=severity, stiffness=mark, damping=mark))
 
 
 def texts(row):
@@ -620,8 +621,8 @@ def judged(count):
 
 REASONS = [
     "failed: bad.csv: no column 'force_N'",
-    "stiffness do not trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
-    "damping do not trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
+    "stiffness, damping do not trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
+    "stiffness, damping with care: touch-002.csv: spikes: there are spikes",
 ]
 
 

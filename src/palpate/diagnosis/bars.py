@@ -346,7 +346,10 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             # damping of 15 is more than 20 % off.
             mark, remedy = "with-care", IN_STEP
             step = format_quantity(systematic.skew, "s", digits=1)
-            reason = f"provided that force and position are in step to {step}, which no fit shows"
+            reason = (
+                f"if force and position were recorded within {step} of each other, which palpate "
+                "cannot check"
+            )
         more: Any = {name: mark, "brief": f"{sign}{reason}"}
         findings.append(Check.PRECISION.finding(f"{sentence}, {reason}", remedy, **more))
     return findings

@@ -159,14 +159,17 @@ def reasons_of_verdicts(
 ) -> list[tuple[str, str]]:
     """Return a mark and a line per reason against trust, the most severe and frequent first.
 
-    ``verdicts`` has the marks of each quantity; an error, which concerns all, is there once.
+    ``verdicts`` has the marks of each quantity; a reason that concerns several is there once.
     """
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for of, marks in verdicts.items():
-        for name, (mark, reason) in zip(names, marks, strict=True):
-            common = mark in ("failed", "flagged")
-            if reason and mark in VERDICTS[:4] and not (common and of != next(iter(verdicts))):
-                what = mark if common else f"{quantity_name(of)} {spoken(mark)}"
+    for name, *marks in zip(names, *verdicts.values(), strict=True):
+        concerned: dict[tuple[str, str], list[str]] = defaultdict(list)
+        for of, each in zip(verdicts, marks, strict=True):
+            concerned[each].append(quantity_name(of))
+        for (mark, reason), quantities in concerned.items():
+            if reason and mark in VERDICTS[:4]:
+                whose = "" if mark in ("failed", "flagged") else f"{', '.join(quantities)} "
+                what = f"{whose}{spoken(mark)}"
                 groups[mark, _mask_numbers(f"{what}: {reason}")].append(f"{what}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
     return [
