@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_origin
 
 from cyclopts import Group, Parameter
 
@@ -264,8 +264,9 @@ SIZES = {"B": 1.0, "MB": 1e6, "GB": 1e9, "kB": 1e3, "MiB": 2.0**20, "GiB": 2.0**
 def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group) -> Parameter:
     """An option whose number may have a unit of a channel, such as 2mm; SI without one."""
 
-    def convert(_: Any, tokens: Sequence[Any]) -> float:
-        return quantity("it", tokens[0].value, channel)
+    def convert(kind: Any, tokens: Sequence[Any]) -> float | tuple[float, ...]:
+        numbers = tuple(quantity("it", token.value, channel) for token in tokens)
+        return numbers if get_origin(kind) is tuple else numbers[0]
 
     return Parameter(group=group, metavar=metavar, converter=convert)
 

@@ -106,8 +106,8 @@ class SystematicErrors:
             if fit.equivalent is not None:
                 by_noise = fit.response.at(fit.depth, fit.frequency)[1]
                 reason = "by the choice of the relaxation times"
-                parts.append(_part(fit, SPECTRUM * by_noise, reason, LONGER))
-            parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", LONGER))
+                parts.append(_part(fit, SPECTRUM * by_noise, reason, OTHER_SPEEDS))
+            parts.append(_part(fit, FACTOR * spread, "since other laws fit as well", OTHER_SPEEDS))
         distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
         parts.append(_part(fit, distance, "since the method is off its least squares", remedy))
         rounded_off = _change_with_depth(fit, ROUNDING * fit.data.penetration_noise)[1:]
@@ -121,7 +121,8 @@ class SystematicErrors:
 # Encoder counts shift whole touches, which no longer recording averages out: with 1.5 times
 # the noise of its position 40 of 40 runs of the laboratory's PVC are within two bars.
 ROUNDING = 1.5
-LONGER, FINER = "record a longer motion", "record the position in finer steps"
+OTHER_SPEEDS = "press and release several times, at different speeds"
+FINER = "record the position in finer steps"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
 
@@ -184,10 +185,11 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[SystematicPart]:
         reason = f"since {finding.brief or finding.message}"
         yield _part(fit, relative * scales, reason, finding.remedy, detected=True)
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
-        error = np.array([0.0, _velocity_error(fit, used) * damping])
-        yield _part(
-            fit, error, "by the error of the differentiated velocity", fit.data.wider_window
-        )
+        lost, noise = _velocity_errors(fit, used)
+        reason = "by the error of the differentiated velocity"
+        # Twice the window loses four times as much, and has an eighth of the noise.
+        wider = fit.data.wider_window if noise > 4.0 * lost else None
+        yield _part(fit, np.array([0.0, (lost + noise) * damping]), reason, wider)
 
 
 def presses_once(fit: Fit) -> bool:
@@ -214,8 +216,8 @@ def _skew_budget(fit: Fit) -> float:
     return max(USUAL_SKEW, 0.0 if fit.response is None else fit.response.delay)
 
 
-def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
-    """Relative error of the damping due to the velocity filter: attenuation and noise.
+def _velocity_errors(fit: Fit, used: VelocityFilter) -> tuple[float, float]:
+    """Relative errors of the damping due to the velocity filter: attenuation and noise.
 
     At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity;
     the effective frequency is ω² = ⟨a²⟩/⟨v²⟩. A spline loses λ h ω⁴ with ω⁴ = ⟨ä²⟩/⟨v²⟩, where ä is
@@ -229,7 +231,7 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
     else:
         turn = math.sqrt(float(np.linalg.norm(fit.jerk) / np.linalg.norm(speed)))
     lost = 1.0 - float(filter_gain(used, min(turn * fit.data.sample_time, math.pi)))
-    return lost + fit.data.velocity_noise**2 / float(np.mean(speed**2))
+    return lost, fit.data.velocity_noise**2 / float(np.mean(speed**2))
 
 
 # The numbers at a depth.

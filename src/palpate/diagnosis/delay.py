@@ -59,10 +59,13 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     remedy = f"run again with --delay {known} if the sensors can be out of step by that much"
     if has_two_clocks(fit):
         remedy = ONE_CLOCK
+    elif total < 0.0 and fit.equivalent is not None:
+        remedy = STEEL_SPRING  # relaxation looks like a force that is early
     other_law = OtherLaw(moved.law, before.law) if shift else None
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
 
 
+STEEL_SPRING = "touch a steel spring with this rig (palpate skew)"
 ONE_CLOCK = "record position and force by one clock"
 
 

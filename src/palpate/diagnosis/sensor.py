@@ -232,7 +232,7 @@ def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
     return causes_from_columns(fit, columns, _explain_column)
 
 
-def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | None] | None:
     """Return the sentence and the next step for an amount of a column; None for other causes."""
     if check is Check.OFFSET_DRIFT:
         return (
@@ -244,7 +244,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | 
             return None
         return (
             f"the force sensor's gain changes by {percent(abs(amount))} up to the working force",
-            "calibrate the force sensor at several forces",
+            None,
         )
     if check is Check.GUIDE_FRICTION:
         return (

@@ -174,6 +174,7 @@ TRUST = (
 _LEGEND = "σ: distance from the truth stated in the file, in standard errors"
 _ROWS = (("stiffness", "N/m"), ("damping", "N·s/m"), ("force", "N"))
 _MARKS = ("stiffness", "damping")
+_MODULUS = "Young's modulus"
 _NUMBERS = (">stiffness\nN/m", ">damping\nN·s/m")
 _QUALITY = (
     "prediction: one-step prediction error after 0.2 s; fit: error of the final law; both as % rms "
@@ -223,7 +224,7 @@ def number_lines(result: "Identified") -> list[NumberLine]:
         at = "" if quantity.at is None else describe_place(quantity.at)
         same = lines and quantity.reason and quantity.reason == lines[0].reason
         reason = "for the same reason" if same else quantity.reason
-        value = f"{format_number(quantity)} {unit}"
+        value = _format_with_unit(quantity, unit)
         lines.append(NumberLine(name, value, at, quantity.mark, reason))
     return lines
 
@@ -233,6 +234,9 @@ def verdict_section(result: "Identified") -> ViewSection:
     if result.segments:
         return ViewSection("Verdict", [*_count_verdicts(result.segments)])
     numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
+    if result.query.tip is not None or result.query.specimen is not None:  # what was asked
+        asked = _describe_modulus(result, whole=False)
+        rows.append((asked.name, _fold_sentence("; ".join((asked.text, *asked.remarks)))))
     values = max(len(each.value) for each in numbers if each.mark is not None)
     places = max(len(each.at) for each in numbers)
     for each in numbers:
@@ -293,18 +297,24 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
     rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
-        shown = (row for row in parameter_rows(result) if row.name != "M")
+        # K and M of a law that relaxes depend on times that nobody recorded: under -v.
+        hidden = ("K", "M") if result.law.remembers else ("M",)
+        shown = (row for row in parameter_rows(result) if row.name not in hidden)
         terms = (_parameter(result, row) for row in shown)
         # A wrong surface changes K, B and n by far more than stiffness and damping.
         surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
-        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
+        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxation_course(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
     offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
     rows += [("clocks", each.message) for each in offsets]
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
-    rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in derived]
+    rows += [
+        (each.name, "\n".join((each.text, *each.remarks)))
+        for each in derived
+        if each.name != _MODULUS or result.segments  # of one contact it is the first line
+    ]
     return [(name, words) for name, words in rows if words]
 
 
@@ -342,6 +352,24 @@ def _describe_fit(result: "Identified") -> str:
     return words
 
 
+def describe_relaxation_course(result: "Identified") -> str:
+    """Describe the stiffness of a relaxing law at the fastest and the slowest time it shows."""
+    law, depth = result.law, result.diagnosis.working_depth.depth
+    if not law.remembers or not depth > 0.0:
+        return ""
+    times, weights = law.branches()
+    slope = law.n * depth ** (law.n - 1.0)
+    words = list[str]()
+    present = times[weights > 0.0]
+    # ω⁻¹ of the motion: at a frequency the material is felt as it is after this time.
+    quickest = 1.0 / result.frequency if result.frequency > 0.0 else math.inf
+    for time in (min(float(present[0]), quickest), float(present[-1])):
+        left = float(weights @ np.exp(-time / times))
+        value = rounded(slope * (law.K + law.M * left), 3)
+        words.append(f"{value} N/m {'at' if not words else 'after'} {format_quantity(time, 's')}")
+    return ", ".join(dict.fromkeys(words))
+
+
 def describe_relaxed_stiffness(result: "Identified") -> str:
     """Describe the relaxed stiffness of a relaxing law, and whether it is extrapolated."""
     if not result.law.remembers:
@@ -350,7 +378,7 @@ def describe_relaxed_stiffness(result: "Identified") -> str:
     if found.value < 0.0:
         return "relaxed stiffness not given: it would be negative"
     if found.value == 0.0:  # K is at its bound, where its error is unknown
-        return "relaxed stiffness not given: the memory takes all of it (K = 0)"
+        return "relaxed stiffness not given: it relaxed to the end of the recording"
     checks = (each.check for each in result.diagnosis.findings)
     caution = " (extrapolated)" if Check.RELAXED_STIFFNESS in checks else ""
     return f"relaxed stiffness {format_number(found)} N/m{caution}"
@@ -557,6 +585,14 @@ def format_depth(depth: float) -> str:
 def format_number(quantity: Quantity) -> str:
     """Format a number with both error bars combined."""
     return with_error(quantity.value, quantity.whole_error)
+
+
+def _format_with_unit(quantity: Quantity, unit: str) -> str:
+    """Format a number with both error bars combined; a long one with a prefix: 185 kN/m."""
+    size = abs(quantity.value)
+    if 1e-3 <= size < 1e5 or size == 0.0:
+        return f"{format_number(quantity)} {unit}"
+    return format_with_prefix(quantity.combined, unit)
 
 
 def format_percent(value: float) -> str:
@@ -768,9 +804,9 @@ def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Lin
         strain = rounded(found.strain, 2)
         body = f"a specimen of {area} mm² and {height} height, at a strain of {strain}"
     if found.refused:
-        return Line(f"{when}not determined: {found.refused}", "Young's modulus")
+        return Line(f"{when}not determined: {found.refused}", _MODULUS)
     value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
-    return Line(f"{when}{value}{mark} for {body}", "Young's modulus", remarks=found.remarks)
+    return Line(f"{when}{value}{mark} for {body}", _MODULUS, remarks=found.remarks)
 
 
 def _describe_tip(tip: "Tip") -> str:
