@@ -90,6 +90,10 @@ class Quantity(Plain):
     def __float__(self) -> float:
         return float(self.value)
 
+    def __str__(self) -> str:
+        mark = "" if self.mark is None else f" ({spoken(self.mark)})"
+        return f"{self.combined.format()}{mark}"
+
     def as_dict(self) -> dict[str, Any]:
         """Return plain numbers; mark, reason and place if it has any of them."""
         whole = Plain.as_dict(self)
