@@ -147,8 +147,7 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
 
 def _at_depth(table: Table, quantity: str) -> tuple[Floats, Floats]:
     """Values at working depth and their whole standard errors."""
-    name = quantity
-    return maps.numbers(table, name), maps.whole_errors(table, name)
+    return maps.numbers(table, quantity), maps.whole_errors(table, quantity)
 
 
 def _span(values: Floats, unit: str, named: Table | None = None) -> str:
@@ -313,14 +312,10 @@ def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
             rows.append((worst, -float(inexact[k]), name, stiffness, damping, reason))
     rows.sort()
     words = [
-        (name, _spoken(stiffness), _spoken(damping), reason)
+        (name, spoken(stiffness), spoken(damping), reason)
         for _, _, name, stiffness, damping, reason in rows
     ]
     return tuple(words[:MOST_NAMED])
-
-
-def _spoken(verdict: str) -> str:
-    return spoken(verdict) if verdict in _MARKS else verdict
 
 
 # The card as a page.

@@ -195,10 +195,11 @@ def quantity_name(quantity: str) -> str:
 
 def format_values(table: Table, quantity: str) -> list[str]:
     """Return a quantity at working depth for each row, with its total standard error and unit."""
-    name = quantity
     return [
         with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
-        for value, error in zip(numbers(table, name), whole_errors(table, name), strict=True)
+        for value, error in zip(
+            numbers(table, quantity), whole_errors(table, quantity), strict=True
+        )
     ]
 
 

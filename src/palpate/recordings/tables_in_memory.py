@@ -33,32 +33,44 @@ def recording_of_table(table: Any) -> Recording | None:
 
 
 def _columns(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
-    """Yield name, values and unit of each column."""
-    if hasattr(table, "data_vars"):  # xarray
-        variables = {**table.coords, **table.data_vars}
-        [along] = {each.dims for each in table.data_vars.values() if each.ndim == 1}
-        for name, each in variables.items():
-            if each.dims == along:
-                yield name, each.to_numpy(), each.attrs.get("units", each.attrs.get("unit"))
-    elif hasattr(table, "column_names"):  # Arrow
-        for name in table.column_names:
-            notes = table.schema.field(name).metadata or {}
-            unit = notes.get(b"units", notes.get(b"unit", b"")).decode()
-            yield name, table.column(name).to_numpy(), unit or None
-    elif isinstance(table, Mapping):
-        yield from ((name, column, None) for name, column in table.items())
-    elif isinstance(table, np.ndarray):
-        yield from ((name, table[name], None) for name in table.dtype.names or ())
-    elif isinstance(table, Sequence):
-        yield from ((name, [row[name] for row in table], None) for name in table[0].keys())  # noqa: SIM118 - no keys, no row
-    else:
-        units = getattr(table, "attrs", {}).get("units", {})
-        index = getattr(table, "index", None)
-        if index is not None and (index.name is not None or index.dtype.kind in "mMf"):
-            name = "time" if index.name is None else index.name
-            yield name, index.to_numpy(), units.get(name)
-        for name in list(table.columns):
-            yield name, table[name], units.get(name)
+    """Return an iterator over name, values and unit of each column."""
+    if hasattr(table, "data_vars"):
+        return _columns_of_xarray(table)
+    if hasattr(table, "column_names"):
+        return _columns_of_arrow(table)
+    if isinstance(table, Mapping):
+        return ((name, column, None) for name, column in table.items())
+    if isinstance(table, np.ndarray):
+        return ((name, table[name], None) for name in table.dtype.names or ())
+    if isinstance(table, Sequence):
+        names = table[0].keys()
+        return ((name, [row[name] for row in table], None) for name in names)
+    return _columns_of_frame(table)
+
+
+def _columns_of_xarray(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
+    [along] = {each.dims for each in table.data_vars.values() if each.ndim == 1}
+    for name, each in {**table.coords, **table.data_vars}.items():
+        if each.dims == along:
+            yield name, each.to_numpy(), each.attrs.get("units", each.attrs.get("unit"))
+
+
+def _columns_of_arrow(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
+    for name in table.column_names:
+        notes = table.schema.field(name).metadata or {}
+        unit = notes.get(b"units", notes.get(b"unit", b"")).decode()
+        yield name, table.column(name).to_numpy(), unit or None
+
+
+def _columns_of_frame(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
+    """Of pandas or polars; an index that has a name, or of times, is a column."""
+    units = getattr(table, "attrs", {}).get("units", {})
+    index = getattr(table, "index", None)
+    if index is not None and (index.name is not None or index.dtype.kind in "mMf"):
+        name = "time" if index.name is None else index.name
+        yield name, index.to_numpy(), units.get(name)
+    for name in list(table.columns):
+        yield name, table[name], units.get(name)
 
 
 def _without_unit(column: Any) -> tuple[Any, str | None]:
