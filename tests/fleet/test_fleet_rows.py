@@ -628,7 +628,7 @@ REASONS = [
 
 @pytest.mark.parametrize("count", [30, 31])
 def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
-    count, printed, tmp_path
+    count, printed, run, tmp_path
 ):
     folder = tmp_path / "results"
     write_recordings(tmp_path / "all", 1)
@@ -651,6 +651,7 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
         assert lines[4:7] == REASONS
         assert lines[-1].startswith("for all reasons, repeat the command with --report")
         assert len(lines) == 9
+    assert run("fleet", tmp_path / "all", "-o", folder, "--fail-on", "do-not-trust")[0] == 3
 
 
 def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
