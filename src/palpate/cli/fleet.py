@@ -30,7 +30,6 @@ from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table,
 from palpate.cli.reading import ReadingOptions
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.findings import spoken
 from palpate.writing import protect
 
 if TYPE_CHECKING:
@@ -226,6 +225,7 @@ def _describe_count(contacts: int) -> str:
 
 def _print_rows(console: Terminal, found: "Fleet") -> bool:
     """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
+    from palpate.findings import spoken
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
     from palpate.fleet.rows import touches_nothing
@@ -273,6 +273,8 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
 
 def _marks_of(verdicts: Sequence[tuple[str, str]], free: Sequence[bool]) -> list[Text]:
     """Return the marks of a quantity as cells."""
+    from palpate.findings import spoken
+
     marks = (_FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True))
     return [Text(spoken(mark), _STYLES.get(mark, "")) for mark in marks]
 
