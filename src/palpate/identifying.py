@@ -1,15 +1,20 @@
 """Identify a whole contact, with one estimator or with all of them side by side."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ESTIMATORS, ContactEstimator, VariableProjection
+from palpate.estimators import (
+    ESTIMATORS,
+    ContactEstimator,
+    VariableProjection,
+    ViscoelasticContact,
+)
 from palpate.estimators.by_law import estimator_by_law
-from palpate.estimators.contact_estimator import Rejection, check_exponent
+from palpate.estimators.contact_estimator import Rejection, check_exponent, estimator_named
 from palpate.estimators.estimate import Traced, check_trace
 from palpate.identification.identified import Identified
 from palpate.preparation.gates import choose_gate
@@ -156,6 +161,8 @@ def identify(
     trace: Traced = 2000,
     no_time: bool = False,
     delay: float | tuple[float, float] | Literal["find"] = 0.0,
+    units: Mapping[str, str] | None = None,
+    exponent: float | None = None,
     time: "ArrayLike | None" = None,
     rate: float | None = None,
     penetration: "ArrayLike | None" = None,
@@ -203,6 +210,10 @@ def identify(
     delay : float, tuple of float or "find"
         Delay of the force, s, with its standard error, as in :func:`prepare`; :func:`skew` measures
         it.
+    units : mapping, optional
+        Units of channels, such as ``{"penetration": "mm"}``, as in :func:`prepare`.
+    exponent : float, optional
+        Known n of the law, from the shape of the tip. Default: identified.
     time, penetration, force : array_like, shape (k,), optional
         s, m (positive inside the material) and N (compression positive), instead of ``source``.
     rate : float, optional
@@ -227,11 +238,12 @@ def identify(
     if method is not None and estimator is not None:
         raise InvalidParameterError(f"pass estimator or method={method!r}, not both")
     traced = check_trace(trace)  # before reading anything
-    estimator = _estimator_for_law(method if estimator is None else estimator, law)
+    estimator = _estimator_for_law(method if estimator is None else estimator, law, exponent)
     signals = {"time": time, "penetration": penetration, "force": force, "velocity": velocity}
     signals |= {"position": position, "rate": rate}
     given = {name: values for name, values in signals.items() if values is not None}
     options: dict[str, Any] = {"companion": companion, "no_time": no_time, "delay": delay}
+    options["units"] = units
     if not isinstance(source, Contact) or given or any(map(bool, options.values())):
         source = prepare(source, **options, **given)  # type: ignore[arg-type]  # it refuses a contact with arrays
     return Identification.selected_law(Data(source), estimator, trace=traced)
@@ -332,15 +344,21 @@ def compare(
 
 
 def _estimator_for_law(
-    estimator: ContactEstimator | str | None, law: str | None
+    estimator: ContactEstimator | str | None, law: str | None, exponent: float | None = None
 ) -> ContactEstimator | str | None:
-    """Return the estimator of a law, if one is requested."""
+    """Return the estimator of a law, if one is requested, or that keeps a known exponent."""
+    known = {} if exponent is None else {"exponent": exponent}
     if law is None:
-        return estimator
+        if not known:
+            return estimator
+        if isinstance(estimator, ContactEstimator):
+            return estimator.replace(**known)
+        kind = ViscoelasticContact if estimator is None else estimator_named(estimator)
+        return kind(**known)
     if isinstance(estimator, ContactEstimator):
         raise InvalidParameterError(
             f"law={law!r} excludes an estimator with settings, such as "
             f"{type(estimator).__name__}(), which has a law already: leave one of them out"
         )
     kind, settings = estimator_by_law(law, estimator)
-    return kind(**settings)
+    return kind(**settings, **known)

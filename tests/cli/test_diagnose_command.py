@@ -40,8 +40,8 @@ def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(prin
     episodes = [{**episode, "verdict": None} for episode in printed["episodes"]]
     same = {key: printed[key] for key in found.as_dict()} | {"episodes": episodes}
     assert same == found.as_dict()
-    assert [each["verdict"]["overall"] for each in printed["episodes"]] == ["trust", "trust"]
-    assert list(printed["verdict"]) == ["stiffness", "damping", "overall"]
+    assert [each["verdict"]["stiffness"] for each in printed["episodes"]] == ["trust", "trust"]
+    assert list(printed["verdict"]) == ["stiffness", "damping"]
     assert list(printed["working_depth"]) == ["depth", "force", "stiffness", "damping", "speed"]
     assert list(printed["findings"][0]) == [
         "check", "message", "remedy", "severity", "z", "stiffness", "damping",
@@ -57,7 +57,7 @@ def test_each_segment_between_changes_is_identified_by_itself(run, write):
     whole = result_of(run("identify", path, "--json")[1])
     parts = result_of(run("identify", path, "--changes", "--json")[1])
     first, second = parts["episodes"]
-    assert [e["verdict"]["overall"] for e in parts["episodes"]] == ["trust", "trust"]
+    assert [e["working_depth"]["damping"]["mark"] for e in parts["episodes"]] == ["trust", "trust"]
     ratio = second["working_depth"]["stiffness"]["value"]
     assert ratio / first["working_depth"]["stiffness"]["value"] == pytest.approx(1.5, rel=0.01)
     assert first["working_depth"]["stiffness"]["standard_error"] > 0.0
@@ -120,7 +120,7 @@ REMEDIES = {
 def test_a_remedy_mends_what_it_is_for(printed, write, name):
     contact, options = REMEDIES[name]
     result = result_of(printed("identify", write(contact), *options, "--json"))
-    assert result["verdict"]["overall"] == "trust"
+    assert set(result["verdict"].values()) == {"trust"}
     there = result["working_depth"]
     assert ("--at" in options) == (there["depth"] == 5e-3)
     truth = faults.LAW.stiffness_at(there["depth"])

@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -403,3 +404,14 @@ def test_what_is_never_reached_is_null(run):
     assert "unknown" in out
     almost_undamped = [*LAW[:3], "1e-320", *LAW[4:], "--noise", "0.05", "--json"]
     assert json.loads(run("design", *almost_undamped)[1])["speed_limit"] is None
+
+
+def test_the_command_takes_units_and_a_recording_and_a_file_alone_is_told_what_to_run(run, printed):
+    ball = str(Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv")
+    words = ["--noise", "0.05", "--depth", "5mm", "--amplitudes", "1mm", "--frequencies", "2Hz"]
+    found = json.loads(printed("design", ball, *words, "--json"))
+    assert found["law"]["K"] == pytest.approx(2000.0, rel=0.02)
+    [frequency] = found["planned"]["motion"]["frequencies"]
+    assert frequency == pytest.approx(4.0 * np.pi)
+    assert "in place of them" in run("design", ball, "--K", "3", "--noise", "1")[2]
+    assert f"not a command: run palpate identify {ball}" in run(ball)[2]

@@ -125,14 +125,14 @@ def known(values: list[object]) -> list[object]:
 
 
 def answer(result: Identification) -> list[object]:
-    at, marks = result.diagnosis.working_depth, result.diagnosis.verdict
+    at = result.diagnosis.working_depth
     numbers = (at.depth, at.stiffness.value, at.stiffness.systematic, at.damping.value)
-    return known([*result.law.parameters, *numbers, marks.overall, marks.stiffness, marks.damping])
+    return known([*result.law.parameters, *numbers, at.stiffness.mark, at.damping.mark])
 
 
 def answer_in(row: dict[str, object]) -> list[object]:
     names = "K B n depth stiffness stiffness_systematic"
-    names += " damping verdict verdict_stiffness verdict_damping"
+    names += " damping verdict_stiffness verdict_damping"
     return known([row[name] for name in names.split()])
 
 

@@ -332,7 +332,7 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
         assert diagnosis.verdict.stiffness == "trust"
     assert usual.verdict.damping == "with-care"
     assert usual.reason.startswith(
-        "the damping is known to ± 8 %, provided that force and position are in step"
+        "the damping is known to ± 8 %, if force and position were recorded within"
     )
     assert usual.remedy == IN_STEP
     assert known.verdict.damping == "trust"

@@ -24,8 +24,9 @@ def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(
     folder = tmp_path / "rows"
     status, out, _ = run("fleet", tmp_path / "set", "-o", folder, "--workers", 1)
     assert status == 0
-    words = [line.split()[2:4] for line in out.splitlines() if line.startswith("set [")]
-    assert [pair[0] for pair in words] == ["trust", "trust", "no", "trust", "no", "trust"]
+    words = [line for line in out.splitlines() if line.startswith("set [")]
+    assert ["no contact" in line for line in words] == [each.law is None for each in SIX]
+    assert sum("N/m  " in line and "trust" in line for line in words) == 4
     assert "failed" not in out
     card = (folder / "card.md").read_text()
     assert "| episodes that touch | 4 of 6 (66.7 %); 2 in free air |" in card
@@ -167,7 +168,6 @@ def judged():
         0.01 * (1000.0 + number),
         source=["a/set"] * count,
         index=number.tolist(),
-        verdict=marks,
         verdict_stiffness=marks,
         verdict_damping=["trust"] * count,
         findings=[[_finding("do-not-trust", "| bad")]] * 4
@@ -191,7 +191,8 @@ def judged():
 
 
 def _finding(severity, message):
-    return {"severity": severity, "check": "misfit", "message": message, "remedy": None}
+    marks = {"stiffness": severity, "damping": "trust"}
+    return {"severity": severity, "check": "misfit", "message": message, "remedy": None, **marks}
 
 
 def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():
@@ -202,7 +203,7 @@ def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():
     assert numbers["peak force"].endswith("largest 40 in set [39]")
     assert numbers["verdicts on stiffness"] == "trust 30, with care 6, do not trust 4"
     assert numbers["force against position"].startswith("unknown")
-    named = [(name, verdict) for name, verdict, _ in card.worst]
+    named = [(name, verdict) for name, verdict, *_ in card.worst]
     doubtful = [(f"set [{k}]", "do not trust") for k in range(4)]
     failed = [("set [40]", "failed"), ("set [41]", "failed")]
     assert sorted(named[:2]) == failed

@@ -41,7 +41,8 @@ from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
 
 def cell(severity, check, message):
     """A finding in a row."""
-    return finding_cell(Finding(check, message, severity=severity))
+    mark = "trust" if severity == "note" else severity
+    return finding_cell(Finding(check, message, severity=severity, stiffness=mark, damping=mark))
 
 
 def texts(row):
@@ -85,7 +86,7 @@ def test_a_row_says_what_identify_says(touch):
         assert row[name] == quantity.value
         assert row[f"{name}_standard_error"] == quantity.standard_error
         assert row[f"{name}_systematic"] == quantity.systematic
-    assert row["verdict"] == result.diagnosis.verdict.overall
+    assert row["verdict_stiffness"] == result.stiffness.mark
     assert row["checked"] == "full"
     assert row["largest_depth"] == result.largest_depth
     assert row["flags"] == [finding_cell(each) for each in result.findings]
@@ -106,7 +107,7 @@ def test_columns_have_units_and_what_is_not_known_is_nan_or_null():
     [row] = identify_many([contact()], diagnosis="none", method=method).to_pylist()
     unknown = ["x", "y", "z", "surface", "surface_standard_error", "stiffness_systematic"]
     assert all(np.isnan(row[name]) for name in [*unknown, "offset"])
-    assert [row[name] for name in ("verdict", "findings", "part", "error")] == [None] * 4
+    assert [row[name] for name in ("verdict_stiffness", "findings", "part", "error")] == [None] * 4
 
 
 def test_a_contact_that_fails_is_a_row_with_its_reason(tmp_path):
@@ -367,7 +368,7 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
         assert row["n"] == 1.5
         assert 0.0 < row["surface_standard_error"] < row["largest_depth"]
         assert abs(row["x"]) < 2e-3  # the stage's travel
-        assert row["verdict"] == row["verdict_modulus"] is not None
+        assert row["verdict_stiffness"] == row["verdict_modulus"] is not None
     assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]
 
 
@@ -514,7 +515,7 @@ def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
     assert found.mistrusted.tolist() == [True, False, True, False]
     assert map_of(table, ["x"], of="damping").mistrusted.tolist() == [True, True, False, False]
     for words in (
-        "do-not-trust, signs: at 1 of 4 places", "with-care, spikes: at 1", "1 place repeats",
+        "do not trust, signs: at 1 of 4 places", "with care, spikes: at 1", "1 place repeats",
     ):  # fmt: skip
         assert words in found.summary
     assert "tare" not in found.summary
@@ -611,21 +612,23 @@ def judged(count):
         [cell("with-care", "spikes", "there are spikes")],
         *[[cell("note", "tare", "the tare is good")]] * (count - 4),
     ]
-    table = rows(range(1, count), [0.1] * (count - 1), verdict=verdicts, findings=findings)
+    table = rows(
+        range(1, count), [0.1] * (count - 1), verdict_stiffness=verdicts, findings=findings
+    )
     failed = {"source": "bad.csv", "error": "bad.csv: no column 'force_N'", "error_kind": "X"}
     return pa.concat_tables([table, table_of_rows([failed], Settings())])
 
 
 REASONS = [
     "failed: bad.csv: no column 'force_N'",
-    "do-not-trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
-    "with-care: touch-002.csv: spikes: there are spikes",
+    "stiffness, damping do not trust: touch-000.csv: signs: 3 samples pull (and 1 more)",
+    "stiffness, damping with care: touch-002.csv: spikes: there are spikes",
 ]
 
 
 @pytest.mark.parametrize("count", [30, 31])
 def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
-    count, printed, tmp_path
+    count, printed, run, tmp_path
 ):
     folder = tmp_path / "results"
     write_recordings(tmp_path / "all", 1)
@@ -637,16 +640,18 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
     assert lines[0] == "1 of 1 contact reused from an earlier run"
     assert lines[-1 - (count > 30)] == f"results: {folder}"
     if count == 30:
-        assert lines[1].split() == ["contact", "verdict", "stiffness"]
-        assert lines[2].split() == ["touch-000.csv", "do-not-trust", "1.00", "±", "0.10", "N/m"]
-        assert lines[31].split() == ["bad.csv", "failed", "–"]
+        assert lines[1].split() == ["contact", "stiffness", "mark", "mark"]
+        assert " ".join(lines[2].split()).startswith("touch-000.csv 1.00 ± 0.10 N/m do not trust")
+        assert lines[31].split() == ["bad.csv", "–", "failed", "failed"]
         assert lines[32:35] == REASONS
         assert len(lines) == 36
     else:
-        assert lines[1] == "31 rows: 1 failed, 2 do-not-trust, 1 with-care, 27 trust"
-        assert lines[2:5] == REASONS
+        assert lines[1] == "31 rows"
+        assert lines[2] == "stiffness: 1 failed, 2 do not trust, 1 with care, 27 trust"
+        assert lines[4:7] == REASONS
         assert lines[-1].startswith("for all reasons, repeat the command with --report")
-        assert len(lines) == 7
+        assert len(lines) == 9
+    assert run("fleet", tmp_path / "all", "-o", folder, "--fail-on", "do-not-trust")[0] == 3
 
 
 def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
@@ -655,7 +660,7 @@ def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
     findings = [[], [], [], [cell("note", "a", "b"), cell("with-care", "spikes", "two")], []]
     checked = [*["input"] * 4, "none"]
     table = rows([1.0] * 5, [0.1] * 5, flags=flags, findings=findings, checked=checked)
-    assert verdicts_of(table) == [
+    assert verdicts_of(table, "stiffness") == [
         ("no-finding", ""),
         ("flagged", "only 3 samples in contact"),
         ("do-not-trust", str(NEGATIVE_STIFFNESS)),

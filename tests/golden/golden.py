@@ -239,7 +239,7 @@ def essence(code, text):
         key = f"{k} {result['method']}"
         if result.get("verdict"):
             kept[f"{key} verdict"] = "/".join(
-                str(result["verdict"].get(part)) for part in ("overall", "stiffness", "damping")
+                str(result["verdict"].get(part)) for part in ("stiffness", "damping")
             )
         kept[f"{key} findings"] = sorted(
             {x["check"] for x in result.get("findings", []) if x["severity"] != "note"}

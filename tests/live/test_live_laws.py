@@ -12,6 +12,7 @@ from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
+from palpate.diagnosis import Where
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
@@ -236,8 +237,7 @@ def test_it_is_the_librarys_own(samples):
     known = samples[np.isfinite(samples).all(axis=1)]
     diagnosis = palpate.identify(build_contact(known, 1e-3)).diagnosis
     assert page["verdict"] == diagnosis.verdict.as_dict()
-    assert page["reason"] == diagnosis.reason
-    assert page["said"].startswith("stiffness trust, damping trust: ")
+    assert page["said"].startswith("stiffness ")
     depth = page["working_depths"][0]
     stiffness = MATERIALS["ball"].stiffness_at(depth["depth"])
     bars = depth["stiffness"]
@@ -254,7 +254,7 @@ def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
     assert headline(page, status, {}, "") == (lines := number_lines(result))
     assert all(line.mark for line in lines)
     now = {"stiffness": (500.0, 1.0), "damping": (4.0, 0.1)}
-    at = describe_place(9e-3, 2.0)
+    at = describe_place(Where(9e-3, 2.0))
     for found, why in ((None, "--no-diagnosis"), ({}, "first"), (page, "material has changed")):
         first, second = headline(found, {**status, "counts": {"changes": 1}}, now, at)
         assert (first.name, first.value, first.at, first.mark) == (
@@ -292,7 +292,7 @@ def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
     _, rows = looped([*arrivals(times, positions, forces), *softer])
     page = diagnose_samples(recent(rows[:, SAMPLE], 20.0, LATE), STATUS)
     assert page["window"][0] == pytest.approx(4.0, abs=0.5)
-    assert page["verdict"]["overall"] == "trust"
+    assert page["verdict"]["stiffness"] == "trust"
 
 
 def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):

@@ -242,7 +242,7 @@ def test_every_estimate_is_published_with_names_and_units(kind) -> None:
     # Nothing diagnoses it: no reader may take that for trust.
     assert np.isnan(values[:, 20 : len(NAMES) - 1]).all()
     assert (said["stiffness_verdict"], said["answer"]) == ("not diagnosed yet", "")
-    assert (said["verdict"], said["reason"]) == ("not diagnosed yet", UNDIAGNOSED)
+    assert said["damping_reason"] == UNDIAGNOSED
 
 
 def watching(diagnosis):
@@ -291,30 +291,30 @@ def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
     try:
         listener.connect()
         estimate, said = heard(1000)
-        assert math.isnan(estimate["verdict"])
-        assert said["reason"] == "the first diagnosis has not finished yet"
+        assert math.isnan(estimate["stiffness_verdict"])
+        assert said["stiffness_reason"] == "the first diagnosis has not finished yet"
         pages["now"] = page = diagnose_samples(recent(samples, 20.0, 0.0), status)
         estimate, said = heard(1100)
-        assert (estimate["verdict"], estimate["age"]) == (2.0, 0.0)
+        assert estimate["age"] == 0.0
         assert estimate["stiffness_verdict"] == estimate["damping_verdict"] == 2.0
         depth, bars = estimate["working_depth"], estimate["stiffness_standard_error"]
         exact = MATERIALS["ball"].stiffness_at(depth)
         assert abs(said["stiffness"] - exact) < 4.0 * bars < 0.1 * exact
         assert said["answer"] == page["answer"]
-        assert said["verdict"] == said["stiffness_verdict"] == said["damping_verdict"] == "trust"
-        assert said["reason"] == page["reason"]
+        assert said["stiffness_verdict"] == said["damping_verdict"] == "trust"
+        assert said["stiffness_reason"] == ""
         assert said["diagnosis_time"] == pytest.approx(1000.0 + rows[-1, 0], abs=0.05)
         estimate, said = heard(1200, status=Status.WAITING)
         assert said["age"] >= estimate["age"] == pytest.approx(0.1)
         # Of a change the board does not know yet; then it does.
         changed, _ = heard(1300, state=State.CHANGED)
-        assert math.isnan(changed["verdict"])
+        assert math.isnan(changed["stiffness_verdict"])
         assert math.isnan(changed["stiffness"])
         status["counts"]["changes"] += 1
         estimate, said = heard(1400)
-        assert math.isnan(estimate["verdict"])
-        assert (said["verdict"], said["diagnosis_time"]) == ("not diagnosed yet", None)
-        assert said["reason"] == "the material has changed since"
+        assert math.isnan(estimate["stiffness_verdict"])
+        assert (said["stiffness_verdict"], said["diagnosis_time"]) == ("not diagnosed yet", None)
+        assert said["stiffness_reason"] == "the material has changed since"
     finally:
         publisher.close()
         listener.close()

@@ -152,7 +152,7 @@ def test_identify_fleet_and_map_give_the_same_modulus(map_file, run, tmp_path, t
     for number, row in enumerate(rows):
         error = math.hypot(row["modulus_standard_error"], row["modulus_systematic"])
         assert abs(row["modulus"] - 1000.0 * (number + 1)) < 2.0 * error
-        assert row["verdict"] == row["verdict_modulus"] == "trust"
+        assert row["verdict_stiffness"] == row["verdict_modulus"] == "trust"
         assert row["verdict_damping"] is None
     code, out, _ = run("identify", map_file, "--curve", "2", "--tip", TIP, "--json")
     modulus = json.loads(out)["results"][0]["elastic_modulus"]

@@ -121,7 +121,7 @@ def test_a_trace_that_is_read_is_not_written_over(refused, saved):
         (lambda folder: change(folder, trace="trace.hdf5"), "trace.hdf5"),
         (lambda folder: change(folder, trace="../ball.csv"), "../ball.csv"),
         (lambda folder: change(folder, provenance=3), "damaged"),
-        (lambda folder: lose(folder, "verdict", "overall"), "is not a verdict of palpate"),
+        (lambda folder: lose(folder, "verdict", "damping"), "is not a verdict of palpate"),
         (lambda folder: lose(folder, "working_depths", 0, "force"), "damaged"),
         (lambda folder: next(folder.glob("trace.*")).write_bytes(b""), "trace."),
         (lambda folder: next(folder.glob("trace.*")).write_text("a,b\n1,2\n"), "trace."),

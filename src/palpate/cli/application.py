@@ -147,6 +147,10 @@ def run(arguments: Sequence[str]) -> int:
         raise InvalidParameterError(
             "'palpate paper' has moved: run python -m paper in a checkout of the repository palpate"
         )
+    if words and words[0] not in COMMANDS and Path(words[0]).is_file():
+        raise InvalidParameterError(
+            f"{words[0]} is a file, not a command: run palpate identify {' '.join(words)}"
+        )
     # --help after a misspelt command would print the help of palpate; the shell calls __complete.
     if words and words[0] not in COMMANDS and not words[0].startswith(("-", "__")):
         words = words[:1]

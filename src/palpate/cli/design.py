@@ -1,18 +1,20 @@
 """The command ``palpate design``."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Group, Parameter
 
-from palpate.cli.options import OUTPUT, FigureOptions, OutputFile
+from palpate.cli.options import OUTPUT, FigureOptions, OutputFile, si_parameter
 from palpate.cli.printing import AsJson, Terminal, print_json, say_command, say_path
 from palpate.errors import InvalidParameterError
 from palpate.writing import check_outputs, is_standard_output
 
 if TYPE_CHECKING:
     from palpate.design import Design, MotionCommand
+    from palpate.force_laws import HuntCrossley
 
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 
@@ -22,12 +24,27 @@ Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 class ModelOptions:
     """A guess of the material; an order of magnitude is enough to start."""
 
-    K: Annotated[float, Parameter(name="--K")]
+    K: Annotated[float | None, Parameter(name="--K")] = None
     "Coefficient of the spring, N/mⁿ."
-    B: Annotated[float, Parameter(name="--B")]
+    B: Annotated[float | None, Parameter(name="--B")] = None
     "Coefficient of the damper, N·s/mⁿ⁺¹."
-    n: Annotated[float, Parameter(name="--n")]
+    n: Annotated[float | None, Parameter(name="--n")] = None
     "Exponent, 1 to 2 for most materials."
+
+    def law(self, recording: Path | None) -> "HuntCrossley":
+        """Return the guess, or the Hunt–Crossley law of a recording."""
+        from palpate.force_laws import HuntCrossley
+
+        given = {name: value for name, value in vars(self).items() if value is not None}
+        if recording is not None and not given:
+            from palpate.identifying import identify
+
+            law = identify(recording, law="hunt-crossley").law
+            assert isinstance(law, HuntCrossley)
+            return law
+        if recording is not None or len(given) < len(vars(self)):
+            raise InvalidParameterError("pass --K, --B and --n, or a recording in place of them")
+        return HuntCrossley(**given)
 
 
 @Parameter(name="*", group=Group("The sensor", sort_key=0.6))
@@ -43,21 +60,27 @@ class Sensor:
     "Time between samples, s."
 
 
-@Parameter(name="*", group=Group("The motion", sort_key=0.7))
+_MOTION = Group("The motion", sort_key=0.7)
+_LENGTH = si_parameter("penetration", "LENGTH", _MOTION)
+_SPEED = si_parameter("velocity", "SPEED", _MOTION)
+_FREQUENCY = si_parameter({"rad/s": 1.0, "Hz": math.tau}, "FREQUENCY", _MOTION)
+
+
+@Parameter(name="*", group=_MOTION)
 @dataclass(frozen=True)
 class Plan:
     """The planned motion, and the limits of a better one."""
 
-    depth: float = 10e-3
-    "Mean depth, m."
-    amplitudes: Several = None
-    "Amplitude of each sine, m (default: 1e-3 1.8e-3 1.8e-3)."
-    frequencies: Several = None
-    "Frequency of each sine, rad/s, not Hz (default: 4 11 15)."
-    max_depth: float | None = None
-    "Largest penetration of the better motion, m (default: that of the planned motion)."
-    max_speed: float | None = None
-    "Highest speed of the better motion, m/s (default: that of the planned motion)."
+    depth: Annotated[float, _LENGTH] = 10e-3
+    "Mean depth, such as 5mm."
+    amplitudes: Annotated[Several, _LENGTH] = None
+    "Amplitude of each sine (default: 1mm 1.8mm 1.8mm)."
+    frequencies: Annotated[Several, _FREQUENCY] = None
+    "Frequency of each sine, such as 2Hz; without a unit in rad/s (default: 4 11 15)."
+    max_depth: Annotated[float | None, _LENGTH] = None
+    "Largest penetration of the better motion (default: that of the planned motion)."
+    max_speed: Annotated[float | None, _SPEED] = None
+    "Highest speed of the better motion (default: that of the planned motion)."
 
 
 @Parameter(name="*", group=OUTPUT)
@@ -83,8 +106,10 @@ class Written:
 
 
 def design(
+    recording: Path | None = None,
+    /,
     *,
-    guess: ModelOptions,
+    guess: ModelOptions = ModelOptions(),
     sensor: Sensor,
     plan: Plan = Plan(),
     offset: bool = True,
@@ -100,10 +125,13 @@ def design(
     For example:
 
         palpate design --K 2000 --B 2000 --n 1 --noise 0.05
-        palpate design --K 300 --B 3000 --n 1.2 --noise 0.1 --depth 0.005
+        palpate design --K 300 --B 3000 --n 1.2 --noise 0.1 --depth 5mm --frequencies 1Hz 2Hz
+        palpate design recording.csv --noise 0.05
 
     Parameters
     ----------
+    recording
+        A touch of the material, in place of --K, --B and --n.
     offset
         Also estimate a force offset.
     surface
@@ -114,7 +142,6 @@ def design(
     from palpate.cli.design_tables import command_line, print_design
     from palpate.design import PAPER_MOTION, Motion
     from palpate.design import design as run
-    from palpate.force_laws import HuntCrossley
 
     drawing.check()
     written.check(drawing.figure, as_json=as_json)
@@ -124,7 +151,7 @@ def design(
         PAPER_MOTION.frequencies if plan.frequencies is None else plan.frequencies,
     )
     result = run(
-        HuntCrossley(**vars(guess)),
+        guess.law(recording),
         motion,
         **vars(sensor),
         offset=offset,

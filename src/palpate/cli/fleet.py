@@ -3,6 +3,7 @@
 import math
 import os
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
@@ -21,6 +22,7 @@ from palpate.cli.options import (
     MethodOptions,
     ResultFolder,
     Shape,
+    mark_status,
     parse_material,
     quantity,
 )
@@ -68,6 +70,7 @@ def fleet(
     diagnosis: Literal["none", "input", "full"] | None = None,
     tip: Shape = None,
     poisson: float | None = None,
+    fail_on: Literal["do-not-trust", "with-care"] | None = None,
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
     as_json: AsJson = False,
     running: Running = Running(),
@@ -99,6 +102,8 @@ def fleet(
         from their approach: baseline, contact point and modulus, with a verdict for each.
     poisson
         Poisson's ratio of the material, for --tip (default: 0.5, incompressible).
+    fail_on
+        Exit with status 3 if a stiffness, or with --tip a modulus, has this mark or a worse one.
     report
         Write report.html to the same folder: distributions, repeats, flags, outliers, failures.
     as_json
@@ -140,7 +145,17 @@ def fleet(
     if not found.identified:
         complain("no contact was identified; the column error of the results has the reasons")
         return 2
-    return 0
+    return _status(output, fail_on)
+
+
+def _status(folder: Path, fail_on: Literal["do-not-trust", "with-care"] | None) -> int:
+    """Return 3 if the mark of a stiffness, or with --tip of a modulus, is a failure."""
+    from palpate.fleet import maps
+    from palpate.fleet.files import read_results
+
+    table = read_results(folder)
+    asked = maps.list_quantities(table)[0]
+    return mark_status(fail_on, table.column(f"verdict_{asked}").to_pylist())
 
 
 def _settings(
@@ -210,6 +225,7 @@ def _describe_count(contacts: int) -> str:
 
 def _print_rows(console: Terminal, found: "Fleet") -> bool:
     """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
+    from palpate.findings import spoken
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
     from palpate.fleet.rows import touches_nothing
@@ -217,38 +233,50 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
 
     table = read_results(found.folder)
     shown = maps.list_quantities(table)
-    verdicts, free = maps.verdicts_of(table), touches_nothing(table)
-    marks_of_rows = [
-        _FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True)
-    ]
+    verdicts = {of: maps.verdicts_of(table, of) for of in shown}
+    free = touches_nothing(table)
     names = maps.names_of(table)
     common = len(os.path.commonprefix(names).rpartition("/")[0])  # noqa: RUF071 - cut at a slash
     names = [name[common:].lstrip("/") for name in names]
     if few := len(names) <= _MOST_ROWS:
-        marks = [Text(mark, _STYLES.get(mark, "")) for mark in marks_of_rows]
         turns = maps.numbers(table, "frequency") / math.tau
         at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
-        columns = names, marks, *(maps.format_values(table, name) for name in shown), at
-        header = ["contact", "verdict", *(maps.quantity_name(name) for name in shown), "frequency"]
-        print_table(console, header, [*zip(*columns, strict=True)])
+        columns: list[Sequence[str | Text]] = [names]
+        header = ["contact"]
+        for of in shown:
+            columns += [maps.format_values(table, of), _marks_of(verdicts[of], free)]
+            header += [maps.quantity_name(of), "mark"]
+        print_table(console, [*header, "frequency"], [*zip(*columns, at, strict=True)])
     else:
-        counts = Counter(marks_of_rows)
-        words = [f"{counts[each]} {each}" for each in (*maps.VERDICTS, _FREE) if each in counts]
-        say(console, f"{len(names)} rows: {', '.join(words)}")
+        say(console, f"{len(names)} rows")
+        for of in shown:
+            counts = Counter(str(mark) for mark in _marks_of(verdicts[of], free))
+            kinds = (spoken(each) for each in (*maps.VERDICTS, _FREE))
+            words = [f"{counts[each]} {each}" for each in kinds if each in counts]
+            say(console, f"{maps.quantity_name(of)}: {', '.join(words)}")
     if (lag := maps.rig_lag_of(table)) is not None:
         say(console, str(lag), "yellow")
     touching = [k for k, none in enumerate(free) if not none]
     reasons = maps.reasons_of_verdicts(
-        [names[k] for k in touching], [verdicts[k] for k in touching]
+        [names[k] for k in touching],
+        {of: [marks[k] for k in touching] for of, marks in verdicts.items()},
     )
     for verdict, line in reasons[:_MOST_REASONS]:
         say(console, line, _STYLES[verdict])
     sources = {source or "" for source in table.column("source").to_pylist()}
     if "modulus" not in shown and any(each.lower().endswith(MAPS) for each in sources):
         say(console, "for Young's modulus of force curves pass --tip, such as sphere:radius=5um")
-    if found.identified and not any(table.column("verdict").to_pylist()):
+    if found.identified and not any(table.column("verdict_stiffness").to_pylist()):
         say(console, maps.NO_VERDICT.get(table.column("checked")[0].as_py(), ""), "dim")
     return few and len(reasons) <= _MOST_REASONS
+
+
+def _marks_of(verdicts: Sequence[tuple[str, str]], free: Sequence[bool]) -> list[Text]:
+    """Return the marks of a quantity as cells."""
+    from palpate.findings import spoken
+
+    marks = (_FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True))
+    return [Text(spoken(mark), _STYLES.get(mark, "")) for mark in marks]
 
 
 # The command ``palpate map``.

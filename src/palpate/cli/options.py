@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_origin
 
 from cyclopts import Group, Parameter
 
@@ -16,6 +16,7 @@ from palpate.errors import InvalidParameterError
 if TYPE_CHECKING:
     from palpate.diagnosis import Verdict
     from palpate.estimators import ContactEstimator
+    from palpate.findings import Mark
     from palpate.quantities.derived import QueryOptions
     from palpate.quantities.elastic_modulus import Tip
     from palpate.quantities.specimen import Specimen
@@ -189,13 +190,17 @@ class VerdictOptions:
 
     def status(self, verdicts: "Iterable[Verdict]", *, damping: bool = False) -> int:
         """Return 3 if a mark of a stiffness, or of a damping if that counts, is a failure."""
-        from palpate.findings import MARKS
-
-        if self.fail_on is None:
-            return 0
-        failing = MARKS[MARKS.index(self.fail_on) :]
         marks = (mark for each in verdicts for mark in (each.stiffness, *[each.damping] * damping))
-        return UNTRUSTED if any(mark in failing for mark in marks) else 0
+        return mark_status(self.fail_on, marks)
+
+
+def mark_status(fail_on: "Mark | None", marks: "Iterable[Mark | None]") -> int:
+    """Return 3 if one of the marks is ``fail_on`` or worse, else 0."""
+    from palpate.findings import MARKS
+
+    if fail_on is None:
+        return 0
+    return UNTRUSTED if any(mark in MARKS[MARKS.index(fail_on) :] for mark in marks) else 0
 
 
 @Parameter(name="*", group=Group("Derived quantities", sort_key=4))
@@ -259,8 +264,9 @@ SIZES = {"B": 1.0, "MB": 1e6, "GB": 1e9, "kB": 1e3, "MiB": 2.0**20, "GiB": 2.0**
 def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group) -> Parameter:
     """An option whose number may have a unit of a channel, such as 2mm; SI without one."""
 
-    def convert(_: Any, tokens: Sequence[Any]) -> float:
-        return quantity("it", tokens[0].value, channel)
+    def convert(kind: Any, tokens: Sequence[Any]) -> float | tuple[float, ...]:
+        numbers = tuple(quantity("it", token.value, channel) for token in tokens)
+        return numbers if get_origin(kind) is tuple else numbers[0]
 
     return Parameter(group=group, metavar=metavar, converter=convert)
 

@@ -11,6 +11,7 @@ from palpate.diagnosis.outcome import Episode as Episode
 from palpate.diagnosis.outcome import ModelSelection as ModelSelection
 from palpate.diagnosis.outcome import Quantity as Quantity
 from palpate.diagnosis.outcome import Verdict as Verdict
+from palpate.diagnosis.outcome import Where as Where
 from palpate.diagnosis.outcome import WorkingDepth as WorkingDepth
 from palpate.diagnosis.outcome import stack_depths as stack_depths
 from palpate.diagnosis.recording import Data as Data

@@ -108,10 +108,12 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(FACTOR * spread, "since other laws fit as well", LONGER)
+        yield BarPart(FACTOR * spread, "since other laws fit as well", OTHER_SPEEDS)
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
-            yield BarPart(SPECTRUM * by_noise, "by the choice of the relaxation times", LONGER)
+            yield BarPart(
+                SPECTRUM * by_noise, "by the choice of the relaxation times", OTHER_SPEEDS
+            )
     distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
@@ -122,7 +124,8 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
 
 # Steps of an encoder shift whole touches, which no longer recording averages out.
 ROUNDING = 0.5
-LONGER, FINER = "record a longer motion", "record the position in finer steps"
+OTHER_SPEEDS = "press and release several times, at different speeds"
+FINER = "record the position in finer steps"
 MOVE_MORE = "move faster and over a wider range of depths"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
@@ -174,9 +177,11 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
         reason = f"since {finding.brief or finding.message}"
         yield BarPart(relative * scales, reason, finding.remedy, detected=True)
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
-        error = np.array([0.0, _velocity_error(fit, used) * damping])
+        lost, noise = _velocity_errors(fit, used)
         reason = "by the error of the differentiated velocity"
-        yield BarPart(error, reason, fit.data.wider_window)
+        # Twice the window loses four times as much, and has an eighth of the noise.
+        wider = fit.data.wider_window if noise > 4.0 * lost else None
+        yield BarPart(np.array([0.0, (lost + noise) * damping]), reason, wider)
 
 
 def presses_once(fit: Fit) -> bool:
@@ -186,8 +191,8 @@ def presses_once(fit: Fit) -> bool:
     return int(np.count_nonzero(np.diff(fast))) <= 1
 
 
-def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
-    """Relative error of the damping due to the velocity filter: attenuation and noise.
+def _velocity_errors(fit: Fit, used: VelocityFilter) -> tuple[float, float]:
+    """Relative errors of the damping due to the velocity filter: attenuation and noise.
 
     At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity;
     the effective frequency is ω² = ⟨a²⟩/⟨v²⟩. A spline loses λ h ω⁴ with ω⁴ = ⟨ä²⟩/⟨v²⟩, where ä is
@@ -201,7 +206,7 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
     else:
         turn = math.sqrt(float(np.linalg.norm(fit.jerk) / np.linalg.norm(speed)))
     lost = 1.0 - float(filter_gain(used, min(turn * fit.data.sample_time, math.pi)))
-    return lost + fit.data.velocity_noise**2 / float(np.mean(speed**2))
+    return lost, fit.data.velocity_noise**2 / float(np.mean(speed**2))
 
 
 # The numbers at a depth.
@@ -312,7 +317,10 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
                 continue
             mark, remedy = "with-care", clock.remedy
             step = format_quantity(clock.error, "s", digits=1)
-            reason = f"provided that force and position are in step to {step}, which no fit shows"
+            reason = (
+                f"if force and position were recorded within {step} of each other, which palpate "
+                "cannot check"
+            )
         more: Any = {name: mark, "brief": f"{sign}{reason}"}
         findings.append(Check.PRECISION.finding(f"{sentence}, {reason}", remedy, **more))
     return findings

@@ -89,7 +89,7 @@ class MisfitHypothesis:
         Relative change of the law's stiffness parameter.
     sentence : str
         Description of the cause.
-    remedy : str
+    remedy : str, optional
         The next step.
     change : LawChange
         Its change of the law.
@@ -104,7 +104,7 @@ class MisfitHypothesis:
     explained_fraction: float
     parameter: float
     sentence: str
-    remedy: str
+    remedy: str | None
     change: LawChange
     stiffness: float
     damping: float
@@ -135,7 +135,7 @@ def cause_from_column(
     check: Check,
     result: AugmentedFit,
     sentence: str,
-    remedy: str,
+    remedy: str | None,
     change: LawChange | None = None,
 ) -> MisfitHypothesis:
     """Return the cause that a column describes.
@@ -157,7 +157,7 @@ def cause_from_column(
 def causes_from_columns(
     fit: Fit,
     columns: Mapping[Check, Floats],
-    explain: Callable[[Fit, Check, float], tuple[str, str] | None],
+    explain: Callable[[Fit, Check, float], tuple[str, str | None] | None],
 ) -> list[MisfitHypothesis]:
     """Fit columns one at a time together with the law's columns.
 

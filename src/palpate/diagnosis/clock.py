@@ -16,10 +16,8 @@ from palpate.force_laws import ForceLaw
 #: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
 USUAL_SKEW = 1e-3
 ONE_CLOCK = "record position and force by one clock"
-IN_STEP = (
-    "touch a steel spring with this rig (palpate skew), or, if one clock stamps both, run again "
-    "with --delay 0ms+-0.1ms"
-)
+STEEL_SPRING = "touch a steel spring with this rig (palpate skew)"
+IN_STEP = f"{STEEL_SPRING}, or, if one clock stamps both, run again with --delay 0ms+-0.1ms"
 
 
 class Clock(NamedTuple):

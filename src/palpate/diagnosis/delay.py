@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis.causes import MisfitHypothesis, OtherLaw, cause_from_column
-from palpate.diagnosis.clock import clock_of, has_two_clocks
+from palpate.diagnosis.clock import STEEL_SPRING, clock_of, has_two_clocks
 from palpate.diagnosis.fit import SIGNIFICANT, Fit, MovedSamples, Solution, fit_with_column
 from palpate.diagnosis.windows import WindowedSamples
 from palpate.digits import percent, rounded, with_error
@@ -61,6 +61,8 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     clock = clock_of(fit)
     if has_two_clocks(fit) or (clock.is_known and fine.z <= SIGNIFICANT):
         remedy = clock.remedy
+    elif total < 0.0 and fit.equivalent is not None:
+        remedy = STEEL_SPRING  # relaxation looks like a force that is early
     other_law = OtherLaw(moved.law, before.law) if shift else None
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
 

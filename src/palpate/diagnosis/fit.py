@@ -522,11 +522,14 @@ def fit_with_column(
     return AugmentedFit(-amount * shares, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
 
 
-def deeper_half_remedy(fit: Fit) -> str:
-    """Remedy for a law that fails over a wide range of depths: use the deeper half only."""
+HALVED = 0.25  # shallowest sample over the working depth: of the deeper half it is 0.3 to 0.5
+
+
+def deeper_half_remedy(fit: Fit) -> str | None:
+    """Remedy for a law that fails over a wide range of depths; None if it was followed."""
     from_here = 0.5 * fit.depth + fit.estimate.surface
-    if fit.range[0] + fit.estimate.surface >= from_here:
-        return "use stiffness and damping at the working depth only"
+    if fit.range[0] >= HALVED * fit.depth:
+        return None
     return f"identify the deeper half alone: --min-penetration {1e3 * from_here:.2g}mm"
 
 

@@ -93,10 +93,10 @@ def check_unobservable(fit: Fit) -> Finding:
     lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
     return Check.UNSEEN.finding(
-        f"no recording shows these: {OFF_AXIS:.0f}° off the surface normal makes the stiffness "
-        f"{percent(lost[0])} and the damping {percent(lost[1])} too small; 1 % of scale changes "
-        f"them by 1 %; a mount softer than {soft} makes the stiffness over {percent(SOFT_MOUNT)} "
-        "too small"
+        "these faults leave no trace in a recording; check them at the rig: "
+        f"{OFF_AXIS:.0f}° off the surface normal makes the stiffness {percent(lost[0])} and the "
+        f"damping {percent(lost[1])} too small; 1 % of scale changes them by 1 %; a mount softer "
+        f"than {soft} makes the stiffness over {percent(SOFT_MOUNT)} too small"
     )
 
 

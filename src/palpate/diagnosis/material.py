@@ -51,7 +51,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     return causes_from_columns(fit, columns, _explain_column)
 
 
-def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | None]:
     """Return the sentence and the next step for an amount of a column."""
     part = percent(abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300))
     # The line through a change that is not even may fall below zero.
@@ -66,7 +66,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
         Check.FRICTION: (
             f"friction of {part} of the force: it depends on the direction of motion, not on "
             "the speed",
-            "press along the surface normal",
+            ALONG_NORMAL if _knows_directions(fit) else None,
         ),
         Check.DAMPING_FORM: (
             "the damping grows with depth differently than in the law",
@@ -88,6 +88,15 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str]:
             TASK_SPEED,
         ),
     }[check]
+
+
+ALONG_NORMAL = "press along the surface normal"
+
+
+def _knows_directions(fit: Fit) -> bool:
+    """Whether several axes were recorded: one axis, a testing machine, has no other direction."""
+    prepared = fit.data.contact.prepared
+    return prepared is not None and prepared.normal is not None
 
 
 TIMES = 7  # relaxation times tried, from P/30 to 0.7 of the recording
@@ -173,7 +182,8 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
-    remedy = f"record a motion that stays in contact, or {deeper_half_remedy(fit)}"
+    ways = "record a motion that stays in contact", deeper_half_remedy(fit)
+    remedy = ", or ".join(filter(None, ways))
     return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
 
 

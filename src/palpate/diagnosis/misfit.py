@@ -108,9 +108,9 @@ def check_other_laws(fit: Fit) -> Finding | None:
     )
 
 
-def exact_remedy(fit: Fit) -> str:
+def exact_remedy(fit: Fit) -> str | None:
     """Remedy for a method that is off the least squares of its law."""
-    if fit.method == "variable-projection":
+    if fit.method in ("variable-projection", "viscoelastic"):
         return deeper_half_remedy(fit)
     return "run again with --method variable-projection"
 

@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from palpate.digits import format_quantity, with_error
+from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import judge_evidence
-from palpate.findings import Finding, Mark, spoken
+from palpate.findings import Check, Finding, Mark, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Plain
 
@@ -34,10 +34,35 @@ class Verdict(Plain):
         """Both marks as text: *stiffness trust, damping with care*."""
         return f"stiffness {spoken(self.stiffness)}, damping {spoken(self.damping)}"
 
+    def as_dict(self) -> dict[str, Any]:
+        """Return the marks of the two numbers; an overall mark is for who asks for one."""
+        return {"stiffness": self.stiffness, "damping": self.damping}
+
+
+@dataclass(frozen=True, slots=True)
+class Where(Plain):
+    """Where a number holds.
+
+    Attributes
+    ----------
+    depth : float
+        m.
+    frequency : float
+        rad/s; NaN if the number does not depend on it.
+    speed : float
+        m/s.
+    """
+
+    depth: float
+    frequency: float = math.nan
+    speed: float = 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity(Plain):
-    """A number with a statistical and a systematic standard error, SI; or arrays of them.
+    """A number, what it is worth and where it holds, SI; or arrays of them.
+
+    Every output prints it and its own mark from here. ``float`` gives the value.
 
     Attributes
     ----------
@@ -47,11 +72,33 @@ class Quantity(Plain):
         Statistical part, from the long-run covariance of the residual; NaN if unknown.
     systematic : float
         Other laws, misfit, causes and distance from the least squares, as in ``docs/diagnosis.md``.
+    mark : str, optional
+        ``"trust"``, ``"with-care"`` or ``"do-not-trust"``; None if nothing judges the number.
+    reason : str
+        Why the mark is not *trust*, or why there is no value.
+    at : Where, optional
+        Depth, frequency and speed.
     """
 
     value: float
     standard_error: float
     systematic: float
+    mark: Mark | None = None
+    reason: str = ""
+    at: Where | None = None
+
+    def __float__(self) -> float:
+        return float(self.value)
+
+    def __str__(self) -> str:
+        mark = "" if self.mark is None else f" ({spoken(self.mark)})"
+        return f"{self.combined.format()}{mark}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain numbers; mark, reason and place if it has any of them."""
+        whole = Plain.as_dict(self)
+        known = self.mark is not None or bool(self.reason)
+        return {name: whole[name] for name in (whole if known else _NUMBERS)}
 
     @property
     def whole_error(self) -> float:
@@ -61,17 +108,24 @@ class Quantity(Plain):
     @property
     def combined(self) -> "Quantity":
         """The same with :attr:`whole_error` as its one standard error."""
-        return Quantity(self.value, self.whole_error, 0.0)
+        return replace(self, standard_error=self.whole_error, systematic=0.0)
 
     def scaled(self, factor: float) -> "Quantity":
-        """Return the quantity multiplied by a factor."""
-        return Quantity(*(factor * x for x in (self.value, self.standard_error, self.systematic)))
+        """Return the number multiplied by a factor: another one, which nothing has judged."""
+        value, error, moved = (factor * each for each in self.numbers)
+        return Quantity(value, error, moved)
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Value, statistical and systematic standard error."""
+        return self.value, self.standard_error, self.systematic
 
     def format(self, unit: str = "") -> str:
         """Format value ± statistical ± systematic standard error, and a unit."""
         return with_error(self.value, self.standard_error, self.systematic, unit=unit)
 
 
+_NUMBERS = "value", "standard_error", "systematic"
 #: A number that is not given.
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 
@@ -104,7 +158,10 @@ class WorkingDepth(Plain):
 
 def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
     """Combine the numbers at several depths into arrays of a shape; floats for ()."""
-    rows = [(at.depth, *np.ravel(astuple(at)[1:4]), at.speed) for at in depths]
+    rows = [
+        (at.depth, *at.force.numbers, *at.stiffness.numbers, *at.damping.numbers, at.speed)
+        for at in depths
+    ]
     table = np.array(rows).T.reshape(11, *shape)
     depth, *numbers, speed = table if shape else table.tolist()
     quantities = (Quantity(*numbers[k : k + 3]) for k in (0, 3, 6))
@@ -172,14 +229,41 @@ class Diagnosis(Plain):
     limits: tuple[Finding | None, Finding | None] = (None, None)
 
     def __repr__(self) -> str:
-        at, marks = self.working_depth, self.verdict
-        stiffness = at.stiffness.combined.format("N/m")
-        damping = at.damping.combined.format("N·s/m")
+        at = self.working_depth
+        numbers = ("stiffness", at.stiffness, "N/m"), ("damping", at.damping, "N·s/m")
+        words = (
+            f"{name} {each.combined.format(unit)} ({each.mark})" for name, each, unit in numbers
+        )
         return (
-            f"<Diagnosis at {format_quantity(at.depth, 'm')}: stiffness {stiffness} "
-            f"({marks.stiffness}), damping {damping} ({marks.damping}); {self.reason}\n"
+            f"<Diagnosis at {format_quantity(at.depth, 'm')}: {', '.join(words)}\n"
             f" {len(self.findings)} findings>"
         )
+
+    def marked(self, frequency: float, *, relaxes: bool) -> "Diagnosis":
+        """Return it with marks, reasons and places in the numbers at the working depth.
+
+        Parameters
+        ----------
+        frequency : float
+            ω of the motion, rad/s.
+        relaxes : bool
+            Whether the stiffness depends on it too.
+        """
+        at = self.working_depth
+        marks = self.verdict.stiffness, self.verdict.damping
+        for name, mark, limit in zip(("stiffness", "damping"), marks, self.limits, strict=True):
+            quantity: Quantity = getattr(at, name)
+            reason = "" if limit is None else limit.brief or limit.message
+            error, size = quantity.whole_error, quantity.value
+            if limit is not None and limit.check is Check.PRECISION and size > 2.0 * error:
+                reason = f"± {rough_percent(error / size)}, {reason}"
+            often = frequency if relaxes or name == "damping" else math.nan
+            given = math.isfinite(size)
+            where = Where(at.depth, often, at.speed) if given else None
+            judged = mark if given else None
+            changed: Any = {name: replace(quantity, mark=judged, reason=reason, at=where)}
+            at = replace(at, **changed)
+        return replace(self, working_depths=(at, *self.working_depths[1:]))
 
     @property
     def working_depth(self) -> WorkingDepth:

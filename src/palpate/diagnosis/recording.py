@@ -99,10 +99,20 @@ class Data:
         return window_samples(self.sample_time) if own is None else own.samples
 
     @property
-    def wider_window(self) -> str:
-        """Remedy for a differentiated velocity that is noisy: twice the filter's window."""
-        window = self.filter_samples * self.sample_time
-        return f"run again with --velocity-window {2.0 * window:.2g}"
+    def wider_window(self) -> str | None:
+        """Remedy for a differentiated velocity that is noisy: twice the filter's window.
+
+        None where it was followed, or would flatten the motion: a window T loses (ωT)²/40 of it.
+        """
+        prepared = self.contact.prepared
+        if prepared is not None and prepared.settings.velocity_window is not None:
+            return None
+        window = 2.0 * self.filter_samples * self.sample_time
+        moving = self.velocity[self.penetration > 0.0]
+        rate = float(np.std(moving) / (np.std(self.penetration[self.penetration > 0.0]) or np.inf))
+        if rate * window > MOST_TURN:
+            return None
+        return f"run again with --velocity-window {window:.2g}"
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -122,6 +132,7 @@ class Data:
         return float(np.percentile(self.penetration, 99.9)) if len(self) else 0.0
 
 
+MOST_TURN = 1.0  # of the motion in a window, rad, which takes 2.5 % off the velocity
 FORCE_STEP = 0.04  # fraction of the largest force
 # Fraction of the largest penetration. With 0.8 % the velocity's noise makes the damping 3 % too
 # small, with 1.5 % it makes it 16 % too small (three draws each).

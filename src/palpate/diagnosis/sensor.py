@@ -256,7 +256,7 @@ def _add_effect_of_delay(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     return replace(cause, sentence=sentence, change=change, damping=change.relative(fit)[1])
 
 
-def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | None:
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | None] | None:
     """Return the sentence and the next step for an amount of a column; None for other causes."""
     if check is Check.OFFSET_DRIFT:
         return (
@@ -268,7 +268,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str] | 
             return None
         return (
             f"the force sensor's gain changes by {percent(abs(amount))} up to the working force",
-            "calibrate the force sensor at several forces",
+            None,
         )
     if check is Check.GUIDE_FRICTION:
         return (

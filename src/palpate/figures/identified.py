@@ -42,7 +42,6 @@ from palpate.figures.style import (
     set_titles,
     stack,
 )
-from palpate.findings import spoken
 from palpate.force_laws import RelaxationSpectrum
 from palpate.identification.identified import Identified
 from palpate.identification.ranking import rank
@@ -125,9 +124,10 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
             draw_condition(check[0], result, course, look)
         elif check:
             draw_error(check[0], result, look)
-        travels = any(part.place is not None for part in result.segments)
         counts = (
-            next(short_answer(result, ())).lines[0].text if travels else describe_verdict(result)
+            next(short_answer(result, ())).lines[0].text
+            if result.segments
+            else describe_verdict(result)
         )
         title = [counts, describe_fit(result)]
         if look.narrow:
@@ -192,7 +192,7 @@ def draw_places(result: Identified) -> "Figure":
     # The map is seen along the axis closest to the normals, else along the one of least spread.
     seen_along = -np.mean(np.abs(normals), axis=0) if normals else np.ptp(positions, axis=0)
     across = np.delete(np.arange(3), np.argmin(seen_along))
-    marks = np.array([part.diagnosis.verdict.overall for part in result.segments])
+    marks = np.array([part.diagnosis.verdict.stiffness for part in result.segments])
     shapes = [(m.replace("-", " "), _MARKERS[m], marks == m) for m in np.unique(marks).tolist()]
     trusted = marks != "do-not-trust"
     values = [part.diagnosis.working_depth.stiffness for part in result.segments]
@@ -481,7 +481,7 @@ def _draw_comparison(
     draw_residual_rows(rows, ordered, look)
     for row, (axes, result) in enumerate(zip(rows, ordered, strict=True)):
         fit = f"{result.fit_rmse_percent:.2g}{JOINED}%{JOINED}rms"
-        head(axes, f"{row + 1}. {result.method}: {spoken(result.diagnosis.verdict.overall)}, {fit}")
+        head(axes, f"{row + 1}. {result.method}: {result.diagnosis.verdict.both}, {fit}")
     stack(rows)
     if not narrow:
         for row, (axes, result) in enumerate(zip(panels[:, 1], ordered, strict=True)):

@@ -34,11 +34,12 @@ from palpate.figures.style import (
     set_titles,
     shown,
 )
+from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
-from palpate.results.view import format_depth
+from palpate.results.view import format_depth, number_lines
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -75,8 +76,12 @@ def file_name(result: Identified) -> str:
 
 
 def describe_verdict(result: Identified) -> str:
-    """Return both marks and the reason."""
-    return f"{result.diagnosis.verdict.both}: {result.diagnosis.reason}"
+    """Return both marks, each with its reason."""
+    return "; ".join(
+        f"{each.name} {spoken(each.mark)}" + f": {each.reason}" * bool(each.reason)
+        for each in number_lines(result)
+        if each.mark is not None
+    )
 
 
 def describe_fit(result: Identified) -> str:

@@ -51,7 +51,7 @@ class Card:
     title: str
     numbers: tuple[tuple[str, str], ...]
     cautions: tuple[str, ...]
-    worst: tuple[tuple[str, str, str], ...]
+    worst: tuple[tuple[str, ...], ...]
     made: str
 
     @property
@@ -65,7 +65,7 @@ class Card:
         ]
         lines += ["", "## Worst episodes", ""]
         if self.worst:
-            lines += ["| episode | verdict | why |", "|---|---|---|"]
+            lines += ["| episode | stiffness | damping | why |", "|---|---|---|---|"]
             lines += [f"| {' | '.join(map(escape_markdown, row))} |" for row in self.worst]
         else:
             lines += ["Every episode that touches is to be trusted."]
@@ -147,8 +147,7 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
 
 def _at_depth(table: Table, quantity: str) -> tuple[Floats, Floats]:
     """Values at working depth and their whole standard errors."""
-    name = quantity
-    return maps.numbers(table, name), maps.whole_errors(table, name)
+    return maps.numbers(table, quantity), maps.whole_errors(table, quantity)
 
 
 def _span(values: Floats, unit: str, named: Table | None = None) -> str:
@@ -298,26 +297,25 @@ def _cautions(table: Table) -> Iterator[str]:
             yield f"{doubted} of {judged} contacts have a {quantity} marked do not trust."
 
 
-def _worst(table: Table) -> tuple[tuple[str, str, str], ...]:
+def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
     """Failures and doubtful episodes, the most severe and the least exact first."""
     value, error = _at_depth(table, "stiffness")
     with np.errstate(all="ignore"):
         inexact = np.nan_to_num(np.abs(error / value), nan=math.inf)
     rows = []
-    for k, (name, (verdict, reason), free) in enumerate(
-        zip(_names(table), maps.verdicts_of(table), touches_nothing(table), strict=True)
-    ):
-        if verdict in maps.VERDICTS[:3] and not free:
-            rows.append((maps.VERDICTS.index(verdict), -float(inexact[k]), name, verdict, reason))
+    both = [maps.verdicts_of(table, of) for of in maps.JUDGED]
+    for k, (name, free) in enumerate(zip(_names(table), touches_nothing(table), strict=True)):
+        (stiffness, why), (damping, why_damping) = (marks[k] for marks in both)
+        worst = min(map(maps.VERDICTS.index, (stiffness, damping)))
+        if worst < maps.VERDICTS.index("flagged") and not free:
+            reason = why or why_damping or "see its findings"
+            rows.append((worst, -float(inexact[k]), name, stiffness, damping, reason))
     rows.sort()
     words = [
-        (name, _spoken(mark), reason or "see its findings") for _, _, name, mark, reason in rows
+        (name, spoken(stiffness), spoken(damping), reason)
+        for _, _, name, stiffness, damping, reason in rows
     ]
     return tuple(words[:MOST_NAMED])
-
-
-def _spoken(verdict: str) -> str:
-    return spoken(verdict) if verdict in _MARKS else verdict
 
 
 # The card as a page.
@@ -332,7 +330,9 @@ def _page(card: Card, table: Table) -> str:
     worst = [tuple(map(escape, row)) for row in card.worst]
     over = "Contact, peak force, stiffness with its standard error, and the delay of the force."
     spread = "Stiffness and damping at working depth, and below each its relative standard error."
-    doubtful = html.table("Worst", ("episode", "verdict", "why"), worst) if worst else ()
+    doubtful = (
+        html.table("Worst", ("episode", "stiffness", "damping", "why"), worst) if worst else ()
+    )
     sections = (
         ("numbers", "What it touches", html.table("Numbers", ("quantity", "value"), numbers)),
         ("cautions", "What cannot be trusted", _bullets(card.cautions)),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from palpate.digits import rounded, with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import Check
+from palpate.findings import Check, spoken
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
@@ -106,23 +106,33 @@ NO_VERDICT = {
 }
 
 
-def verdicts_of(table: Table) -> list[tuple[str, str]]:
-    """Return the verdict of each row and its reason: the error, or the most severe finding or flag.
+def verdicts_of(table: Table, of: str) -> list[tuple[str, str]]:
+    """Return the mark of a quantity in each row and its reason: the error, a finding or a flag.
 
-    A row without a verdict has the severity of its findings or flags instead.
+    A row without a mark has that of its findings or flags instead.
     """
     verdicts = []
-    columns = "source", "error", "verdict", "checked", "findings", "flags"
-    for source, error, verdict, checked, findings, flags in _column_rows(table, *columns):
-        reasons = [(f["severity"], describe_finding(f)) for f in findings or () if is_problem(f)]
-        untrusted, marks = _untrusted_by("stiffness"), ("flagged", "do-not-trust")
+    columns = "source", "error", f"verdict_{of}", "checked", "findings", "flags"
+    for source, error, mark, checked, findings, flags in _column_rows(table, *columns):
+        reasons = [(mark_by(f, of), describe_finding(f)) for f in problems_of(findings, of)]
+        untrusted, marks = _untrusted_by(of), ("flagged", "do-not-trust")
         reasons += [(marks[f["check"] in untrusted], describe_flag(f)) for f in flags or ()]
         if error is not None:
             reasons = [("failed", error.removeprefix(f"{source}: "))]
         default = "not-checked" if checked == "none" else "no-finding"
         severity, reason = min(reasons, key=_severity, default=(default, ""))
-        verdicts.append((verdict or severity, reason))
+        verdicts.append((mark or severity, reason))
     return verdicts
+
+
+def mark_by(finding: Cell, of: str) -> str:
+    """Return the mark that a finding alone gives a quantity: the damping, or what needs K′."""
+    return finding["damping" if of == "damping" else "stiffness"] or "trust"
+
+
+def problems_of(findings: Sequence[Cell] | None, of: str) -> list[Cell]:
+    """Return the findings that lower the mark of a quantity."""
+    return [each for each in findings or () if mark_by(each, of) != "trust"]
 
 
 def is_problem(finding: Cell) -> bool:
@@ -145,13 +155,22 @@ def _severity(verdict: Sequence[str]) -> int:
 
 
 def reasons_of_verdicts(
-    names: Sequence[str], verdicts: Sequence[tuple[str, str]]
+    names: Sequence[str], verdicts: Mapping[str, Sequence[tuple[str, str]]]
 ) -> list[tuple[str, str]]:
-    """Return a verdict and a line per reason against trust, the most severe and frequent first."""
+    """Return a mark and a line per reason against trust, the most severe and frequent first.
+
+    ``verdicts`` has the marks of each quantity; a reason that concerns several is there once.
+    """
     groups: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for name, (verdict, reason) in zip(names, verdicts, strict=True):
-        if reason and verdict in VERDICTS[:4]:
-            groups[verdict, _mask_numbers(reason)].append(f"{verdict}: {name}: {reason}")
+    for name, *marks in zip(names, *verdicts.values(), strict=True):
+        concerned: dict[tuple[str, str], list[str]] = defaultdict(list)
+        for of, each in zip(verdicts, marks, strict=True):
+            concerned[each].append(quantity_name(of))
+        for (mark, reason), quantities in concerned.items():
+            if reason and mark in VERDICTS[:4]:
+                whose = "" if mark in ("failed", "flagged") else f"{', '.join(quantities)} "
+                what = f"{whose}{spoken(mark)}"
+                groups[mark, _mask_numbers(f"{what}: {reason}")].append(f"{what}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
     return [
         (verdict, each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1))
@@ -176,10 +195,11 @@ def quantity_name(quantity: str) -> str:
 
 def format_values(table: Table, quantity: str) -> list[str]:
     """Return a quantity at working depth for each row, with its total standard error and unit."""
-    name = quantity
     return [
         with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
-        for value, error in zip(numbers(table, name), whole_errors(table, name), strict=True)
+        for value, error in zip(
+            numbers(table, quantity), whole_errors(table, quantity), strict=True
+        )
     ]
 
 
@@ -435,7 +455,7 @@ class Map:
         Places whose value the verdict, findings or flags do not trust, or (except damping) whose
         value is smaller than its error.
     warnings : tuple of str
-        Findings other than notes, with their numbers of places.
+        Findings that lower the mark of the quantity, with their numbers of places.
     """
 
     quantity: str
@@ -559,7 +579,7 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, warnings = quantity_unit(of), _warnings(results, placed)
+    unit, warnings = quantity_unit(of), _warnings(results, placed, of)
     shallow, mistrusted = int(np.count_nonzero(too_shallow[placed])), mistrusted[placed]
     value, error, places, rows = value[placed], error[placed], places[placed], results.num_rows
     at = depth, span, describe_frequencies(results.filter(placed), of)
@@ -585,11 +605,11 @@ def describe_frequencies(results: Table, of: str) -> str:
 
 def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
     """Return a mask of the rows that the verdict, findings or flags do not trust."""
-    verdict = f"verdict_{of}" if of in (*JUDGED, "modulus") else "verdict"
+    verdict = f"verdict_{of if of in (*JUDGED, 'modulus') else 'stiffness'}"
     return np.array(
         [
             mark == "do-not-trust"
-            or (mark is None and any(f["severity"] == "do-not-trust" for f in findings or ()))
+            or (mark is None and any(mark_by(f, of) == "do-not-trust" for f in findings or ()))
             or any(f["check"] in _untrusted_by(of) for f in flags or ())
             for mark, findings, flags in _column_rows(results, verdict, "findings", "flags")
         ],
@@ -603,17 +623,16 @@ def _untrusted_by(of: str) -> tuple[Check, ...]:
     return Check.NEGATIVE_STIFFNESS, *own.get(of, ())
 
 
-def _warnings(results: Table, placed: NDArray[np.bool_]) -> tuple[str, ...]:
-    """Return the findings and their numbers of places, most severe and most frequent first."""
+def _warnings(results: Table, placed: NDArray[np.bool_], of: str) -> tuple[str, ...]:
+    """Return the findings on a quantity and their numbers of places, the most severe first."""
     inside = results.filter(placed)
-    kinds: Counter[tuple[str, ...]] = Counter()
+    kinds: Counter[tuple[str, str]] = Counter()
     for findings in inside.column("findings").to_pylist():
-        kinds.update({(f["severity"], f["check"]) for f in findings or ()})
+        kinds.update({(mark_by(f, of), f["check"] or "") for f in problems_of(findings, of)})
     ordered = sorted(kinds.items(), key=lambda kind: (kind[0][0], -kind[1], kind[0][1]))
     words = [
-        f"{severity}, {check}: at {count} of {inside.num_rows} places"
-        for (severity, check), count in ordered
-        if severity != "note"
+        f"{spoken(mark)}, {check}: at {count} of {inside.num_rows} places"
+        for (mark, check), count in ordered
     ]
     unchecked = "none" in inside.column("checked").to_pylist()
     return (*words, *(["data not checked"] if unchecked else []))

@@ -115,11 +115,16 @@ def _tiles(table: Table) -> Iterator[str]:
         about = f"<small>{heading}</small><b>{number}</b><small>{words}</small>"
         yield f'<div class="tile">{about}</div>'
     yield "</div>"
-    verdicts = Counter(mark for mark in table.column("verdict").to_pylist() if mark is not None)
-    if verdicts:
-        words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(verdicts.items()))
-        yield f"<p>Verdicts: {words}.</p>"
-    elif (checked := {*table.column("checked").to_pylist()}) <= {*maps.NO_VERDICT}:
+    judged = False
+    for quantity in maps.list_quantities(table):
+        marks = Counter(filter(None, table.column(f"verdict_{quantity}").to_pylist()))
+        words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(marks.items()))
+        if words:
+            judged = True
+            yield f"<p>{maps.quantity_name(quantity).capitalize()}: {words}.</p>"
+    if judged:
+        return
+    if (checked := {*table.column("checked").to_pylist()}) <= {*maps.NO_VERDICT}:
         badge = f"{html.badge('with-care', 'not checked')} " * (checked == {"none"})
         words = maps.NO_VERDICT["none" if checked == {"none"} else "input"]
         yield f'<p class="soft">{badge}{words}.</p>'

@@ -26,7 +26,7 @@ from palpate.quantities.indentation import Indentation
 from palpate.validation import Floats
 
 Row = dict[str, Any]
-_FINDING = "severity", "check", "message", "remedy"
+_FINDING = "severity", "check", "message", "remedy", "stiffness", "damping"
 #: Quantities at working depth and their units.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
@@ -94,8 +94,7 @@ def table_schema(settings: Settings) -> Any:
         ("findings", found, "", "problems of data and fit; null if nothing was checked"),
     ]
     for name, words in (
-        ("verdict", "trust, with-care or do-not-trust"),
-        ("verdict_stiffness", "the same for the stiffness at working depth"),
+        ("verdict_stiffness", "trust, with-care or do-not-trust: the stiffness at working depth"),
         ("verdict_damping", "the same for the damping at working depth"),
     ):
         columns.append((name, text, "", f"{words}; null without a full diagnosis"))
@@ -298,7 +297,7 @@ def indentation_row(found: Indentation, settings: Settings) -> Row:
     for name, value in (("force", force), ("stiffness", force.scaled(exponent / depth))):
         row |= _quantity_columns(name, value)
     mark = found.modulus.mark
-    return row | _modulus_columns(found.modulus) | {"verdict": mark, "verdict_stiffness": mark}
+    return row | _modulus_columns(found.modulus) | {"verdict_stiffness": mark}
 
 
 def _modulus_columns(found: ElasticModulus) -> Row:
@@ -349,12 +348,10 @@ def place_in_notes(notes: Mapping[str, str]) -> Row:
 
 def _diagnosis_columns(result: Identified) -> Row:
     diagnosis = result.diagnosis
-    marks = diagnosis.verdict
     return _working_depth_columns(result) | {
         "findings": [finding_cell(finding) for finding in diagnosis.findings],
-        "verdict": marks.overall,
-        "verdict_stiffness": marks.stiffness,
-        "verdict_damping": marks.damping,
+        "verdict_stiffness": diagnosis.working_depth.stiffness.mark,
+        "verdict_damping": diagnosis.working_depth.damping.mark,
     }
 
 

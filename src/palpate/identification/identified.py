@@ -200,7 +200,8 @@ class Identified:
         """Findings, marks and error bars; computed when first needed."""
         found = self._diagnose_depths(self.depths)
         if not self.segments:
-            return found
+            return found.marked(self.frequency, relaxes=self.law.remembers)
+        # No mark of numbers of all parts together: each part has its own.
         parts = (replace(f, remedy=None) if f.check == Check.CHANGE else f for f in found.findings)
         return replace(found, findings=tuple(parts))  # the segments are identified already
 

@@ -138,9 +138,8 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     rows = (f"{name}: {text}".replace("\n", "  ") for name, text in fit_rows(result))
     return {
         **page,
-        "said": f"{diagnosis.verdict.both}: {diagnosis.reason}",
+        "said": answer(lines),
         "verdict": diagnosis.verdict.as_dict(),
-        "reason": diagnosis.reason,
         "lines": [
             *([text, ""] for text in (diagnosis.remedy, *rows) if text),
             [

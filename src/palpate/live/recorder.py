@@ -68,8 +68,8 @@ def describe_run(status: dict[str, Any]) -> dict[str, str]:
     tared = "being measured" if tare is None else f"{tare:.6g} N was subtracted online"
     verdict = verdict_on(status)
     told = {"law": str(verdict.law.candidate)} if verdict and verdict.law.known else {}
-    diagnosis = status.get("diagnosis", {})
-    told |= {name: str(diagnosis[name]) for name in ("verdict", "reason") if name in diagnosis}
+    if said := status.get("diagnosis", {}).get("said"):
+        told["diagnosis"] = str(said)
     return {
         "source": str(status.get("source", "")),
         "method": str(status.get("method", "")),

@@ -128,14 +128,14 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
     """Return the published fields of a diagnosis; without numbers if it is outdated or None."""
     reason = why_undiagnosed(page, status)
     known: dict[str, Any] = {} if page is None or reason else page
-    marks = known.get("verdict") or dict.fromkeys(("overall", *_NUMBERS), NOT_DIAGNOSED)
     numbers: dict[str, Any] = next(iter(known.get("working_depths", ())), {})
     fields: dict[str, str | float] = {"answer": known.get("answer", "")}
     for name in _NUMBERS:
         there = numbers.get(name, {})
         errors = (or_nan(there.get(part)) for part in ("standard_error", "systematic"))
         fields |= {
-            f"{name}_verdict": marks[name],
+            f"{name}_verdict": there.get("mark") or NOT_DIAGNOSED,
+            f"{name}_reason": reason or there.get("reason") or known.get("reason", ""),
             name: or_nan(there.get("value")),
             f"{name}_standard_error": math.hypot(*errors),
         }
@@ -143,9 +143,7 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
     return fields | {
         "working_depth": or_nan(numbers.get("depth")),
         "frequency": or_nan(known.get("frequency")),
-        "reason": reason or known["reason"],
         "diagnosis_time": time,
-        "verdict": marks["overall"],
     }
 
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
+from palpate.diagnosis import Where
 from palpate.digits import format_quantity, parameter, rounded, with_error
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.law_verdicts import (
@@ -350,7 +351,7 @@ def _describe_depth(depth: Mapping[str, Any]) -> str:
     """Format the working depth of the page, and the motion's frequency."""
     if math.isnan(depth["value"]):
         return "at working depth"
-    return describe_place(depth["value"], depth["frequency"] or math.nan)
+    return describe_place(Where(depth["value"], depth["frequency"] or math.nan))
 
 
 def _parameter(found: Mapping[str, Any], name: str, k: int, verdict: LiveVerdict | None) -> str:
@@ -388,7 +389,7 @@ def law_card_texts(verdict: LiveVerdict, now: float) -> Words:
     badge, kind = _BADGES[certainty]
     numbers, at = verdict.numbers(), ""
     if numbers:
-        at = f"small oscillation {describe_place(verdict.law.depth, verdict.law.frequency)}"
+        at = f"small oscillation {describe_place(Where(verdict.law.depth, verdict.law.frequency))}"
     return {
         "law-name": str(verdict.law.candidate) if verdict.learned else "Not known yet",
         "law-badge": badge,
@@ -484,4 +485,4 @@ def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator
         mark, last = "no verdict", ""
         if line.mark is not None:
             mark, last = spoken(line.mark), f"now {_present(now, line.name)}"
-        yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, line.why, last]
+        yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, line.reason, last]

@@ -508,7 +508,7 @@ BEFORE = (
 DIAGNOSED = (
     "stiffness", "stiffness_standard_error",
     "damping", "damping_standard_error",
-    "working_depth", "frequency", "stiffness_verdict", "damping_verdict", "verdict",
+    "working_depth", "frequency", "stiffness_verdict", "damping_verdict",
 )  # fmt: skip
 #: Fields at the end: the diagnosis, and the time since the last update, s.
 AFTER = (*DIAGNOSED, "age")

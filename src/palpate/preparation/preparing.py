@@ -28,7 +28,7 @@ from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
 from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
-from palpate.recordings.times import iso_nanoseconds, past_midnight
+from palpate.recordings.tables_in_memory import recording_of_table
 from palpate.stages import stage
 from palpate.validation import arguments
 
@@ -51,8 +51,17 @@ class Frame(Protocol):
 
 #: How to pass arrays.
 BY_NAME = "pass arrays by their names: palpate.identify(time=t, penetration=x, force=F)"
-#: Sources of a contact: a recording, a file, or a pandas or polars data frame.
-Recorded: TypeAlias = Recording | str | os.PathLike[str] | Frame
+#: Sources of a contact: a recording, a file, or a table: a data frame, a dict of columns, rows, a
+#: structured array, an Arrow table or an xarray data set.
+Recorded: TypeAlias = (
+    Recording
+    | str
+    | os.PathLike[str]
+    | Frame
+    | Mapping[str, Any]
+    | Sequence[Mapping[str, Any]]
+    | NDArray[Any]
+)
 
 
 def prepare(
@@ -386,7 +395,7 @@ def _report_unused_settings(
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
-    """Return a recording, the contents of a file, or a data frame as a :class:`Recording`.
+    """Return a recording, the contents of a file, or a table as a :class:`Recording`.
 
     Raises
     ------
@@ -399,24 +408,12 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
         return recorded
     if isinstance(recorded, str | os.PathLike):
         return open_recording(recorded, strict=strict)
-    try:
-        channels = {str(name): _array(recorded[name]) for name in list(recorded.columns)}
-    except (AttributeError, TypeError, KeyError, ValueError):
-        allowed = "a Recording, a path, or a pandas or polars DataFrame"
+    table = recording_of_table(recorded)
+    if table is None:
+        allowed = "a Recording, a path, or a table such as a pandas or polars DataFrame or a dict"
         words = f"recording must be {allowed}, not {type(recorded).__name__}; {BY_NAME}"
-        raise InvalidParameterError(words) from None
-    return Recording(channels)
-
-
-def _array(column: Any) -> NDArray[Any]:
-    values: NDArray[Any] = np.asanyarray(column)
-    if values.dtype.kind in "OU" and len(values) and isinstance(values[0], str):
-        times = [iso_nanoseconds(str(each)) for each in values]
-        if None not in times:
-            return past_midnight(np.array(times, np.int64)).astype("m8[ns]")
-    if values.dtype == object and hasattr(column, "isna"):  # pandas' NA is not a number
-        return np.where(column.isna(), np.nan, values)
-    return values
+        raise InvalidParameterError(words)
+    return table
 
 
 # Joining several contacts with one object.

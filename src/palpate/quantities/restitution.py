@@ -331,14 +331,14 @@ def compute_dissipation(law: ForceLaw, covariance: Floats, there: WorkingDepth) 
         return UNKNOWN
     if law.relaxes and there.force.value > 0.0 and there.stiffness.value > 0.0:
         b = there.damping.value / there.force.value
-        errors = (
+        error, moved = (
             math.hypot(damping / there.force.value, b * stiffness / there.stiffness.value)
             for damping, stiffness in (
                 (there.damping.standard_error, there.stiffness.standard_error),
                 (there.damping.systematic, there.stiffness.systematic),
             )
         )
-        return Quantity(b, *errors)
+        return Quantity(b, error, moved)
     if not (law.power_law and law.parameters[0] > 0.0):
         return UNKNOWN
     stiffness, damping, _ = law.parameters.tolist()

@@ -269,7 +269,8 @@ class _Touch:
             float(weights @ lossy),
         )
         slow, quick = (
-            Quantity(*map(float, each)) for each in zip(delays, fit.errors, lossy, strict=True)
+            Quantity(float(each), float(error), float(wrong))
+            for each, error, wrong in zip(delays, fit.errors, lossy, strict=True)
         )
         trusted = delay.whole_error <= TRUSTED
         frequencies = self.omega[0] / math.tau, self.omega[1] / math.tau

@@ -39,7 +39,7 @@ _COLOURS = {"trust": "#009e73", "with-care": "#d08a00", "do-not-trust": "#d55e00
 def card(result: Identified) -> str:
     """Return verdict, values at working depth and contact model as HTML."""
     sections = view.verdict_section(result), view.depth_table(result), view.law_section(result)
-    colour = _COLOURS[result.diagnosis.verdict.overall]
+    colour = _COLOURS.get(result.diagnosis.working_depth.stiffness.mark or "", "#888888")
     name = escape(Path(result.contact.source).name or "contact")
     inside = "".join(html.render_sections(sections))
     return f'<div style="border-left:5px solid {colour};padding-left:0.8em">{name}{inside}</div>'
@@ -109,7 +109,7 @@ def page(
     parts = [
         '<main><div class="first"><header>',
         f"<h1>{escape(name)}</h1>",
-        *(_verdicts_of_places(result) if travels else _tiles(result)),
+        *(_verdicts_of_parts(result) if result.segments else _tiles(result)),
         "</header>",
         *html.section("figure", "Measurement and model", _figures(result, travels)),
         "</div>",
@@ -127,8 +127,8 @@ def page(
     return html.document(f"{name}: identification", STYLE + DRAWINGS + REPORT_STYLE, parts)
 
 
-def _verdicts_of_places(result: Identified) -> Iterator[str]:
-    """How many places have each verdict, and the next step."""
+def _verdicts_of_parts(result: Identified) -> Iterator[str]:
+    """How many segments or places have each verdict, and the next step."""
     counts, *steps = next(view.short_answer(result, ())).lines
     yield f"<p><strong>{escape(counts.text)}</strong></p>"
     yield from (
@@ -143,7 +143,7 @@ def _tiles(result: Identified) -> Iterator[str]:
     for each in view.number_lines(result):
         mark = f" · {html.badge(each.mark)}" if each.mark is not None else ""
         head = escape(f"{each.name} {each.at}".rstrip())
-        below = f"<small>{escape(each.why)}</small>" if each.why else ""
+        below = f"<small>{escape(each.reason)}</small>" if each.reason else ""
         shown = f"<small>{head}{mark}</small><b>{escape(each.value)}</b>{below}"
         yield f'<div class="tile">{shown}</div>'
     yield "</div>"

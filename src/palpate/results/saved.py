@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
 from palpate.contact import Contact, Delay, VelocityFilter
-from palpate.diagnosis import Episode, Quantity, Verdict, WorkingDepth
+from palpate.diagnosis import Episode, Quantity, Verdict, Where, WorkingDepth
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
-from palpate.findings import MARKS, Finding
+from palpate.findings import MARKS, Finding, worst
 from palpate.force_laws import ForceLaw, law_from
 from palpate.identification.ranking import rank
 from palpate.preparation.touches import find_touches
@@ -354,7 +354,7 @@ def load_result(path: str | Path) -> SavedResult:
             # JSON's null is NaN.
             standard_errors=np.array([errors[name] for name in law.names()], dtype=np.float64),
             correlations=np.array(found["correlations"], dtype=np.float64),
-            verdict=_verdict(found["verdict"]),
+            verdict=_verdict(found["verdict"], found["working_depth"]),
             findings=tuple(Finding.from_dict(each) for each in found["findings"]),
             working_depths=tuple(_working_depth(each) for each in found["working_depths"]),
             contact=contact,
@@ -406,13 +406,13 @@ def _read_json(file: Path) -> dict[str, Any]:
     return dict(whole)
 
 
-def _verdict(words: Mapping[str, Any]) -> Verdict:
+def _verdict(words: Mapping[str, Any], at: Mapping[str, Any]) -> Verdict:
     """Return the verdict; an unknown mark is an error, because it would count as trust."""
-    verdict = Verdict(**words)
-    for mark in verdict.as_dict().values():
+    for mark in words.values():
         if mark not in MARKS:
             raise ValueError(f"{mark!r} is not a verdict of palpate")
-    return verdict
+    given = at["damping"]["value"] is not None
+    return Verdict(**words, overall=worst(*words.values()) if given else words["stiffness"])
 
 
 def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
@@ -421,7 +421,14 @@ def _working_depth(words: Mapping[str, Any]) -> WorkingDepth:
 
 
 def _quantity(words: Mapping[str, Any]) -> Quantity:
-    return Quantity(**{part: or_nan(value) for part, value in words.items()})
+    value, error, moved = (
+        or_nan(words[part]) for part in ("value", "standard_error", "systematic")
+    )
+    place = words.get("at")
+    at = place and Where(*map(or_nan, (place["depth"], place["frequency"], place["speed"])))
+    return Quantity(
+        value, error, moved, mark=words.get("mark"), reason=words.get("reason", ""), at=at
+    )
 
 
 # A contact and its trace for pandas and xarray.

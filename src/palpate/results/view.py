@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate.diagnosis import Quantity, WorkingDepth
+from palpate.diagnosis import Quantity, Where
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, percent, rough_percent, rounded, with_error
+from palpate.digits import format_quantity, interval, percent, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
@@ -117,7 +117,7 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
         Names of the files, quoted for a shell, for the commands that show more.
     """
     places = [part for part in result.segments if part.place is not None]
-    yield ViewSection("Verdict", [*_count_verdicts(places)]) if places else verdict_section(result)
+    yield verdict_section(result)
     # The worst three places, or every segment between changes.
     shown = sort_by_verdict(places)[:3] or list(result.segments)
     yield from segment_table(replace(result, segments=tuple(shown)))
@@ -174,13 +174,13 @@ TRUST = (
 _LEGEND = "σ: distance from the truth stated in the file, in standard errors"
 _ROWS = (("stiffness", "N/m"), ("damping", "N·s/m"), ("force", "N"))
 _MARKS = ("stiffness", "damping")
+_MODULUS = "Young's modulus"
 _NUMBERS = (">stiffness\nN/m", ">damping\nN·s/m")
 _QUALITY = (
     "prediction: one-step prediction error after 0.2 s; fit: error of the final law; both as % rms "
     "of the force. |v| ≥ 0.1 K/B: part of the contact in which the single-stage method is biased"
 )
 _CHECKS = "z: significance in standard errors; S, C: stiffness and damping at working depth"
-_SKEWED = 0.05  # fraction of the damping; the line reports a larger change by 1 ms of skew
 _FOLD = 69, 73  # columns of text next to the labels of two tables, which together fit in 80
 
 
@@ -196,64 +196,47 @@ class NumberLine(NamedTuple):
     mark: Mark | None
     #: Reason of the error bar or the mark; empty for *trust*.
     reason: str = ""
-    #: Change by 1 ms of skew, if it is large.
-    skew: str = ""
-
-    @property
-    def why(self) -> str:
-        """Reason and skew."""
-        return "; ".join(filter(None, (self.reason, self.skew)))
 
     def text(self, *, reasons: bool = True) -> str:
         """Return it as one line, with its mark, and with ``why`` if ``reasons``."""
         words = " ".join(filter(None, (self.name, self.value, self.at)))
         if self.mark is None:
             return words
-        why = self.why if reasons else ""
+        why = self.reason if reasons else ""
         return f"{words} ({': '.join(filter(None, (spoken(self.mark), why)))})"
 
 
-def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0) -> str:
+def describe_place(at: Where) -> str:
     """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
-    often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
-    fast = f", {format_quantity(speed, 'm/s', digits=2)}" if speed else ""
-    return f"at {format_quantity(depth, 'm')}{often}{fast}"
+    often = f", {format_hertz(at.frequency)}" if math.isfinite(at.frequency) else ""
+    fast = f", {format_quantity(at.speed, 'm/s', digits=2)}" if at.speed else ""
+    return f"at {format_quantity(at.depth, 'm')}{often}{fast}"
 
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
-    diagnosis, lines = result.diagnosis, list[NumberLine]()
-    at_depth, frequency = diagnosis.working_depth, result.frequency
-    marks = diagnosis.verdict.stiffness, diagnosis.verdict.damping
-    reasons = ["" if each is None else each.brief or each.message for each in diagnosis.limits]
-    for k, (name, unit) in enumerate(_ROWS[:2]):
+    at_depth, lines = result.diagnosis.working_depth, list[NumberLine]()
+    for name, unit in _ROWS[:2]:
         quantity: Quantity = getattr(at_depth, name)
-        if k and math.isnan(quantity.value):
-            lines.append(NumberLine(name, f"not given: {reasons[k]}", "", None))
+        if math.isnan(quantity.value) and lines:
+            lines.append(NumberLine(name, f"not given: {quantity.reason}", "", None))
             continue
-        often = frequency if k or result.law.remembers else math.nan
-        at = describe_place(at_depth.depth, often, at_depth.speed)
-        value, skew = f"{format_number(quantity)} {unit}", _describe_skew(at_depth) if k else ""
-        same = k and reasons[k] and reasons[k] == reasons[0]
-        reason = "for the same reason" if same else reasons[k]
-        error, limit = quantity.whole_error, diagnosis.limits[k]
-        if limit is not None and limit.check is Check.PRECISION and quantity.value > 2.0 * error:
-            reason = f"± {rough_percent(error / quantity.value)}, {reason}"
-        lines.append(NumberLine(name, value, at, marks[k], reason, skew))
+        at = "" if quantity.at is None else describe_place(quantity.at)
+        same = lines and quantity.reason and quantity.reason == lines[0].reason
+        reason = "for the same reason" if same else quantity.reason
+        value = _format_with_unit(quantity, unit)
+        lines.append(NumberLine(name, value, at, quantity.mark, reason))
     return lines
-
-
-def _describe_skew(there: WorkingDepth) -> str:
-    """Describe the change of the damping by 1 ms of skew, if it is above 5 %."""
-    stiffness, damping = abs(there.stiffness.value), abs(there.damping.value)
-    part = 1e-3 * stiffness / damping if damping > 0.0 else math.inf
-    known = _SKEWED < part < math.inf
-    return f"1 ms of skew changes it by {rounded(100.0 * part, 2)} %" if known else ""
 
 
 def verdict_section(result: "Identified") -> ViewSection:
     """Compose a line per number with depth, frequency, mark and reason; then the next step."""
+    if result.segments:
+        return ViewSection("Verdict", [*_count_verdicts(result.segments)])
     numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
+    if result.query.tip is not None or result.query.specimen is not None:  # what was asked
+        asked = _describe_modulus(result, whole=False)
+        rows.append((asked.name, _fold_sentence("; ".join((asked.text, *asked.remarks)))))
     values = max(len(each.value) for each in numbers if each.mark is not None)
     places = max(len(each.at) for each in numbers)
     for each in numbers:
@@ -261,8 +244,12 @@ def verdict_section(result: "Identified") -> ViewSection:
             rows.append((each.name, _fold_sentence(each.value)))
             continue
         before = f"{each.value.ljust(values)}  {each.at.ljust(places)}  "
-        beside = len(before) + len(spoken(each.mark)) + 2 + len(each.why) <= _FOLD[0]
-        after = (f": {each.why}" if beside else f"\n{_fold_sentence(each.why)}") if each.why else ""
+        beside = len(before) + len(spoken(each.mark)) + 2 + len(each.reason) <= _FOLD[0]
+        after = (
+            (f": {each.reason}" if beside else f"\n{_fold_sentence(each.reason)}")
+            if each.reason
+            else ""
+        )
         rows.append((each.name, Styled(spoken(each.mark), each.mark, before, after)))
     if remedy := result.diagnosis.remedy:
         rows.append(("next", _fold_sentence(remedy)))
@@ -277,11 +264,13 @@ def _fold_sentence(text: str) -> str:
 def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
     """Describe the number of places with each mark, and the next step for the worst place."""
     counts = []
-    for number in ("stiffness", "damping"):
-        marks = [getattr(part.diagnosis.verdict, number) for part in places]
+    for number in _MARKS:
+        marks = [getattr(part.diagnosis.working_depth, number).mark for part in places]
         each = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
-        counts.append(f"{number} {each}")
-    yield Line(f"{len(places)} places: {'; '.join(counts)}; below the worst three.")
+        counts.append(f"{number} {each or 'not given'}")
+    what = "segments" if places[0].place is None else "places"
+    worst = "; below the worst three" if what == "places" else ""
+    yield Line(f"{len(places)} {what}: {'; '.join(counts)}{worst}.")
     if remedy := next((part.diagnosis.remedy for part in sort_by_verdict(places)), None):
         yield Line(_sentence(remedy), "next, for the worst")
 
@@ -290,10 +279,11 @@ def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
     """Return places, the worst first: by verdict, then by relative error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
-        found = part.diagnosis
-        stiffness = found.working_depth.stiffness
+        there = part.diagnosis.working_depth
+        stiffness, marks = there.stiffness, (there.stiffness.mark, there.damping.mark)
         error = stiffness.whole_error / abs(stiffness.value) if stiffness.value else math.inf
-        return -MARKS.index(found.verdict.overall), -(error if error >= 0.0 else math.inf)
+        worst = max(MARKS.index(mark) for mark in marks if mark is not None)
+        return -worst, -(error if error >= 0.0 else math.inf)
 
     return sorted(places, key=badness)
 
@@ -307,18 +297,24 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
     rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
-        shown = (row for row in parameter_rows(result) if row.name != "M")
+        # K and M of a law that relaxes depend on times that nobody recorded: under -v.
+        hidden = ("K", "M") if result.law.remembers else ("M",)
+        shown = (row for row in parameter_rows(result) if row.name not in hidden)
         terms = (_parameter(result, row) for row in shown)
         # A wrong surface changes K, B and n by far more than stiffness and damping.
         surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
-        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxed_stiffness(result)
+        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxation_course(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
     offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
     rows += [("clocks", each.message) for each in offsets]
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
-    rows += [(each.name, "\n".join((each.text, *each.remarks))) for each in derived]
+    rows += [
+        (each.name, "\n".join((each.text, *each.remarks)))
+        for each in derived
+        if each.name != _MODULUS or result.segments  # of one contact it is the first line
+    ]
     return [(name, words) for name, words in rows if words]
 
 
@@ -356,6 +352,24 @@ def _describe_fit(result: "Identified") -> str:
     return words
 
 
+def describe_relaxation_course(result: "Identified") -> str:
+    """Describe the stiffness of a relaxing law at the fastest and the slowest time it shows."""
+    law, depth = result.law, result.diagnosis.working_depth.depth
+    if not law.remembers or not depth > 0.0:
+        return ""
+    times, weights = law.branches()
+    slope = law.n * depth ** (law.n - 1.0)
+    words = list[str]()
+    present = times[weights > 0.0]
+    # ω⁻¹ of the motion: at a frequency the material is felt as it is after this time.
+    quickest = 1.0 / result.frequency if result.frequency > 0.0 else math.inf
+    for time in (min(float(present[0]), quickest), float(present[-1])):
+        left = float(weights @ np.exp(-time / times))
+        value = rounded(slope * (law.K + law.M * left), 3)
+        words.append(f"{value} N/m {'at' if not words else 'after'} {format_quantity(time, 's')}")
+    return ", ".join(dict.fromkeys(words))
+
+
 def describe_relaxed_stiffness(result: "Identified") -> str:
     """Describe the relaxed stiffness of a relaxing law, and whether it is extrapolated."""
     if not result.law.remembers:
@@ -364,7 +378,7 @@ def describe_relaxed_stiffness(result: "Identified") -> str:
     if found.value < 0.0:
         return "relaxed stiffness not given: it would be negative"
     if found.value == 0.0:  # K is at its bound, where its error is unknown
-        return "relaxed stiffness not given: the memory takes all of it (K = 0)"
+        return "relaxed stiffness not given: it relaxed to the end of the recording"
     checks = (each.check for each in result.diagnosis.findings)
     caution = " (extrapolated)" if Check.RELAXED_STIFFNESS in checks else ""
     return f"relaxed stiffness {format_number(found)} N/m{caution}"
@@ -512,8 +526,9 @@ def number_table(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> 
         values = format_number(there.stiffness), format_number(there.damping)
         where = (_millimetres(result), _hertz(result)) if places[1:] else ("", "")
         rows.append((result.method, *_both_marks(result), *where, *values))
-        if found.deciding is not None:
-            reasons.setdefault(found.reason, []).append(result.method)
+        for name in _MARKS:
+            if reason := getattr(there, name).reason:
+                reasons.setdefault(f"{name}: {reason}", []).append(result.method)
     if real := stated_truth(ordered[0], ordered[0].diagnosis.working_depth.depth):
         numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
         rows.append(("truth", "", "", _millimetres(ordered[0]) * bool(places[1:]), "", *numbers))
@@ -572,6 +587,14 @@ def format_number(quantity: Quantity) -> str:
     return with_error(quantity.value, quantity.whole_error)
 
 
+def _format_with_unit(quantity: Quantity, unit: str) -> str:
+    """Format a number with both error bars combined; a long one with a prefix: 185 kN/m."""
+    size = abs(quantity.value)
+    if 1e-3 <= size < 1e5 or size == 0.0:
+        return f"{format_number(quantity)} {unit}"
+    return format_with_prefix(quantity.combined, unit)
+
+
 def format_percent(value: float) -> str:
     """Format a percentage of the force; a dash if undefined."""
     return "–" if math.isnan(value) else f"{value:.2f} %"
@@ -623,9 +646,10 @@ def _hertz(part: "Identified") -> str:
 
 def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
     """Return the marks of stiffness and damping; a dash for a damping without a value."""
-    found = part.diagnosis
-    finite = math.isfinite(found.working_depth.damping.value)
-    return _mark_cell(found.verdict.stiffness), _mark_cell(found.verdict.damping) if finite else "–"
+    there = part.diagnosis.working_depth
+    marks = there.stiffness.mark, there.damping.mark
+    first, second = ("–" if mark is None else _mark_cell(mark) for mark in marks)
+    return first, second
 
 
 def _span(part: "Identified") -> str:
@@ -781,9 +805,9 @@ def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Lin
         strain = rounded(found.strain, 2)
         body = f"a specimen of {area} mm² and {height} height, at a strain of {strain}"
     if found.refused:
-        return Line(f"{when}not determined: {found.refused}", "Young's modulus")
+        return Line(f"{when}not determined: {found.refused}", _MODULUS)
     value = format_with_prefix(found.value if whole else found.value.combined, "Pa")
-    return Line(f"{when}{value}{mark} for {body}", "Young's modulus", remarks=found.remarks)
+    return Line(f"{when}{value}{mark} for {body}", _MODULUS, remarks=found.remarks)
 
 
 def _describe_tip(tip: "Tip") -> str:
