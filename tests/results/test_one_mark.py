@@ -20,7 +20,7 @@ from palpate.live.sinks import diagnosis_fields
 from palpate.live.view import fact_texts
 from palpate.reports import identification
 
-# Under half-space damping no sample shows a skew: this error leaves the sign of B' open, K' is known.
+# Under half-space damping no sample shows a skew: this error leaves the sign of B' open, not K'.
 DELAY = Delay(0.0, 8e-3)
 HALF_SPACE = palpate.GeneralisedHuntCrossley(K=9000.0, n=1.4, B=60.0, p=0.4)
 CIRCUMSTANCES = identification.Circumstances("today", "palpate identify", "")
