@@ -147,7 +147,6 @@ INPUTS = {
     "velocity column": recorded(FORCE, velocity=-V),
     "time stamps": contact(STAMPS + 1e-9 * np.arange(TIME.size), X, NOISY),
     "held channel": HELD,
-    "force jump": faults.zeroed(at=3.0),
     "spikes": contact(TIME, X, NOISY + 10.0 * (RANDOM.random(TIME.size) < 0.01)),
     "coarse steps": contact(TIME, X, COARSE * np.round(FORCE / COARSE)),
 }

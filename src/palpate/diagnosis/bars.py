@@ -20,7 +20,7 @@ from palpate.diagnosis.fit import (
 )
 from palpate.diagnosis.material import TASK_SPEED
 from palpate.diagnosis.misfit import exact_remedy, smooth_misfit
-from palpate.diagnosis.nuisances import FACTOR, NUISANCES
+from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark
@@ -28,12 +28,9 @@ from palpate.preparation.velocity import filter_gain
 from palpate.validation import Floats
 
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
-# change of both by a cause that is found: with the cause another damping may fit as well. Chosen
-# with the priors of the nuisances.
-MISFIT, FOUND = np.array([3.1, 4.6]), np.array([1.15, 1.5])
-# Multiple of the statistical error that the selection of relaxation times adds: the covariance
-# holds the times without stiffness at 0.
-SPECTRUM = 0.6
+# change of the damping by a cause that is found: with the cause another damping may fit as well.
+# Chosen with the priors of the nuisances.
+MISFIT, FOUND = np.array([3.1, 4.6]), np.array([1.0, 1.5])
 # One press repeats to this fraction, of which it shows nothing: presses of the same muscle and of
 # the same silicone scatter by 6 to 10 %.
 ONE_PRESS = 0.065
@@ -108,10 +105,11 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(FACTOR * spread, "since other laws fit as well", LONGER)
+        yield BarPart(spread, "since other laws fit as well", LONGER)
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
-            yield BarPart(SPECTRUM * by_noise, "by the choice of the relaxation times", LONGER)
+            # The covariance holds the times without stiffness at 0; their choice adds as much.
+            yield BarPart(by_noise, "by the choice of the relaxation times", LONGER)
     distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
@@ -137,7 +135,15 @@ def systematic_errors(
 
 
 #: Checks whose findings state their effect on the result; none of them is a column of the fit.
-OWN_CHANGES = (Check.TIME_STAMPS, Check.VELOCITY_NOISE, Check.VELOCITY_COLUMN, Check.FREE_AIR)
+OWN_CHANGES = (
+    Check.TIME_STAMPS,
+    Check.VELOCITY_NOISE,
+    Check.VELOCITY_COLUMN,
+    Check.FREE_AIR,
+    Check.FORCE_JUMP,
+)
+#: Of these, those whose change of the damping is relative to the damping, not to its scale.
+OF_VELOCITY = OWN_CHANGES[:3]
 
 
 def _combined(parts: Iterable[BarPart]) -> Floats:
@@ -169,8 +175,7 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
     for finding in known.findings:
         changes = finding.moves_stiffness_percent, finding.moves_damping_percent
         relative = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
-        # Those of the velocity are relative to the damping, not to its scale.
-        scales = fit.reference_scales if finding.check == Check.FREE_AIR else values
+        scales = values if finding.check in OF_VELOCITY else fit.reference_scales
         reason = f"since {finding.brief or finding.message}"
         yield BarPart(relative * scales, reason, finding.remedy, detected=True)
     if (used := fit.data.velocity_filter) is not None and np.any(fit.v):
@@ -194,14 +199,14 @@ def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
     the jerk. The attenuation raises the damping by this fraction; noise lowers it, as in
     ``check_velocity_noise``.
     """
-    speed = fit.v * fit.units.speed
-    if used.degree == 2:  # of order ω²: window means preserve it and lower the noise
-        rate = np.linalg.norm(fit.windows.mean(fit.acceleration))
-        turn = float(rate / np.linalg.norm(fit.windows.mean(speed)))
+    mean = fit.windows.mean  # keeps the motion, and not the noise or the jitter of the time stamps
+    speed = np.linalg.norm(mean(fit.v)) * fit.units.speed
+    if used.degree == 2:
+        turn = float(np.linalg.norm(mean(fit.acceleration)) / speed)
     else:
-        turn = math.sqrt(float(np.linalg.norm(fit.jerk) / np.linalg.norm(speed)))
+        turn = math.sqrt(float(np.linalg.norm(mean(fit.jerk)) / speed))
     lost = 1.0 - float(filter_gain(used, min(turn * fit.data.sample_time, math.pi)))
-    return lost + fit.data.velocity_noise**2 / float(np.mean(speed**2))
+    return lost + (fit.data.velocity_noise / fit.speed) ** 2
 
 
 # The numbers at a depth.
