@@ -196,17 +196,15 @@ def presses_once(fit: Fit) -> bool:
 def _velocity_error(fit: Fit, used: VelocityFilter) -> float:
     """Relative error of the damping due to the velocity filter: attenuation and noise.
 
-    At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity;
-    the effective frequency is ω² = ⟨a²⟩/⟨v²⟩. A spline loses λ h ω⁴ with ω⁴ = ⟨ä²⟩/⟨v²⟩, where ä is
-    the jerk. The attenuation raises the damping by this fraction; noise lowers it, as in
+    At a frequency ω the slope of a parabola through a window of T loses (ωT/2)²/10 of the velocity,
+    and a spline λ h ω⁴, with the effective frequency ω² = ⟨a²⟩/⟨v²⟩. A jerk would be that of
+    jitter: stamps of arrival gave a damping that was 3 % off a bar of 83 %. The attenuation raises
+    the damping by this fraction; noise lowers it, as in
     ``check_velocity_noise``.
     """
-    mean = fit.windows.mean  # keeps the motion, and not the noise or the jitter of the time stamps
-    speed = np.linalg.norm(mean(fit.v)) * fit.units.speed
-    if used.degree == 2:
-        turn = float(np.linalg.norm(mean(fit.acceleration)) / speed)
-    else:
-        turn = math.sqrt(float(np.linalg.norm(mean(fit.jerk)) / speed))
+    # Window means keep the motion, and not the noise or the jitter of the time stamps.
+    speed = np.linalg.norm(fit.windows.mean(fit.v)) * fit.units.speed
+    turn = float(np.linalg.norm(fit.windows.mean(fit.acceleration)) / speed)
     lost = 1.0 - float(filter_gain(used, min(turn * fit.data.sample_time, math.pi)))
     return lost + (fit.data.velocity_noise / fit.speed) ** 2
 

@@ -395,17 +395,8 @@ class Fit:
 
     def acceleration_at(self, samples: NDArray[Any]) -> Floats:
         """Acceleration at some samples of the recording, m/s²."""
-        rate: Floats = self._rate(self.data.velocity)[samples]
-        return rate
-
-    @cached_property
-    def jerk(self) -> Floats:
-        """Rate of the acceleration at the samples of the windows, m/s³."""
-        return self._rate(self._rate(self.data.velocity))[self.windows.samples]
-
-    def _rate(self, values: Floats) -> Floats:
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
-        rate: Floats = np.gradient(values, time)
+        rate: Floats = np.gradient(self.data.velocity, time)[samples]
         return rate
 
     @property
