@@ -26,7 +26,7 @@ NO_SPRING = {
     "a loss factor of 2 %": ({"loss": 0.02}, "relaxes by"),
     "damping": ({"damping": 0.5}, "depends on the depth"),
     "friction of 5 %": ({"friction": 0.05}, "friction is 5"),
-    "one speed": ({"slow": 2.0, "quick": 4.0}, "at least 3 times apart"),
+    "one speed": ({"slow": 2.0, "quick": 4.0}, "at least 3 times as high"),
     "constant speeds": ({"triangles": True}, "move as a sine does"),
     "two strokes": ({"cycles": 1, "slow": 1.0, "quick": 1.0}, "strokes within the contact"),
 }

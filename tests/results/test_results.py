@@ -222,7 +222,7 @@ def test_the_representation_is_a_line_and_the_summary_a_page(ball):
     words = ball.summary()
     for each in (
         "trust",
-        "2000.7 ± 0.6 ± 0.6",
+        "2000.7 ± 0.6 ± 0.5",
         "17.56 ± 0.05 ± 0.04",
         "2011 ± 5",
         "0.996",

@@ -51,10 +51,8 @@ class OtherLaw:
         place = fit.depth / fit.units.depth
         if self.deeper:
             place = max(place - self.deeper, 0.05)
-        stiffness = float(self.law.stiffness_at(place)) / fit.units.depth
-        damping = float(self.law.damping_at(place)) / fit.units.speed
-        before = fit.stiffness(self.before), fit.damping(self.before)
-        return fit.relative_changes(np.array([stiffness, damping]) - before)
+        after = np.array(self.law.at_rest(place)[1:]) / (fit.units.depth, fit.units.speed)
+        return fit.relative_changes(after - fit.force_stiffness_damping(self.before)[1:])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

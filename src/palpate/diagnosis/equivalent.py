@@ -7,8 +7,7 @@ import numpy as np
 from palpate.contact import Contact
 from palpate.diagnosis.recording import Data
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.oscillation import dynamic_response
-from palpate.estimators.viscoelastic import RelaxingEstimate
+from palpate.estimators.viscoelastic import RelaxingEstimate, dynamic_response
 from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, steps_over_breaks
 from palpate.validation import Floats
 

@@ -211,9 +211,6 @@ class Fit:
         self.windows: WindowedSamples = self._windows_in_contact()
         self.x = self.penetration[self.windows.samples] / self.units.depth
         self.v = data.velocity[self.windows.samples] / self.units.speed
-        # Cached for each depth, the only difference between the copies that ``at_depth`` makes.
-        self._gradients: dict[float, Floats] = {}
-        self._scales: dict[float, Floats] = {}
         self.time = self.windows.mean(data.time[self.windows.samples])
         self.force = self.windows.mean(data.force[self.windows.samples])
 
@@ -234,6 +231,8 @@ class Fit:
             return Fit(self.given, depth, self._force)
         other = copy(self)
         other.depth = depth
+        for of_depth in ("gradients", "reference_scales"):
+            other.__dict__.pop(of_depth, None)
         return other
 
     def equivalent_law_fit(self) -> "Fit":
@@ -303,30 +302,26 @@ class Fit:
 
     def stiffness(self, law: ForceLaw) -> float:
         """∂F/∂x at the working depth of a law in local units, N/m."""
-        return law.stiffness_at(*self._place) / self.units.depth
+        return float(self.force_stiffness_damping(law)[1])
 
     def damping(self, law: ForceLaw) -> float:
         """∂F/∂v at the working depth of a law in local units, N·s/m."""
-        return float(law.damping_at(self.depth / self.units.depth)) / self.units.speed
+        return float(self.force_stiffness_damping(law)[2])
 
     def force_at_depth(self, law: ForceLaw) -> float:
         """Force at the working depth of a law in local units, N."""
-        return float(law.force(*self._place))
-
-    @property
-    def _place(self) -> tuple[float, float]:
-        """Working depth and the velocity at which the numbers hold, local units."""
-        return self.depth / self.units.depth, self.steady_speed / self.units.speed
+        return float(self.force_stiffness_damping(law)[0])
 
     def force_stiffness_damping(self, law: ForceLaw) -> Floats:
         """Force, stiffness and damping at the working depth of a law in local units, shape (3,)."""
-        return np.array([self.force_at_depth(law), self.stiffness(law), self.damping(law)])
+        depth, speed = self.units.depth, self.units.speed
+        at_depth = law.at_speed(self.depth / depth, self.steady_speed / speed)
+        numbers: Floats = np.array(at_depth) / (1.0, depth, speed)
+        return numbers
 
-    @property
+    @cached_property
     def gradients(self) -> Floats:
         """Derivatives of force, stiffness, damping at the working depth in each parameter."""
-        if self.depth in self._gradients:
-            return self._gradients[self.depth]
         law, values = self.solution.law, self.solution.law.parameters
         steps = 1e-5 * np.maximum(np.abs(values), 1e-3 * np.abs(values).max())
         columns = []
@@ -335,20 +330,16 @@ class Fit:
             high, low = map(self.force_stiffness_damping, ends)
             columns.append((high - low) / (2.0 * size))
         gradients: Floats = np.array(columns).T
-        self._gradients[self.depth] = gradients
         return gradients
 
-    @property
+    @cached_property
     def reference_scales(self) -> Floats:
         """Scales of relative changes, max(|S|, 0.1 F/x) and max(|C|, 0.1 F/V), shape (2,).
 
         The second term keeps the scale above zero where the quantity is near zero.
         """
-        if self.depth not in self._scales:
-            force, *numbers = self.force_stiffness_damping(self.solution.law)
-            by = np.array([self.depth, self.speed])
-            self._scales[self.depth] = reference_scale(np.array(numbers), force, by)
-        return self._scales[self.depth]
+        force, *numbers = self.force_stiffness_damping(self.solution.law)
+        return reference_scale(np.array(numbers), force, np.array([self.depth, self.speed]))
 
     def relative_changes(self, changes: Floats) -> tuple[float, float]:
         """Return changes of stiffness and damping at the working depth over their scales."""
@@ -404,17 +395,8 @@ class Fit:
 
     def acceleration_at(self, samples: NDArray[Any]) -> Floats:
         """Acceleration at some samples of the recording, m/s²."""
-        rate: Floats = self._rate(self.data.velocity)[samples]
-        return rate
-
-    @cached_property
-    def jerk(self) -> Floats:
-        """Rate of the acceleration at the samples of the windows, m/s³."""
-        return self._rate(self._rate(self.data.velocity))[self.windows.samples]
-
-    def _rate(self, values: Floats) -> Floats:
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
-        rate: Floats = np.gradient(values, time)
+        rate: Floats = np.gradient(self.data.velocity, time)[samples]
         return rate
 
     @property

@@ -17,7 +17,7 @@ from palpate.digits import format_quantity, percent, rounded
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length, report_held_channel
 from palpate.preparation.load_transfer import exclude_load_transfer
-from palpate.preparation.resolution import find_dead_band, noise_of
+from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import (
     find_spikes,
     largest_of,
@@ -243,52 +243,6 @@ def check_spikes(data: Data) -> Finding | None:
     )
 
 
-JUMP, MUCH = 0.05, 0.20  # fractions of the largest force
-USUAL = 4.0  # multiple of the scatter of the changes of three samples before and after
-ONE_WAY = 0.5  # |sum| over the sum of sizes; jumps up and down are friction or sensor dropouts
-MOST_JUMPS = 3  # friction jumps at every reversal of the probe, so it makes more jumps
-PRESSING = 0.05  # fraction of the largest force
-
-
-def check_force_jump(data: Data) -> Finding | None:
-    """One change of the force deviates from its six neighbours by 5 % of the largest force.
-
-    The position must not jump with it, and the motion must not reverse, since friction jumps then.
-    """
-    changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
-    least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
-    beyond, jumps, band = changes.copy(), list[int](), find_dead_band(data.contact)
-    for k in np.flatnonzero(np.abs(changes) > least).tolist():
-        near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
-        before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]
-        pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
-        usual = float(np.median(changes[near]))
-        beyond[k] -= usual
-        if (
-            pressed
-            and (not band or np.min(data.force[k : k + 2]) >= band)
-            and data.segment[k] == data.segment[k + 1]
-            and len(near) == 6
-            and abs(beyond[k]) > max(USUAL * np.max(np.abs(changes[near] - usual)), least)
-            and moves[k] <= 2.0 * np.max(moves[near])
-            and before * after >= -1e-2 * np.mean(data.velocity**2)
-        ):
-            jumps.append(k)
-    if not 0 < len(jumps) <= MOST_JUMPS or hold_length(data.force):
-        return None
-    jump_sizes = beyond[jumps]
-    if abs(jump_sizes.sum()) < ONE_WAY * np.abs(jump_sizes).sum():
-        return None
-    largest = jumps[int(np.argmax(np.abs(jump_sizes)))]
-    size, when = beyond[largest], rounded(float(data.time[largest]), 4)
-    return Check.FORCE_JUMP.finding(
-        f"the force jumps by {format_quantity(float(size), 'N')} within a sample at {when} s while "
-        "the probe presses: the sensor was zeroed in contact, or the material gave way",
-        f"use the samples before it: --stop {when}, or zero the sensor in free air",
-        mark="do-not-trust" if abs(size) > MUCH * data.peak_force else "with-care",
-    )
-
-
 WIDTH = 7  # samples of a local parabola
 MOST_STAMPS = 20_000  # samples that are used
 # Ratio of the residual against the time stamps to the residual against the sample index: recordings
@@ -486,7 +440,6 @@ CHECKS: tuple[Callable[[Data], Finding | None], ...] = (
     check_velocity_column,
     check_time_stamps,
     check_held_channel,
-    check_force_jump,
     check_spikes,
     check_steps,
 )

@@ -15,13 +15,14 @@ from palpate.diagnosis.causes import (
 )
 from palpate.diagnosis.fit import SIGNIFICANT, Fit
 from palpate.diagnosis.nuisances import NUISANCES
-from palpate.diagnosis.recording import VELOCITY_NONE
+from palpate.diagnosis.recording import FAR, VELOCITY_NONE, Data
 from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rough_percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length
 from palpate.preparation.resolution import find_dead_band
+from palpate.validation import Floats
 
 SHORTEST = 5  # samples
 MOVES = 4.0  # multiple of the noise or of the step by which the law's force must vary during a run
@@ -81,6 +82,73 @@ def check_dead_band(fit: Fit) -> Finding | None:
         f"the force is zero below {format_quantity(band, 'N', digits=1)}: the sensor or its "
         "firmware has a dead band, and palpate leaves these samples out",
         "switch the threshold off",
+    )
+
+
+JUMP, MUCH = 0.05, 0.20  # fractions of the largest force
+USUAL = 4.0  # multiple of the scatter of the changes of three samples before and after
+ONE_SIGN = 0.5  # |sum| over the sum of sizes; jumps up and down are friction or sensor dropouts
+MOST_JUMPS = 3  # friction jumps at every reversal of the probe, so it makes more jumps
+PRESSING = 0.05  # fraction of the largest force
+
+
+def find_force_jumps(data: Data) -> tuple[list[int], Floats]:
+    """Return the samples before which the force jumps in contact, and the jumps, N.
+
+    Such a change deviates from its six neighbours by 5 % of the largest force. The position must
+    not jump with it, and the motion must not reverse, since friction jumps then.
+    """
+    changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
+    least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
+    beyond, jumps, band = changes.copy(), list[int](), find_dead_band(data.contact)
+    for k in np.flatnonzero(np.abs(changes) > least).tolist():
+        near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
+        before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]
+        pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
+        usual = float(np.median(changes[near]))
+        beyond[k] -= usual
+        if (
+            pressed
+            and (not band or np.min(data.force[k : k + 2]) >= band)
+            and data.segment[k] == data.segment[k + 1]
+            and len(near) == 6
+            and abs(beyond[k]) > max(USUAL * np.max(np.abs(changes[near] - usual)), least)
+            and moves[k] <= 2.0 * np.max(moves[near])
+            and before * after >= -1e-2 * np.mean(data.velocity**2)
+        ):
+            jumps.append(k)
+    sizes = beyond[jumps]
+    if len(jumps) > MOST_JUMPS or abs(sizes.sum()) < ONE_SIGN * np.abs(sizes).sum():
+        return [], sizes[:0]
+    return jumps, sizes
+
+
+def check_force_jump(fit: Fit) -> Finding | None:
+    """The force jumps at most three times, and stays there.
+
+    Below a fifth of the largest force what this changes decides the marks.
+    """
+    data = fit.given.data
+    jumps, sizes = find_force_jumps(data)
+    if not jumps or hold_length(data.force):
+        return None
+    later = data.time[fit.windows.samples, None] > data.time[jumps]
+    added = fit.windows.mean(later @ sizes)
+    change = fit.solution.inverse @ added
+    moved = fit.relative_changes(fit.gradients[1:] @ change[: len(fit.solution.law.symbols)])
+    largest = int(np.argmax(np.abs(sizes)))
+    size, when = float(sizes[largest]), rounded(float(data.time[jumps[largest]]), 4)
+    marks: list[Mark] = ["with-care" if abs(part) > CARE else "trust" for part in moved]
+    if abs(size) > MUCH * data.peak_force:
+        marks = ["do-not-trust", "do-not-trust"]
+    return Check.FORCE_JUMP.finding(
+        f"the force jumps by {format_quantity(size, 'N')} within a sample at {when} s while the "
+        "probe presses: the sensor was zeroed in contact, or the material gave way",
+        f"use the samples before it: --stop {when}, or zero the sensor in free air",
+        stiffness=marks[0],
+        damping=marks[1],
+        brief=f"the force jumps by {format_quantity(size, 'N')} within a sample",
+        moves_percent=(100.0 * moved[0], 100.0 * moved[1]),
     )
 
 

@@ -54,6 +54,7 @@ from palpate.diagnosis.outcome import (
 )
 from palpate.diagnosis.sensor import (
     check_dead_band,
+    check_force_jump,
     check_free_air,
     check_impact,
     check_offset,
@@ -133,7 +134,10 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     causes = assess_causes(fit, all_causes, unexplained)
     if not has_reported(causes.findings, Check.CHANGE):
         changed = None
-    findings = [*fit.given.data.findings, *causes.findings]
+    findings = [*fit.given.data.findings]
+    if (jump := check_force_jump(fit)) is not None:
+        findings.append(jump)
+    findings += causes.findings
     if (unknown := check_unknown_law(fit, all_causes, unexplained)) is not None:
         findings.append(unknown)
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):

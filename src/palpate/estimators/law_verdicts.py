@@ -9,7 +9,6 @@ import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Check, Finding, Mark
-from palpate.force_laws import ForceLaw
 from palpate.validation import Plain, finite_or_none, or_nan
 
 # In the order of the compiled enumerations.
@@ -194,11 +193,6 @@ class LawVerdict(Plain):
         numbers = {name: or_nan(words[name]) for name in _NUMBERS}
         findings = tuple(map(Finding.from_dict, words["findings"]))
         return cls(candidate(words), tuple(model_ranking), **numbers, findings=findings)
-
-    def rank_of(self, law: ForceLaw) -> RankedModel | None:
-        """Return the rank of an identified law; None if it did not compete."""
-        candidate = law.candidate and Candidate(*law.candidate)
-        return next((each for each in self.model_ranking if each.candidate == candidate), None)
 
     @property
     def known(self) -> bool:

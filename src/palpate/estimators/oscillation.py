@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate.estimators.law_verdicts import CANDIDATES, Candidate
-from palpate.estimators.viscoelastic import ViscoelasticContact, build_law
+from palpate.estimators.viscoelastic import ViscoelasticContact, build_law, dynamic_response
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -137,12 +137,6 @@ def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> fl
     n, p = numbers[1], numbers[3]
     stiffness = n * depth ** (n - 1.0) * (numbers[0] + numbers[4:].sum())
     return float(-numbers[2] * depth**p / stiffness)
-
-
-def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
-    """K′ [N/m] and B′ [N·s/m] of a law at a depth [m] and a frequency ω [rad/s], shape (2,)."""
-    whole = complex(law.dynamic_stiffness(depth, frequency))
-    return np.array([whole.real, whole.imag / frequency])
 
 
 class _Samples:

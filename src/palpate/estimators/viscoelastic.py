@@ -45,6 +45,12 @@ def build_law(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
     return GeneralisedHuntCrossley(K=stiffness, n=n, B=damping, p=p, relaxation=spectrum)
 
 
+def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
+    """K′ [N/m] and B′ [N·s/m] of a law at a depth [m] and a frequency ω [rad/s], shape (2,)."""
+    whole = complex(law.dynamic_stiffness(depth, frequency))
+    return np.array([whole.real, whole.imag / frequency])
+
+
 class RelaxingEstimate(Estimate):
     """An estimate of a law with a spectrum, which has more numbers than its five parameters.
 
@@ -243,14 +249,9 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             )
         x = verdict.depth if depth is None else number_in("depth", depth, 0.0, 1e100, open_low=True)
 
-        def response(law: GeneralisedHuntCrossley) -> tuple[float, float]:
-            whole = law.dynamic_stiffness(x, omega)
-            return whole.real, whole.imag / omega
-
-        (stiffness, damping), errors = estimate.with_errors(response)
-        return DynamicStiffness(
-            x, omega, float(stiffness), float(errors[0]), float(damping), float(errors[1])
-        )
+        values, errors = estimate.with_errors(lambda law: dynamic_response(law, x, omega).tolist())
+        stiffness, damping = zip(values.tolist(), errors.tolist(), strict=True)
+        return DynamicStiffness(x, omega, *stiffness, *damping)
 
     @property
     def _step(self) -> float:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from palpate.diagnosis import Data, Quantity
 from palpate.digits import percent
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.oscillation import dynamic_response
+from palpate.estimators.viscoelastic import dynamic_response
 from palpate.figures.style import (
     BAND_DEVIATIONS,
     MOST_GAPS,

@@ -14,7 +14,7 @@ from palpate.diagnosis import Data
 from palpate.diagnosis.outcome import Quantity
 from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.oscillation import dynamic_response
+from palpate.estimators.viscoelastic import dynamic_response
 from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley

@@ -230,8 +230,9 @@ class _Touch:
         if few or quickly < 0.95 * LEAST_RATIO * slowly:
             speeds = [rounded(float(each) / math.tau, 2) for each in (omega.min(), omega.max())]
             raise self.refusal(
-                f"its strokes are at {speeds[0]} to {speeds[1]} Hz; move at two speeds at least "
-                f"{LEAST_RATIO:g} times apart, such as 1 Hz and 4 Hz, {FEWEST_STROKES} strokes each"
+                f"its strokes are at {speeds[0]} to {speeds[1]} Hz; hold one frequency, then one "
+                f"at least {LEAST_RATIO:g} times as high, such as 1 Hz and 4 Hz, for "
+                f"{FEWEST_STROKES} strokes each"
             )
         for each, fast in zip(strokes, quick.tolist(), strict=True):
             self.stroke_speed[each] = math.sqrt(float(np.mean(velocity[each] ** 2)))
