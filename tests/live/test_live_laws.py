@@ -345,5 +345,9 @@ def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
     source = Heard(palpate.Contact(**vars(pressed(30.0))))
     source.said = tmp_path / "said"
     status = run(source, None, [Diagnosing(every=1.0), Reading(source.said)])
-    assert source.said.read_text().startswith("stiffness trust, damping trust: ")
+    said = source.said.read_text().split("; ")
+    assert [(part.split()[0], part.split()[-1]) for part in said] == [
+        ("stiffness", "(trust)"),
+        ("damping", "(trust)"),
+    ]
     assert status["counts"]["taken"] < 30_000
