@@ -321,7 +321,7 @@ def local_slope(fit: Fit) -> float:
     if np.count_nonzero(near) < FEWEST_NEAR:
         return 0.0
     columns = np.column_stack([place, np.ones_like(place), speed])[near]
-    solved, *_ = np.linalg.lstsq(columns, fit.solution.residual[near])
+    solved, *_ = np.linalg.lstsq(columns, fit.solution.residual[near], rcond=None)
     after = fit.solution.residual[near] - columns @ solved
     error = math.sqrt(robust_covariance(columns, after, fit.windows.shared)[0, 0])
     stiffness = fit.depth * float(fit.reference_scales[0])
