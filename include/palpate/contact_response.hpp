@@ -67,6 +67,24 @@ double variance_along(const Vector<Size>& a, const Matrix<Size>& covariance) noe
   return bounded_variance(dot(a, multiply(covariance, a)));
 }
 
+// A law of one's own: differences of its force. How its parameters share their errors with K′ and
+// B′ is not known here, so the variances are as large as they can be, and the numbers never usable.
+template <class Law>
+LawResponse law_response(const Fit<Law>& fit, double x) noexcept {
+  const double step = 1e-4 * x, slow = 1e-4;  // m; m/s
+  const double stiffness = fit.law.force(x + step, 0.0) - fit.law.force(x - step, 0.0);
+  const double damping = fit.law.force(x, slow) - fit.law.force(x, -slow);
+  const double unknown = bounded_variance(std::numeric_limits<double>::infinity());
+  return {saturate(0.5 * stiffness / step),
+          unknown,
+          saturate(0.5 * damping / slow),
+          unknown,
+          1.5,
+          0.1,
+          fit.offset.value,
+          fit.offset.variance};
+}
+
 inline LawResponse law_response(const Fit<KelvinVoigt>& fit, double) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
   return {law.K, covariance[0][0], law.B,          covariance[1][1], 1.0,
