@@ -71,7 +71,7 @@ TEST("a rejection's threshold is checked where there is one") {
 
 TEST("a method's own settings are checked") {
   CHECK(fault<SingleStageRLS>([](auto& s) { s.method.initial.K = 0.0; }) ==
-        "method.initial must have stiffness > 0, as its logarithm is taken");
+        "method.initial must have K > 0, as its logarithm is taken");
   CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial.B = infinity; }) ==
         "method.initial must be finite parameters, within ±1e100");
   CHECK(fault<KelvinVoigtRLS>([](auto& s) { s.method.initial_covariance[0][0] = 1e21; }) ==
