@@ -144,7 +144,7 @@ def test_kelvin_voigt_returns_what_was_set_extended_or_not_and_no_quadratic_stif
     extended = identify(contact, ExtendedKelvinVoigtRLS()).law
     assert extended.K1 == pytest.approx(law.K, rel=EXACT)
     assert extended.B == pytest.approx(law.B, rel=EXACT)
-    quadratic = extended.quadratic_stiffness * contact.penetration.max()
+    quadratic = extended.K2 * contact.penetration.max()
     assert abs(quadratic) < EXACT * law.K
 
 
