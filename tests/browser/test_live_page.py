@@ -211,7 +211,7 @@ def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opene
             seen = card(page, "relaxation")
             assert page.evaluate("globalThis.shifts") < 0.005  # as above
             assert "without relaxation" in seen["lead"]
-            assert "Relaxation stiffness M" in seen["numbers"]
+            assert "M [N/mⁿ]" in seen["numbers"]
             assert "p" not in seen["panels"]
             assert "K′" in seen["felt"]
             assert "Relaxation time" in seen["felt"]  # one at first, then several
