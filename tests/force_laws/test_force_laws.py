@@ -307,6 +307,19 @@ def test_a_small_oscillation_feels_the_dynamic_stiffness(relaxation, frequency):
     assert measured == pytest.approx(expected, rel=5e-3)
 
 
+def test_a_small_step_relaxes_as_the_stiffness_says(relaxation):
+    law = law_with(relaxation)
+    depth, step, still = 5e-3, 1e-6, np.zeros(20_000)
+    held = np.full(still.size, depth)
+    stepped = np.where(np.arange(still.size) < 1000, depth, depth + step)
+    risen = law.force_along(stepped, still, 1e-4) - law.force_along(held, still, 1e-4)
+    time = 1e-4 * np.array([100, 1000, 19_000 - 1])
+    measured = risen[1000 + np.round(time / 1e-4).astype(int)] / step
+    # The step is a ramp of 0.1 ms, half of which counts beside the 10 ms of the first time.
+    np.testing.assert_allclose(measured, law.stiffness_after(depth, time), rtol=5e-3)
+    assert law.stiffness_after(depth, 0.0) == pytest.approx(law.instantaneous().stiffness_at(depth))
+
+
 def test_the_flat_spectrum_is_fungs():
     """K′ and K″ of the box spectrum in closed form (Fung, 1981)."""
     low, high = 1e-3, 4.0

@@ -334,6 +334,25 @@ class GeneralisedHuntCrossley(CompiledLaw):
         whole = whole + 1j * omega * self.B * x**self.p
         return whole if whole.ndim else complex(whole)
 
+    def stiffness_after(self, depth: "ArrayLike", time: "ArrayLike") -> Any:
+        """Stiffness [N/m] a time after a small step of the penetration.
+
+        n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)], the relaxation function of a generalised Maxwell material.
+
+        Parameters
+        ----------
+        depth : float or array_like
+            m, > 0.
+        time : float or array_like
+            t, s, ≥ 0. An identified law is valid only for the times that its recording shows.
+        """
+        x, after = together(depth=broadcast_contact(depth)[0], time=time)
+        all_good("time", after, (after >= 0.0) & np.isfinite(after), "finite and ≥ 0")
+        times, weights = self.branches()
+        left = (weights * np.exp(-after[..., None] / times)).sum(axis=-1)
+        whole = self.n * x ** (self.n - 1.0) * (self.K + self.M * left)
+        return whole if whole.ndim else float(whole)
+
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂(K, n, B, p) of the relaxed material, and 0 for M."""
         elastic = penetration**self.n

@@ -103,6 +103,23 @@ def relaxation_range(law: GeneralisedHuntCrossley) -> str:
     return " to ".join(_time(float(each)) for each in present[[0, -1]])
 
 
+def describe_relaxation_course(law: ForceLaw, depth: float, frequency: float) -> str:
+    """Describe the stiffness after the shortest and the longest time that a recording shows.
+
+    At a frequency ω a material is felt as it is 1/ω after a step.
+    """
+    if not isinstance(law, GeneralisedHuntCrossley) or not law.remembers or not depth > 0.0:
+        return ""
+    times, weights = law.branches()
+    present = times[weights > 0.0]
+    shortest = min(float(present[0]), 1.0 / frequency) if frequency > 0.0 else float(present[0])
+    course = [
+        f"{rounded(float(f'{law.stiffness_after(depth, time):.3g}'), 3)} N/m after {_time(time)}"
+        for time in (shortest, float(present[-1]))
+    ]
+    return f"stiffness {', '.join(dict.fromkeys(course))}"
+
+
 def _growth(law: GeneralisedHuntCrossley) -> str | None:
     """Return the damper's exponent in terms of the spring's, ``n`` or ``n − 1``; else None."""
     if law.p == law.n:

@@ -28,6 +28,7 @@ from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
     ParameterRow,
+    describe_relaxation_course,
     format_signed,
     law_name,
     parameter_rows,
@@ -304,7 +305,9 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
         # A wrong surface changes K, B and n by far more than stiffness and damping.
         surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
-        parts = f"{law_name(result)}:", *terms, doubt, describe_relaxation_course(result)
+        depth = result.diagnosis.working_depth.depth
+        course = describe_relaxation_course(result.law, depth, result.frequency)
+        parts = f"{law_name(result)}:", *terms, doubt, course
         rows.append(("law", _fold(filter(None, parts), "  ")))
     offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
     rows += [("clocks", each.message) for each in offsets]
@@ -350,24 +353,6 @@ def _describe_fit(result: "Identified") -> str:
         if len(longer := f"{words}; {part}") <= _FOLD[1]:
             words = longer
     return words
-
-
-def describe_relaxation_course(result: "Identified") -> str:
-    """Describe the stiffness of a relaxing law at the fastest and the slowest time it shows."""
-    law, depth = result.law, result.diagnosis.working_depth.depth
-    if not law.remembers or not depth > 0.0:
-        return ""
-    times, weights = law.branches()
-    slope = law.n * depth ** (law.n - 1.0)
-    words = list[str]()
-    present = times[weights > 0.0]
-    # ω⁻¹ of the motion: at a frequency the material is felt as it is after this time.
-    quickest = 1.0 / result.frequency if result.frequency > 0.0 else math.inf
-    for time in (min(float(present[0]), quickest), float(present[-1])):
-        left = float(weights @ np.exp(-time / times))
-        value = rounded(slope * (law.K + law.M * left), 3)
-        words.append(f"{value} N/m {'at' if not words else 'after'} {format_quantity(time, 's')}")
-    return ", ".join(dict.fromkeys(words))
 
 
 def describe_relaxed_stiffness(result: "Identified") -> str:
