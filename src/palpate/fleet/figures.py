@@ -187,7 +187,13 @@ def _histogram(
         inside = known[(known >= low) & (known <= high)]
         axes.hist(inside, edges, color=look.theme.lines[0], linewidth=0)
         if logarithmic:
+            from matplotlib.ticker import LogLocator
+
             axes.set_xscale("log")
+            # Within a decade powers of ten alone would leave one label.
+            subs = (1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)
+            axes.xaxis.set_major_locator(LogLocator(subs=subs))
+            axes.xaxis.set_major_formatter("{x:g}")
             axes.xaxis.set_minor_formatter("")
         beyond = known.size - inside.size
         if beyond and title:

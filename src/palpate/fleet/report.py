@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.digits import rounded, with_error
+from palpate.findings import MARKS
 from palpate.fleet import maps
 from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
 from palpate.fleet.files import REPORT, read_manifest, read_results, read_seconds
@@ -117,8 +118,8 @@ def _tiles(table: Table) -> Iterator[str]:
     yield "</div>"
     judged = False
     for quantity in maps.list_quantities(table):
-        marks = Counter(filter(None, table.column(f"verdict_{quantity}").to_pylist()))
-        words = ", ".join(f"{html.badge(mark)} {count}" for mark, count in sorted(marks.items()))
+        counts = Counter(table.column(f"verdict_{quantity}").to_pylist())
+        words = ", ".join(f"{html.badge(mark)} {counts[mark]}" for mark in MARKS if counts[mark])
         if words:
             judged = True
             yield f"<p>{maps.quantity_name(quantity).capitalize()}: {words}.</p>"

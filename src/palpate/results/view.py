@@ -305,9 +305,7 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
         # A wrong surface changes K, B and n by far more than stiffness and damping.
         surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
-        depth = result.diagnosis.working_depth.depth
-        course = describe_relaxation_course(result.law, depth, result.frequency)
-        parts = f"{law_name(result)}:", *terms, doubt, course
+        parts = f"{law_name(result)}:", *terms, doubt, _describe_course(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
     offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
     rows += [("clocks", each.message) for each in offsets]
@@ -441,11 +439,17 @@ def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
         if whole:
             value, error = result.law.parameters[row.index], result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
-    lines = [describe_relaxed_stiffness(result), _describe_correlation(result)]
+    lines = [_describe_course(result), describe_relaxed_stiffness(result)]
+    lines += [_describe_correlation(result)]
     lines += [*_describe_settings(result.estimate), describe_model_selection(result)]
     shown = [Line(each) for each in (*lines, _describe_fit_errors(result)) if each]
     title = f"Contact model: {law_name(result)}, by {result.method}"
     return ViewSection(title, shown, headings + ["95 % interval"] * whole, rows)
+
+
+def _describe_course(result: "Identified") -> str:
+    depth = result.diagnosis.working_depth.depth
+    return describe_relaxation_course(result.law, depth, result.frequency)
 
 
 def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection:
