@@ -1,16 +1,19 @@
 """The terminal's answer is short, and its next steps can be followed and do not contradict."""
 
+import json
 import math
 import re
 from dataclasses import replace
 from pathlib import Path
 
+import faults
 import numpy as np
 import pytest
 from recordings import files, has_penetration
 from test_diagnosis import CAUSES, INPUTS
 
 import palpate
+from benchmarks.bank import sensor_faults
 from palpate import ESTIMATORS, GeneralisedHuntCrossley, SingleRelaxation
 from palpate.cli.printing import print_identifications
 from palpate.cli.reading import ReadingOptions
@@ -84,6 +87,17 @@ def test_no_method_recommends_itself_on_a_recording(path):
     if path is not None:
         for result in palpate.compare(palpate.prepare(path), trace=False).values():
             assert faults_of(result) == [], result.method
+
+
+def test_a_step_that_was_followed_is_not_said_again(tmp_path, run):
+    file = tmp_path / "bent.csv"
+    palpate.write_contact(faults.damaged(sensor_faults.curved_gain, 0.2), file)
+    first = json.loads(run("identify", file, "--json")[1])["results"][0]["limits"]["stiffness"]
+    [half] = re.findall(r", or .* (--min-penetration \S+)", first["remedy"])
+    again = json.loads(run("identify", file, *half.split(), "--json")[1])
+    limit = again["results"][0]["limits"]["stiffness"]
+    assert limit["check"] == first["check"] == "unknown law"
+    assert limit["remedy"] == first["remedy"].split(", or ")[0]
 
 
 def test_the_next_step_of_a_late_force_leads_to_trust(tmp_path, run):

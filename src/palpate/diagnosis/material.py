@@ -183,8 +183,7 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
-    ways = "record a motion that stays in contact", deeper_half_remedy(fit)
-    remedy = ", or ".join(filter(None, ways))
+    remedy = _or_deeper_half(fit, "record a motion that stays in contact")
     return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
 
 
@@ -264,6 +263,11 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     ]
 
 
+def _or_deeper_half(fit: Fit, remedy: str) -> str:
+    """Return a remedy, and after *or* the deeper half unless it is identified already."""
+    return ", or ".join(filter(None, (remedy, deeper_half_remedy(fit))))
+
+
 # Any other cause explains at most the first fraction of what a leading cause does, and a memory at
 # least the second fraction of the residual.
 SECOND, ALONE = 0.8, 0.25
@@ -307,7 +311,7 @@ def check_unknown_law(
         return None
     return Check.UNKNOWN_LAW.finding(
         f"{what}: the stiffness may be that of another law",
-        f"check the force sensor with a spring up to the same force, or {deeper_half_remedy(fit)}",
+        _or_deeper_half(fit, "check the force sensor with a spring up to the same force"),
         stiffness="with-care",
         brief=what,
     )
