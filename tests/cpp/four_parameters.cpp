@@ -64,6 +64,11 @@ TEST("a law of four parameters is identified, with and without a detector") {
     }
     const Sample s = probed(law, 0.3);
     CHECK_NEAR(estimator.predict(s.penetration, s.velocity), s.force, 1e-6 * s.force);
+    // The library does not know the errors of such a law's K' and B'; bounds of materials hold.
+    const ContactResponse felt = estimator.response();
+    CHECK(!felt.stiffness.usable && !felt.damping.usable);
+    const double slope = law.stiffness + 2.0 * law.quadratic_stiffness * felt.depth;
+    CHECK(felt.stiffness.value > 0.5 * slope && felt.stiffness.value < 2.0 * slope);
   };
   using Estimator = RecursiveEstimator<RegressionMethod<StickyRegression>>;
   check.template operator()<Estimator>();

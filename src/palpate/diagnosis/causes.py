@@ -201,7 +201,7 @@ NEAR, MOST_UNEXPLAINED = 0.25, 0.15
 ALIKE = 0.7  # a rival that explains more than this fraction of the leading cause's counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which the first cause is named without the second
 SOUGHT = (Check.CHANGE, Check.SKEW_JUMP)  # found by a search over borders
-# Of a significant cause that is no nuisance: half, because another may be the true one.
+# Half of a significant cause that is no nuisance counts, because another may be the true one.
 OTHER_CAUSE = 0.5
 
 

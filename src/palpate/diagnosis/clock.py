@@ -1,7 +1,7 @@
-"""What is known of the skew between the clocks of force and position.
+"""The skew between the clocks of force and position, and what shows it.
 
 A skew δ is a force that is δ late. For a law that relaxes, and for the damper of a half-space,
-B′ = B − K′ δ exactly: no recording of the material shows it. What shows it is a touch of a spring,
+B′ = B − K′ δ exactly: no recording of the material shows it. A touch of a spring shows it, or
 a payload that turns in free air, or a clock that both share; the contact's delay holds it.
 """
 

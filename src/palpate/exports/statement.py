@@ -595,7 +595,7 @@ class Statement:
 
     @property
     def _reference(self) -> str:
-        """What the engine's force is compared with."""
+        """Name of the force that the engine's force is compared with."""
         return "the law" if self.source.answer is None else "the identified law with its memory"
 
     def _describe_shares(self) -> str:

@@ -221,7 +221,7 @@ def fit_payload(
     drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
     rest = unloaded[:, :3] - bias
     allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
-    # Of a heavy tool the inertia, by arms that are not known yet, is more than that.
+    # The inertia of a heavy tool, by arms that are not known yet, exceeds that.
     inertia = max(mass - 1.0, 0.0) * (allowed - floor + ARMS * np.linalg.norm(seen[:, 6:9], axis=1))
     allowed += inertia
     free = np.linalg.norm(rest, axis=1) < 2.0 * allowed

@@ -136,7 +136,7 @@ def fitting_readings(
     return [reading for reading, rest in left.items() if rest < most], enough
 
 
-# What the recording states of the frame, and a tool that turns.
+# The frame that a recording states, and a tool that turns.
 
 #: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
 #: a kilogram, a tenth of a soft contact.
@@ -204,7 +204,7 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
     return [Check.ORIENTATION.finding(words, remedy, mark="with-care")]
 
 
-# What is said of a choice, and asked without one.
+# Sentences on a choice, and the question where there is none.
 
 _FRAMES = {"tool": "the tool", "base": "the position"}
 

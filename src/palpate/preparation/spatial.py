@@ -434,7 +434,7 @@ def _check_frame(
     return frame
 
 
-# What the recording does not state: the reading that fits in free air, else in contact.
+# An unstated frame is that of the reading that fits in free air, else in contact.
 
 
 @dataclass(slots=True, eq=False)

@@ -63,7 +63,7 @@ def _columns_of_arrow(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
 
 
 def _columns_of_frame(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
-    """Of pandas or polars; an index that has a name, or of times, is a column."""
+    """Columns of pandas or polars; an index that has a name, or of times, is one of them."""
     units = getattr(table, "attrs", {}).get("units", {})
     index = getattr(table, "index", None)
     if index is not None and (index.name is not None or index.dtype.kind in "mMf"):
