@@ -27,13 +27,11 @@ from palpate.quantities.derived import format_hertz, motion_band
 from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
-    ParameterRow,
     describe_relaxation_course,
     format_signed,
     law_name,
     parameter_rows,
     parameter_terms,
-    relaxation_range,
 )
 from palpate.results.truth import against_truth, stated_truth, truths
 
@@ -299,9 +297,12 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
         # K and M of a law that relaxes depend on times that nobody recorded: under -v.
-        hidden = ("K", "M") if result.law.remembers else ("M",)
+        # What several relaxation times do to the stiffness stands in its course.
+        hidden = ["M", "K"] if result.law.remembers else ["M"]
+        if result.law.relaxation_time is None:
+            hidden.append(RELAXATION)
         shown = (row for row in parameter_rows(result) if row.name not in hidden)
-        terms = (_parameter(result, row) for row in shown)
+        terms = (str(row) for row in shown)
         # A wrong surface changes K, B and n by far more than stiffness and damping.
         surface = (f for f in result.diagnosis.findings if f.check == Check.SURFACE)
         doubt = "(surface in doubt: -v)" if any(math.isfinite(f.z) for f in surface) else ""
@@ -317,11 +318,6 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
         if each.name != _MODULUS or result.segments  # of one contact it is the first line
     ]
     return [(name, words) for name, words in rows if words]
-
-
-def _parameter(result: "Identified", row: ParameterRow) -> str:
-    several = row.name == RELAXATION and result.law.relaxation_time is None
-    return f"{row.symbol} = {relaxation_range(result.law)}" if several else str(row)
 
 
 def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
