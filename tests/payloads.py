@@ -3,7 +3,7 @@
 import numpy as np
 
 from palpate import Payload
-from palpate.recordings.poses import multiply, rotate
+from palpate.channels.frames import multiply, rotate
 
 STEP = 1e-3  # s
 

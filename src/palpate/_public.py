@@ -2,6 +2,7 @@
 
 from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
+from palpate.channels import Columns as Columns
 from palpate.contact import Contact as Contact
 from palpate.contact import VelocityFilter as VelocityFilter
 from palpate.diagnosis import Diagnosis as Diagnosis
@@ -45,7 +46,6 @@ from palpate.identifying import Identification as Identification
 from palpate.identifying import compare as compare
 from palpate.identifying import diagnose as diagnose
 from palpate.identifying import identify as identify
-from palpate.preparation import Columns as Columns
 from palpate.preparation import OnlinePreparation as OnlinePreparation
 from palpate.preparation import Payload as Payload
 from palpate.preparation import PayloadCompensation as PayloadCompensation

@@ -19,13 +19,13 @@ from palpate import (
     identify,
     prepare,
 )
+from palpate.channels.frames import rotate_to_base
 from palpate.digits import with_error
 from palpate.preparation.readings import largest_turn
 from palpate.preparation.settings import (
     never_touches,
     normal_found,
     normal_given,
-    rotate_to_base,
 )
 from palpate.preparation.surfaces import find_surface
 

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import palpate
+from palpate.channels import choose_roles
+from palpate.channels.clocks import build_signals
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 DEPTH = 5e-3 + 2e-3 * np.sin(8.0 * TIME)
@@ -81,8 +83,8 @@ def test_each_component_of_a_force_is_in_its_own_unit():
     space = {f"p{axis}_m": DEPTH for axis in "xyz"}
     force = {"fx [N]": FORCE, "fy [mN]": 1e3 * FORCE, "fz [gf]": FORCE / 9.80665e-3}
     recording = palpate.Recording({"time_s": TIME, **space, **force})
-    roles = palpate.preparation.choose_roles(recording, palpate.Columns(force=",".join(force)))
-    signals = palpate.preparation.clocks.build_signals(recording, roles)
+    roles = choose_roles(recording, palpate.Columns(force=",".join(force)))
+    signals = build_signals(recording, roles)
     np.testing.assert_allclose(signals.force, np.column_stack([FORCE] * 3), rtol=1e-12)
 
 

@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 import palpate
 from palpate import Recording, RecordingError, prepare
-from palpate.preparation import Columns, Preparation
+from palpate.channels import Columns
+from palpate.preparation import Preparation
 from palpate.preparation.payload_log import measure_payload
 
 SETUP = Setup(seed=5, **IDEAL | {"delay": 0.01})

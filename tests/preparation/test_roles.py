@@ -13,10 +13,10 @@ from robots import hand, topics_of
 
 import palpate
 from palpate import MissingChannelError, Recording, RecordingError, prepare
-from palpate.preparation import Columns
-from palpate.preparation.clocks import build_signals, gaps, select_increasing_rows
-from palpate.preparation.roles import choose_roles
-from palpate.preparation.vectors import find_vectors
+from palpate.channels import Columns
+from palpate.channels.clocks import build_signals, gaps, select_increasing_rows
+from palpate.channels.roles import choose_roles
+from palpate.channels.vectors import find_vectors
 
 SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
 

@@ -17,10 +17,10 @@ from robots import hand
 from scipy.spatial.transform import Rotation
 
 from palpate import MissingChannelError, Recording, RecordingError, identify, prepare
-from palpate.preparation import Columns
-from palpate.preparation.roles import choose_roles
+from palpate.channels import Columns
+from palpate.channels.frames import interpolate_rotation
+from palpate.channels.roles import choose_roles
 from palpate.recordings import open_recording
-from palpate.recordings.poses import interpolate_rotation
 
 MAKER = files.Maker()
 START = 1_700_000_000_000_000_000

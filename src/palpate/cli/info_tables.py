@@ -11,10 +11,10 @@ import numpy as np
 from rich.cells import cell_len
 from rich.text import Text
 
+from palpate.channels.roles import explain_roles
 from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
 from palpate.digits import format_quantity, rounded
 from palpate.errors import RecordingError, printable
-from palpate.preparation.roles import explain_roles
 from palpate.recordings.datasets import DataSet
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey

@@ -82,8 +82,8 @@ class StreamOptions:
 
     def source(self, address: str) -> "Source":
         """Return the source at an address."""
+        from palpate.channels import Columns
         from palpate.live.sources import SOURCES, SourceOptions, open_source
-        from palpate.preparation import Columns
         from palpate.validation import number_in
 
         rate = None if self.rate is None else number_in("--rate", self.rate, 1e-3, 1e5)

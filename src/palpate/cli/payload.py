@@ -75,7 +75,7 @@ class LogOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """Return the settings of the preparation."""
-        from palpate.preparation import Columns
+        from palpate.channels import Columns
 
         names = ("time", "position", "orientation", "orientation_form", "force", "torque")
         named = {name: getattr(self, name) for name in names}

@@ -208,7 +208,8 @@ class ReadingOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare`."""
-        from palpate.preparation import Columns, Payload
+        from palpate.channels import Columns
+        from palpate.preparation import Payload
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "mass", "strict")

@@ -14,6 +14,7 @@ import numpy as np
 
 from palpate import errors
 from palpate._core import __version__
+from palpate.channels import Columns
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
 from palpate.estimators import (
@@ -23,7 +24,6 @@ from palpate.estimators import (
     estimator_named,
 )
 from palpate.force_laws import ForceLaw
-from palpate.preparation import Columns
 from palpate.preparation.gates import requested_gate
 from palpate.preparation.settings import Preparation
 from palpate.quantities.derived import QueryOptions

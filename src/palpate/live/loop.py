@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
+from palpate.channels.frames import UNIT_LENGTH
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator
@@ -27,7 +28,6 @@ from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation import OnlinePreparation, PayloadCompensation
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
-from palpate.recordings.poses import UNIT_LENGTH
 from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.

@@ -5,7 +5,4 @@ from palpate.preparation.online import OnlinePreparation as OnlinePreparation
 from palpate.preparation.payload import Payload as Payload
 from palpate.preparation.payload_compensation import PayloadCompensation as PayloadCompensation
 from palpate.preparation.preparing import prepare as prepare
-from palpate.preparation.roles import Columns as Columns
-from palpate.preparation.roles import Roles as Roles
-from palpate.preparation.roles import choose_roles as choose_roles
 from palpate.preparation.settings import Preparation as Preparation

@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate.channels.clocks import Signals, measurable, settle_stamps
+from palpate.channels.roles import Columns, Roles
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding
-from palpate.preparation.clocks import Signals, measurable, settle_stamps
 from palpate.preparation.delay import remove_delay
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.inertia import subtract_inertia
 from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.prepared import Place, Prepared
-from palpate.preparation.roles import Columns, Roles
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surfaces import (
     add,

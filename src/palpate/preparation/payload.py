@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
+from palpate.channels.frames import interpolate_columns
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, worst
-from palpate.recordings.poses import interpolate_columns
 from palpate.validation import Floats
 from palpate.writing import as_toml, write_text
 

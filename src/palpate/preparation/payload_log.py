@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.channels.roles import choose_roles
 from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import skew
-from palpate.preparation.roles import choose_roles
 from palpate.preparation.settings import Preparation
 from palpate.preparation.spatial import compensate_log
 from palpate.recordings import Recording

@@ -10,6 +10,8 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate.channels.clocks import build_signals
+from palpate.channels.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
@@ -18,9 +20,7 @@ from palpate.preparation.along_penetration import (
     contact_of_arrays,
     drop_velocity,
 )
-from palpate.preparation.clocks import build_signals
 from palpate.preparation.payload import Payload
-from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal, no_pose
 from palpate.preparation.surfaces import RADIUS, SurfaceRule

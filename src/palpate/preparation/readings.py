@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from palpate.channels.frames import IN_BASE
+from palpate.channels.roles import Roles
 from palpate.contact import Delay
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
@@ -18,10 +20,8 @@ from palpate.preparation.flange_motion import FlangeMotion
 from palpate.preparation.free_air import blocks_of, fit_weight, largest_consensus
 from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import FEWEST_FREE
-from palpate.preparation.roles import Roles
 from palpate.preparation.settings import ForceFrame
 from palpate.recordings import Recording
-from palpate.recordings.poses import IN_BASE
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 

@@ -8,13 +8,12 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
+from palpate.channels.roles import Columns
 from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
-from palpate.preparation.roles import Columns
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
-from palpate.recordings.poses import UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
 from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown, vector_in
 
@@ -149,51 +148,6 @@ def check_flip(flip: Sequence[str]) -> set[str]:
             allowed = " or ".join(FLIPPED)
             raise InvalidParameterError(f"flip must name {allowed}, not {shown(channel)}")
     return names
-
-
-# Rotation of forces from the tool's frame to the position's frame.
-
-
-def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floats:
-    """Rotate forces from the tool's frame to the base's frame, with the probe's orientation.
-
-    Parameters
-    ----------
-    force : numpy.ndarray, shape (k, 3)
-        Forces in the tool's frame.
-    orientation : numpy.ndarray, shape (k, 4)
-        Quaternions x, y, z, w.
-
-    Raises
-    ------
-    RecordingError
-        The orientations are not quaternions: their norm is not 1.
-    """
-    return rotate(force, unit_quaternions(orientation, source))
-
-
-def are_quaternions(orientation: Floats) -> bool:
-    """Whether nine of ten norms are 1, to rounding and interpolation."""
-    length = np.linalg.norm(orientation, axis=1)
-    return float((np.abs(length - 1.0) > UNIT_LENGTH).mean()) <= 0.1
-
-
-def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
-    """Return an orientation with norms of 1.
-
-    Raises
-    ------
-    RecordingError
-        The orientations are not quaternions: their norm is not 1.
-    """
-    length = np.linalg.norm(orientation, axis=1)
-    if not are_quaternions(orientation):
-        words = f"its norm is {float(np.nanmedian(length)):.3g}, not 1"
-        words = f"the orientation is not a quaternion x, y, z, w: {words}"
-        raise RecordingError.of(source, f"{words}; choose its channels with --orientation")
-    with np.errstate(invalid="ignore", divide="ignore"):
-        unit: Floats = orientation / length[:, None]
-    return unit
 
 
 # The contact normal: given as an axis or a vector, or found from the forces.

@@ -9,12 +9,21 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.channels.clocks import Signals, build_signals
+from palpate.channels.frames import (
+    INVERSE,
+    align_signs,
+    are_quaternions,
+    interpolate_columns,
+    rotate_to_base,
+    unit_quaternions,
+)
+from palpate.channels.roles import Roles, choose_roles
 from palpate.contact import Contact, Delay, VelocityFilter, between, run_slices
 from palpate.digits import percent, rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
-from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
 from palpate.preparation.flange_motion import WINDOW, FlangeMotion, motion_of
 from palpate.preparation.free_air import without_zeroings
@@ -47,19 +56,15 @@ from palpate.preparation.readings import (
     turn_findings,
 )
 from palpate.preparation.resolution import noise_of
-from palpate.preparation.roles import Roles, choose_roles
 from palpate.preparation.settings import (
     ForceFrame,
     Normal,
     Preparation,
-    are_quaternions,
     check_delay,
     grows,
     no_normal,
     normal_found,
     normal_given,
-    rotate_to_base,
-    unit_quaternions,
 )
 from palpate.preparation.surfaces import (
     Baseline,
@@ -80,7 +85,6 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities, step_of
 from palpate.recordings import Recording
-from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
 

@@ -13,14 +13,14 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.channels.clocks import SINCE_LONG_AGO, Stream, origin_of, stream_of
+from palpate.channels.roles import Columns, Offer, offer_of
 from palpate.contact import Contact, Delay
 from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.clock_offset import fine_offset, rough_offset
-from palpate.preparation.clocks import SINCE_LONG_AGO, Stream, origin_of, stream_of
 from palpate.preparation.delay import LONGEST_FOUND
-from palpate.preparation.roles import Columns, Offer, offer_of
 from palpate.preparation.settings import Preparation, check_delay
 from palpate.recordings import Recording
 from palpate.recordings.recording import unit_size

@@ -23,13 +23,14 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from palpate.channels import Columns
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import UNKNOWN, Quantity
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimators.batch_fit import fit_curves
 from palpate.findings import Check, Finding, Mark, worst
-from palpate.preparation import Columns, prepare
+from palpate.preparation import prepare
 from palpate.quantities.elastic_modulus import (
     INCOMPRESSIBLE,
     NEXT_SHAPE,

@@ -9,32 +9,12 @@ from os.path import commonprefix
 
 import numpy as np
 
-from palpate.errors import MissingChannelError, RecordingError, list_names
-from palpate.findings import Check, Finding
-from palpate.preparation.channel_kinds import (
-    _OF_UNIT,
-    JOINTS,
-    PREFERRED,
-    SLIDES,
-    channel_kind,
-)
-from palpate.preparation.contact_rows import (
+from palpate.channels.contact_rows import (
     is_contact_table,
     refuse_several_contacts,
     state_penetration,
 )
-from palpate.preparation.joined_rows import separate_topics
-from palpate.preparation.vectors import (
-    COUNTED,
-    ONE_OF_MANY,
-    Vector,
-    find_flattened_arrays,
-    find_vectors,
-)
-from palpate.recordings import Recording
-from palpate.recordings.names import divide_unit, is_wanted, split_name
-from palpate.recordings.opening import within
-from palpate.recordings.poses import (
+from palpate.channels.frames import (
     IN_BASE,
     OrientationForm,
     Step,
@@ -46,6 +26,26 @@ from palpate.recordings.poses import (
     rotate,
     state_poses,
 )
+from palpate.channels.joined_rows import separate_topics
+from palpate.channels.kinds import (
+    _OF_UNIT,
+    JOINTS,
+    PREFERRED,
+    SLIDES,
+    channel_kind,
+)
+from palpate.channels.vectors import (
+    COUNTED,
+    ONE_OF_MANY,
+    Vector,
+    find_flattened_arrays,
+    find_vectors,
+)
+from palpate.errors import MissingChannelError, RecordingError, list_names
+from palpate.findings import Check, Finding
+from palpate.recordings import Recording
+from palpate.recordings.names import divide_unit, is_wanted, split_name
+from palpate.recordings.opening import within
 from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
 
 

@@ -99,6 +99,48 @@ def _rotation_of_vector(vectors: Floats) -> Floats:
     return align_signs(np.concatenate([axis, np.cos(0.5 * angle)], axis=1))
 
 
+def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floats:
+    """Rotate forces from the tool's frame to the base's frame, with the probe's orientation.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k, 3)
+        Forces in the tool's frame.
+    orientation : numpy.ndarray, shape (k, 4)
+        Quaternions x, y, z, w.
+
+    Raises
+    ------
+    RecordingError
+        The orientations are not quaternions: their norm is not 1.
+    """
+    return rotate(force, unit_quaternions(orientation, source))
+
+
+def are_quaternions(orientation: Floats) -> bool:
+    """Whether nine of ten norms are 1, to rounding and interpolation."""
+    length = np.linalg.norm(orientation, axis=1)
+    return float((np.abs(length - 1.0) > UNIT_LENGTH).mean()) <= 0.1
+
+
+def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
+    """Return an orientation with norms of 1.
+
+    Raises
+    ------
+    RecordingError
+        The orientations are not quaternions: their norm is not 1.
+    """
+    length = np.linalg.norm(orientation, axis=1)
+    if not are_quaternions(orientation):
+        words = f"its norm is {float(np.nanmedian(length)):.3g}, not 1"
+        words = f"the orientation is not a quaternion x, y, z, w: {words}"
+        raise RecordingError.of(source, f"{words}; choose its channels with --orientation")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        unit: Floats = orientation / length[:, None]
+    return unit
+
+
 OrientationForm = Literal["rpy", "rotation-vector"]
 _ROLL = re.compile(r"(?<![^\W\d_])roll(?![^\W\d_])", re.I)
 _DEGREES = re.compile(r"°|(?<![^\W\d_])deg(?:rees?)?(?![^\W\d_])", re.I)

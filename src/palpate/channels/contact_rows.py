@@ -11,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from palpate.channels.kinds import channel_kind
 from palpate.errors import RecordingError
-from palpate.preparation.channel_kinds import channel_kind
 from palpate.recordings import Recording
 from palpate.recordings.names import split_name
 

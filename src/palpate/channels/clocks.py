@@ -9,13 +9,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.channels.frames import align_signs, interpolate_columns, lie_between_samples
+from palpate.channels.kinds import is_raw
+from palpate.channels.roles import Roles
 from palpate.contact import SHORTEST_STEP, number_runs, run_slices
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding, Severity
-from palpate.preparation.channel_kinds import is_raw
-from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
-from palpate.recordings.poses import align_signs, interpolate_columns, lie_between_samples
 from palpate.recordings.recording import (
     GRAVITY,
     TORQUE_UNITS,
