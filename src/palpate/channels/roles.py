@@ -2,20 +2,15 @@
 
 import re
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, fields, replace
 from os.path import commonprefix
+from typing import TypeAlias
 
 import numpy as np
 
-from palpate.channels.contact_rows import (
-    is_contact_table,
-    refuse_several_contacts,
-    state_penetration,
-)
 from palpate.channels.frames import (
-    IN_BASE,
     OrientationForm,
     Step,
     Transforms,
@@ -26,27 +21,23 @@ from palpate.channels.frames import (
     rotate,
     state_poses,
 )
-from palpate.channels.joined_rows import separate_topics
-from palpate.channels.kinds import (
-    _OF_UNIT,
-    JOINTS,
-    PREFERRED,
-    SLIDES,
-    channel_kind,
+from palpate.channels.kinds import OF_UNIT, PREFERRED, WORDS, RecordedKinds
+from palpate.channels.rows import (
+    is_contact_table,
+    refuse_several_contacts,
+    separate_topics,
+    state_penetration,
 )
-from palpate.channels.vectors import (
-    COUNTED,
-    ONE_OF_MANY,
-    Vector,
-    find_flattened_arrays,
-    find_vectors,
-)
+from palpate.channels.vectors import COUNTED, ONE_OF_MANY, Vector
 from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.recordings import Recording
 from palpate.recordings.names import divide_unit, is_wanted, split_name
 from palpate.recordings.opening import within
-from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
+from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers
+
+#: Channels that have one role together: one channel, or the components of a vector.
+Names: TypeAlias = tuple[str, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,8 +75,9 @@ class Columns:
     torque: str | None = None
 
     def __repr__(self) -> str:
-        named = ((each.name, getattr(self, each.name), each.default) for each in fields(self))
-        return f"Columns({', '.join(f'{n}={name!r}' for n, name, usual in named if name != usual)})"
+        values = ((field.name, getattr(self, field.name), field.default) for field in fields(self))
+        changed = (f"{name}={value!r}" for name, value, default in values if value != default)
+        return f"Columns({', '.join(changed)})"
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,26 +110,30 @@ class Roles:
         The recording with the poses that palpate computed from it.
     """
 
-    depth: tuple[str, ...]
+    depth: Names
     is_penetration: bool
-    force: tuple[str, ...]
+    force: Names
     time: str | None = None
     velocity: str | None = None
     segment: str | None = None
-    orientation: tuple[str, ...] = ()
+    orientation: Names = ()
     orientation_frame: str | None = None
-    torque: tuple[str, ...] = ()
+    torque: Names = ()
     reasons: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     recording: Recording = field(kw_only=True, repr=False, compare=False)
 
     @property
-    def by_role(self) -> dict[str, tuple[str, ...]]:
+    def by_role(self) -> dict[str, Names]:
         """The channels of each role except the time."""
-        single = {"velocity": self.velocity, "segment": self.segment}
-        own = {role: () if name is None else (name,) for role, name in single.items()}
-        names = "depth", "force", "orientation", "torque"
-        return {**{name: getattr(self, name) for name in names}, **own}
+        return {
+            "depth": self.depth,
+            "force": self.force,
+            "orientation": self.orientation,
+            "torque": self.torque,
+            "velocity": () if self.velocity is None else (self.velocity,),
+            "segment": () if self.segment is None else (self.segment,),
+        }
 
 
 def choose_roles(recording: Recording, columns: Columns | None = None) -> Roles:
@@ -158,7 +154,7 @@ def choose_roles(recording: Recording, columns: Columns | None = None) -> Roles:
 
 def explain_roles(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
     """Return each channel's role (empty without one) and the reason, and the error if any."""
-    return _Choosing(recording, Columns()).uses()
+    return _explain(_Choosing(recording, Columns()))
 
 
 def contact_groups(recording: Recording, columns: Columns) -> list[str]:
@@ -167,8 +163,9 @@ def contact_groups(recording: Recording, columns: Columns) -> list[str]:
     Only HDF5 and MATLAB files have groups. They count if several contain position and force and no
     option names either. Topics are not groups: they are recorded at the same time.
     """
-    usual, stated = Columns(), (columns.penetration, columns.force, columns.position)
-    if stated != (usual.penetration, usual.force, None) or recording.types:
+    default = Columns()
+    is_named = (columns.penetration, columns.force) != (default.penetration, default.force)
+    if is_named or columns.position is not None or recording.types:
         return []
     choosing = _Choosing(recording, columns)
     depths = choosing.depths()[1]
@@ -190,19 +187,20 @@ class Offer:
     """
 
     recording: Recording
-    depths: list[tuple[str, ...]]
-    forces: list[tuple[str, ...]]
+    depths: list[Names]
+    forces: list[Names]
     time: str | None
 
-    def clock_of(self, names: tuple[str, ...]) -> str | None:
+    def clock_of(self, names: Names) -> str | None:
         """Return the clock of channels; None without one."""
         return self.recording.clocks.get(names[0], self.time)
 
 
 def offer_of(recording: Recording, columns: Columns) -> Offer:
     """Return what a file offers; a channel that is named but not in this file is not an error."""
-    depths, forces = list[tuple[str, ...]](), list[tuple[str, ...]]()
-    time: tuple[str, ...] = ()
+    depths: list[Names] = []
+    forces: list[Names] = []
+    time: Names = ()
     with suppress(RecordingError):
         choosing = _Choosing(recording, columns)
         recording = choosing.recording
@@ -211,7 +209,7 @@ def offer_of(recording: Recording, columns: Columns) -> Offer:
         with suppress(MissingChannelError):
             forces = choosing.forces(len(depths[0]) if depths else 3)
         with suppress(MissingChannelError):
-            time = choosing._given("time") or choosing._time((depths or forces or [("",)])[0])
+            time = choosing.named("time") or choosing.time_of((depths or forces or [("",)])[0])
     return Offer(recording, depths, forces, next(iter(time), None))
 
 
@@ -222,7 +220,8 @@ _SPOKEN = {
     "stress": "a stress", "strain": "a strain", "orientation": "an orientation",
     "angle": "an angle",
 }  # fmt: skip
-_USUAL_REASONS = {"orientation": "the only quaternion", "torque": "of the sensor of the force"}
+_DEFAULT_REASONS = {"orientation": "the only quaternion", "torque": "of the sensor of the force"}
+_PLAIN_TIMES = ("time", "t", "timestamp", "stamp")
 _REMEDIES = {
     "position": "record the position of the probe, or name its channel with --position, or its "
     "file with --with",
@@ -234,231 +233,247 @@ _REMEDIES = {
 }
 
 
-@dataclass
+# What palpate prefers among channels of one quantity, in this order: each row keeps the channels
+# that fit it, if any do.
+_PREFERENCES: tuple[
+    tuple[Collection[str], Callable[["_Choosing", Names, str], bool]],
+    ...,
+] = (
+    (WORDS, lambda choosing, names, _: names[0] in choosing.recording.plots),
+    # Millimetres rather than volts.
+    ((*UNITS, "position"), lambda choosing, names, kind: choosing.kinds.converts(names[0], kind)),
+    # A constant is a fixed frame, or not measured.
+    (("position", "force"), lambda choosing, names, _: choosing.kinds.moves(names)),
+    (PREFERRED, lambda _, names, kind: not PREFERRED[kind].isdisjoint(split_name(names[0]))),
+    (("position",), lambda choosing, names, _: names in choosing.chains),
+)
+
+
 class _Choosing:
-    recording: Recording
-    columns: Columns
-    reasons: dict[str, str] = field(default_factory=dict)
+    """Chooses the channels of each role, and composes the poses that they need."""
 
-    def __post_init__(self) -> None:
-        self.kinds: dict[str, str | None] = {}
-        self.recording, self.replaced = state_poses(self.recording)
-        self.recording, self.penetrations = state_penetration(self.recording)
-        self.kinds |= dict.fromkeys(self.penetrations.values(), "penetration")
-        self.transforms = Transforms(self.recording)
-        self.chains: dict[tuple[str, ...], list[Step]] = {}  # keys: channels of the position
+    def __init__(self, recording: Recording, columns: Columns) -> None:
+        recording, self.replaced = state_poses(recording)
+        recording, self.penetrations = state_penetration(recording)
+        self.columns = columns
+        self.kinds: RecordedKinds = RecordedKinds(recording, self.penetrations.values())
+        self.transforms = Transforms(recording)
+        self.chains: dict[Names, list[Step]] = {}  # keys: channels of the position
+        self.reasons: dict[str, str] = {}
         self.findings: list[Finding] = []
-        names = self.recording.channels
-        self.arrays = find_flattened_arrays(names)
-        found = find_vectors(names)
-        # If there are depth[0], depth[1] and depth[2], then force[k] are three runs, not axes.
-        runs = any(self._vector_kind(each) == "penetration" for each in found)
-        found = [v for v in found if not (runs and v.components[0].endswith("]"))]
-        self.vectors = [each for each in found if self._is_one(each)]
-        self.assumed = self._assume_vectors()
-        self.vectors += self.assumed
-        self.vectors += [v for v in self.arrays if IN_BASE.match(v.stem) and v not in self.vectors]
-        self._add_chains()
+        if columns.position is None:
+            self._add_possible_chains()
+        else:
+            self._add_named_chain(columns.position)
 
-    def _add_chains(self) -> None:
-        """Compose the named chain of transforms, else that to the frame of each possible force."""
-        position, frames = self.columns.position, self.recording.frames
-        if position is None and self.transforms.names and not self.depths()[0]:
-            known = sorted({frames.get(names[0], "") for names in self.forces(3)} - {""})
-            for frame in known:
-                self._add_chain(self.transforms.chain(frame))
-            others = {names[0] for names in self._candidates("position", 3)}
-            if not self.chains and others <= self.transforms.names:  # a force in the base's axes
-                for frame in known:
-                    above = self.transforms.chain(frame)  # at rest, such as base_link > base
-                    below = self.transforms.chains_below(frame)
-                    if above and not below:
-                        below = self.transforms.chains_below(above[0].parent)
-                    for steps in below:
-                        self._add_chain(steps)
-            if self.chains:
-                self.replaced |= self.transforms.names - {names[0] for names in self.chains}
-        ends = None if position is None else frames_in(position)
-        if ends is None or any(within(name, str(position)) for name in self.recording.channels):
+    @property
+    def recording(self) -> Recording:
+        """The recording, with the poses that palpate computed from it."""
+        return self.kinds.recording
+
+    @recording.setter
+    def recording(self, recording: Recording) -> None:
+        self.kinds.recording = self.transforms.recording = recording
+
+    # Chains of transforms.
+
+    def _add_possible_chains(self) -> None:
+        """Compose the chain of transforms to the frame of each possible force."""
+        if not self.transforms.names or self.depths()[0]:
             return
-        if not (steps := self.transforms.chain(ends[1], ends[0])):
-            words = f"no chain of transforms leads from {ends[0]!r} to {ends[1]!r}; list them with "
-            source = self.recording.source
-            raise RecordingError.of(source, f"{words}palpate info {source or 'FILE'}")
-        self._add_chain(steps, str(position))
+        frames = {self.recording.frames.get(names[0], "") for names in self.forces(3)}
+        for frame in sorted(frames - {""}):
+            self._add_chain(self.transforms.chain(frame))
+        positions = {names[0] for names in self._candidates("position", 3)}
+        if not self.chains and positions <= self.transforms.names:  # a force in the base's axes
+            for frame in sorted(frames - {""}):
+                for steps in self._chains_from(frame):
+                    self._add_chain(steps)
+        if self.chains:
+            self.replaced |= self.transforms.names - {names[0] for names in self.chains}
 
-    def _add_chain(self, steps: list[Step], name: str | None = None) -> tuple[str, ...]:
+    def _chains_from(self, frame: str) -> list[list[Step]]:
+        """The chains down from a frame, or from the root above it, as base_link above base."""
+        to_root = self.transforms.chain(frame)
+        chains = self.transforms.chains_below(frame)
+        if to_root and not chains:
+            return self.transforms.chains_below(to_root[0].parent)
+        return chains
+
+    def _add_named_chain(self, position: str) -> None:
+        """Compose the chain of transforms whose two frames the user names, if it is none yet."""
+        ends = frames_in(position)
+        if ends is None or any(within(name, position) for name in self.recording.channels):
+            return
+        steps = self.transforms.chain(ends[1], ends[0])
+        if not steps:
+            message = f"no chain of transforms leads from {ends[0]!r} to {ends[1]!r}; list them"
+            source = self.recording.source
+            raise RecordingError.of(source, f"{message} with palpate info {source or 'FILE'}")
+        self._add_chain(steps, position)
+
+    def _add_chain(self, steps: list[Step], name: str | None = None) -> Names:
         """Compose a chain under its name; return its rotation's channels, none if it is fixed."""
         if not steps:
             return ()
         if name is None:
             topic = next((step.topic for step in reversed(steps) if not step.static), "/tf")
             name = f"{topic}[{steps[0].parent}>{steps[-1].child}]"
-        place, turn = (f"{name}.transform.{part}" for part in ("translation", "rotation"))
-        vectors = [
-            Vector(place, tuple(f"{place}.{a}" for a in "xyz")),
-            Vector(turn, tuple(f"{turn}.{a}" for a in "xyzw")),
-        ]
-        if vectors[0].components not in self.chains:
-            if (composed := self.transforms.compose(steps, name)) is None:
+        translation = f"{name}.transform.translation"
+        rotation = f"{name}.transform.rotation"
+        position = Vector(translation, tuple(f"{translation}.{axis}" for axis in "xyz"))
+        orientation = Vector(rotation, tuple(f"{rotation}.{axis}" for axis in "xyzw"))
+        if position.components not in self.chains:
+            composed = self.transforms.compose(steps, name)
+            if composed is None:
                 return ()
             self.recording, findings = composed
-            self.transforms.recording = self.recording
             self.findings += findings
-            self.vectors += [each for each in vectors if each not in self.vectors]
-            self.chains[vectors[0].components] = steps
-        return vectors[1].components
+            self.kinds.add_vectors([position, orientation])
+            self.chains[position.components] = steps
+        return orientation.components
+
+    def _report_chains(self, depth: Names, frame: str | None) -> Iterable[Finding]:
+        """Report the chains of transforms in use and the rows excluded from them."""
+        steps = self.chains.get(depth)
+        if steps is not None:
+            yield chain_in_use(steps, is_position=True)
+        turning = next((chain for chain in self.chains.values() if chain[-1].child == frame), None)
+        if turning is not None and turning is not steps:
+            yield chain_in_use(turning, is_position=False)
+        yield from self.findings
+
+    # The channels of each role.
 
     def roles(self) -> Roles:
+        """Return the chosen channels.
+
+        Raises
+        ------
+        RecordingError
+            A channel is missing, or several fit.
+        """
         is_penetration, depths = self.depths()
         forces = self.forces(len(depths[0]) if depths else 1)
         role = "penetration" if is_penetration else "position"
         if not depths or not forces:
-            raise self._missing_roles(bool(depths), bool(forces))
+            absent = ["position"] * (not depths) + ["force"] * (not forces)
+            raise _missing_roles(self, absent)
         if len(depths) > 1 or len(forces) > 1:
-            raise self._question({role: depths, "force": forces})
-        [depth], [force] = depths, forces
-        self._because(role, depth)
-        self._because("force", force)
-        time = self._given("time")
+            raise _question(self, role, depths, forces)
+        depth, force = depths[0], forces[0]
+        self._explain_choice(role, depth)
+        self._explain_choice("force", force)
+        time = self.named("time")
         if not time and not self.recording.clocks:
-            time = self._time(depth)
+            time = self.time_of(depth)
         contacts = depth[0] in self.penetrations.values() or is_contact_table(self.recording)
         if is_penetration and contacts:
-            own = self.recording.clocks.get(depth[0])
-            refuse_several_contacts(self.recording, next(iter(time), own))
+            clock = self.recording.clocks.get(depth[0])
+            refuse_several_contacts(self.recording, next(iter(time), clock))
         orientation, frame = self._orientation(depth, force)
-        findings = *self._assumptions(depth, force), *self._chain_findings(depth, frame)
+        has_torque = orientation and len(depth) == len(force) == 3
         roles = Roles(
             depth,
             is_penetration,
             force,
             next(iter(time), None),
             next(iter(self._velocity(depth, is_penetration)), None),
-            next(iter(self._given("segment")), None),
+            next(iter(self.named("segment")), None),
             orientation,
             frame,
-            self._torque(force) if orientation and len(depth) == len(force) == 3 else (),
+            self._torque(force) if has_torque else (),
             self.reasons,
-            (*findings, *self._inconvertible()),
+            (
+                *self._report_assumptions(depth, force),
+                *self._report_chains(depth, frame),
+                *self._report_inconvertible(),
+            ),
             recording=self.recording,
         )
         return _with_clock_of_each_topic(roles)
 
-    def uses(self) -> tuple[dict[str, tuple[str, str]], str]:
-        """Return each channel's role (empty without one) and the reason, and the error if any."""
-        uses: dict[str, tuple[str, str]] = {}
-        refusal = ""
-        try:
-            roles = self.roles()
-        except RecordingError as error:
-            refusal = str(error).removeprefix(f"{self.recording.source}: ")
-        else:
-            depth = "penetration" if roles.is_penetration else "position"
-            for role, names in roles.by_role.items():
-                role = depth if role == "depth" else role
-                usual = _USUAL_REASONS.get(role, "has this name")
-                uses |= dict.fromkeys(names, (role, self.reasons.get(role, usual)))
-                clocks = {self.recording.clocks.get(name, roles.time) for name in names}
-                reason = self.reasons.get("time", "clock of these channels")
-                uses |= {clock: ("time", reason) for clock in clocks if clock}
-        every = self.recording.channels
-        return {n: uses.get(n) or ("", self._reason_against(n)) for n in every}, refusal
-
-    def _reason_against(self, name: str) -> str:
-        """Why a channel has no role."""
-        values, kind = self.recording.channels[name], self._kind(name)
-        if values.dtype.kind in "OUS" and not holds_numbers(values):
-            return "text"
-        if name in self.recording.clocks.values():
-            return "a clock"
-        if is_wanted(name):
-            return "commanded"
-        if name in self.penetrations:
-            return "its negative is the penetration"
-        if kind in (*UNITS, "position") and not self._convertible(name, kind):
-            return f"in {self.recording.unit_of(name)}, no {_quantity(kind)}"
-        if kind in ("position", "force") and not self._moves((name,)):
-            return "never changes"
-        if kind is None or kind == "nothing":
-            return "unknown quantity"
-        return _SPOKEN.get(kind, f"a {kind}")
-
-    def _inconvertible(self) -> Iterable[Finding]:
-        """Report channels in units of other quantities, such as a depth in volts."""
-        names = [
-            name
-            for name in self.recording.channels
-            if (kind := self._kind(name)) in ("penetration", "position", "force")
-            and self.recording.unit_of(name) in OTHER_UNITS
-            and not self._convertible(name, kind)
-        ]
-        if names:
-            listed = ", ".join(map(repr, names[:6]))
-            yield Check.IGNORED.finding(f"palpate ignores {listed}: in no unit of length or force")
-
-    def depths(self) -> tuple[bool, list[tuple[str, ...]]]:
+    def depths(self) -> tuple[bool, list[Names]]:
         """Return whether the depths are penetrations, and all channels or vectors that fit."""
         if self.columns.position is not None:
             return False, [self._find_named_channels("position", self.columns.position)]
-        given = self._given("penetration")
+        named = self.named("penetration")
         positions = self._candidates("position", 3) or self._candidates("position", 1)
-        found = [given] if given else self._candidates("penetration", 1)
-        arrays = {names[0].rpartition("[")[0] for names in found}
+        penetrations = [named] if named else self._candidates("penetration", 1)
+        if not penetrations:
+            return False, positions
+        arrays = {names[0].rpartition("[")[0] for names in penetrations}
         one_array = len(arrays) == 1 and arrays != {""}
-        picture = one_array and len(found) > max(len(self.forces(1)), 1)  # no runs side by side
-        return (False, positions) if (picture and positions) or not found else (True, found)
+        # A picture, not runs side by side.
+        if one_array and len(penetrations) > max(len(self.forces(1)), 1) and positions:
+            return False, positions
+        return True, penetrations
 
-    def forces(self, size: int) -> list[tuple[str, ...]]:
+    def forces(self, size: int) -> list[Names]:
         """Return the channels or vectors that could be the force, if possible of the same size."""
-        given = self._given("force")
+        named = self.named("force")
+        if named:
+            return [named]
         sizes = (3, 1) if size == 3 else (1, 3)
-        found = [[given] if given else self._candidates("force", size) for size in sizes]
-        return found[0] or found[1]
+        return self._candidates("force", sizes[0]) or self._candidates("force", sizes[1])
 
-    def groups(self, depths: list[tuple[str, ...]], forces: list[tuple[str, ...]]) -> list[str]:
+    def _candidates(self, kind: str, size: int) -> list[Names]:
+        """Channels or vectors that measure this quantity; commanded ones only if alone."""
+        recorded = [n for n in self.kinds.measuring(kind, size) if n[0] not in self.replaced]
+        if kind == "position":  # a fixed transform is not a probe, even if there is nothing else
+            fixed = self.transforms.names
+            recorded = [n for n in recorded if n[0] not in fixed or self.kinds.moves(n)]
+        measured = [names for names in recorded if not is_wanted(names[0])]
+        for kinds, fits in _PREFERENCES:
+            if kind in kinds:
+                measured = [names for names in measured if fits(self, names, kind)] or measured
+        if self.recording.episode is not None:  # actions are in every data set
+            return measured
+        return measured or recorded
+
+    def groups(self, depths: list[Names], forces: list[Names]) -> list[str]:
         """Return the groups that each hold one depth and one force on a separate clock.
 
         Without clocks, return the groups whose names count runs or tests.
         """
-        names = [each[0] for each in depths]
-        clocks = {self.recording.clocks.get(name) for name in names}
+        names = [depth[0] for depth in depths]
         if len(names) < 2:
             return []
+        clocks = {self.recording.clocks.get(name) for name in names}
         if None in clocks or len(clocks) != len(names):
-            own = [set(split_name(name.rpartition("/")[0])) for name in names]
-            timed = any(self._kind(name) == "time" for name in self.recording.channels)
-            if timed or any(ONE_OF_MANY.isdisjoint(each) for each in own):
+            timed = any(self.kinds.of(name) == "time" for name in self.recording.channels)
+            groups = (split_name(name.rpartition("/")[0]) for name in names)
+            if timed or any(ONE_OF_MANY.isdisjoint(words) for words in groups):
                 return []
-        of_depth, of_force = (_differing_groups([n[0] for n in each]) for each in (depths, forces))
+        of_depth = _differing_groups(names)
+        of_force = _differing_groups([force[0] for force in forces])
         return of_depth if set(of_depth) == set(of_force) else []
 
-    def _time(self, depth: tuple[str, ...]) -> tuple[str, ...]:
+    def time_of(self, depth: Names) -> Names:
         """Return the time channel; for runs side by side, the one with the depth's number."""
-        found = self._candidates("time", 1)
+        times = self._candidates("time", 1)
         number = _numbers(depth)
-        own = [names for names in found if _numbers(names) == number]
-        plain = [n for n in found if n[0].lower() in ("time", "t", "timestamp", "stamp")]
-        chosen = (number and own[:1]) or plain[:1] or found[:1]
+        plain = [names for names in times if names[0].lower() in _PLAIN_TIMES]
+        numbered = [names for names in times if number and _numbers(names) == number]
+        chosen = next(iter(numbered or plain or times), ())
         if chosen:
-            self._because("time", chosen[0])
-        return chosen[0] if chosen else ()
+            self._explain_choice("time", chosen)
+        return chosen
 
-    def _velocity(self, depth: tuple[str, ...], is_penetration: bool) -> tuple[str, ...]:
+    def _velocity(self, depth: Names, is_penetration: bool) -> Names:
         if self.columns.velocity == "none":
             return ()
-        if given := self._given("velocity"):
-            return given
-        # With a position, the direction and sign of a velocity are unknown.
-        found = self._candidates("velocity", 1) if is_penetration and len(depth) == 1 else []
-        if len(found) != 1:
+        if named := self.named("velocity"):
+            return named
+        if not is_penetration or len(depth) != 1:  # the direction of a velocity is unknown
             return ()
-        self._because("velocity", found[0])
-        return found[0]
+        velocities = self._candidates("velocity", 1)
+        if len(velocities) != 1:
+            return ()
+        self._explain_choice("velocity", velocities[0])
+        return velocities[0]
 
-    def _orientation(
-        self, depth: tuple[str, ...], force: tuple[str, ...]
-    ) -> tuple[tuple[str, ...], str | None]:
+    def _orientation(self, depth: Names, force: Names) -> tuple[Names, str | None]:
         """Return the orientation, and its frame if transforms state it.
 
         It is the named one, else the orientation of the force's frame from transforms, else the one
@@ -467,326 +482,315 @@ class _Choosing:
         if self.columns.orientation is not None:
             named = self._find_named_channels("orientation", self.columns.orientation)
             return self._quaternion_of(named) if len(named) == 3 else named, None
-        own, frame = (self.recording.frames.get(names[0], "") for names in (depth, force))
-        if len(depth) == len(force) == 3 and own and frame:
-            steps = self.transforms.chain(frame, own)
+        base = self.recording.frames.get(depth[0], "")
+        frame = self.recording.frames.get(force[0], "")
+        if len(depth) == len(force) == 3 and base and frame:
+            steps = self.transforms.chain(frame, base)
             if channels := self._add_chain(steps):
                 return channels, steps[-1].child
-            self._turn_force(force, frame, own)
-        found, pose = self._candidates("orientation", 4), depth[0].rsplit(".", 2)[0]
-        near = [names for names in found if within(names[0], pose)]
-        group = [names for names in found if _share_source(names[0], depth[0])]
-        if not found and len(angles := find_roll_pitch_yaw(self.recording.channels)) == 1:
+            self._turn_force(force, frame, base)
+        quaternions = self._candidates("orientation", 4)
+        angles = find_roll_pitch_yaw(self.recording.channels)
+        if not quaternions and len(angles) == 1:
             return self._quaternion_of(angles[0]), None
-        return next((each[0] for each in (near, group, found) if len(each) == 1), ()), None
+        pose = depth[0].rsplit(".", 2)[0]
+        in_pose = [names for names in quaternions if within(names[0], pose)]
+        in_group = [names for names in quaternions if _share_source(names[0], depth[0])]
+        unique = (names[0] for names in (in_pose, in_group, quaternions) if len(names) == 1)
+        return next(unique, ()), None
 
-    def _turn_force(self, force: tuple[str, ...], frame: str, own: str) -> None:
+    def _turn_force(self, force: Names, frame: str, base: str) -> None:
         """Turn a force whose frame is at rest to that of the position."""
-        if frame == own or (found := self.transforms.fixed_turn(frame, own)) is None:
+        turning = None if frame == base else self.transforms.fixed_turn(frame, base)
+        if turning is None:
             return
-        turn, steps = found
-        felt = np.column_stack([self.recording.numbers(name) for name in force])
-        turned = rotate(felt, np.broadcast_to(turn, (len(felt), 4)))
+        turn, steps = turning
+        recording = self.recording
+        vectors = np.column_stack([recording.numbers(name) for name in force])
+        turned = rotate(vectors, np.broadcast_to(turn, (len(vectors), 4)))
         self.recording = replace(
-            self.recording,
-            channels={**self.recording.channels, **dict(zip(force, turned.T, strict=True))},
-            frames={**self.recording.frames, **dict.fromkeys(force, own)},
+            recording,
+            channels={**recording.channels, **dict(zip(force, turned.T, strict=True))},
+            frames={**recording.frames, **dict.fromkeys(force, base)},
         )
         self.findings.append(chain_in_use(steps, is_position=False))
 
-    def _quaternion_of(self, angles: tuple[str, ...]) -> tuple[str, ...]:
+    def _quaternion_of(self, angles: Names) -> Names:
         form = self.columns.orientation_form
         self.recording, names, finding = add_quaternion(self.recording, angles, form)
         self.findings.append(finding)
         return names
 
-    def _torque(self, force: tuple[str, ...]) -> tuple[str, ...]:
+    def _torque(self, force: Names) -> Names:
         """Return the torque: the named one, else that with the name nearest to the force's."""
         if self.columns.torque is not None:
             return self._find_named_channels("torque", self.columns.torque)
-        clock = self.recording.clocks.get(force[0])
-        found = [
-            names
+        clocks = self.recording.clocks
+        shared = {
+            # The first letters that the names share: ``wrench[3]`` and ``wrench[0]``.
+            names: len(commonprefix((names[0], force[0])))  # noqa: RUF071
             for names in self._candidates("torque", 3)
-            if _share_source(names[0], force[0]) and self.recording.clocks.get(names[0]) == clock
-        ]
-        # The first letters that the names share: ``wrench[3]`` and ``wrench[0]``.
-        shared = [len(commonprefix((names[0], force[0]))) for names in found]  # noqa: RUF071
-        nearest = [n for n, size in zip(found, shared, strict=True) if size == max(shared)]
+            if _share_source(names[0], force[0]) and clocks.get(names[0]) == clocks.get(force[0])
+        }
+        nearest = [names for names, size in shared.items() if size == max(shared.values())]
         return nearest[0] if len(nearest) == 1 else ()
 
-    def _chain_findings(self, depth: tuple[str, ...], frame: str | None) -> Iterable[Finding]:
-        """Report the chains of transforms in use and the rows excluded from them."""
-        steps = self.chains.get(depth)
-        if steps is not None:
-            yield chain_in_use(steps, is_position=True)
-        turning = next((each for each in self.chains.values() if each[-1].child == frame), None)
-        if turning is not None and turning is not steps:
-            yield chain_in_use(turning, is_position=False)
-        yield from self.findings
-
-    def _given(self, role: str) -> tuple[str, ...]:
+    def named(self, role: str) -> Names:
         """Return the requested channels, else the channels with the default name if present."""
         name = getattr(self.columns, role)
         if name == getattr(Columns(), role) and name not in self.recording.channels:
             return ()
         return self._find_named_channels(role, name)
 
-    def _find_named_channels(self, role: str, name: str) -> tuple[str, ...]:
+    def _find_named_channels(self, role: str, name: str) -> Names:
         channels = self.recording.channels
-        if found := self._channel(name):
+        if channel := self._channel(name):
             self.reasons[role] = "has this name"
-            return (found,)
+            return (channel,)
         parts = tuple(self._channel(part.strip()) or part.strip() for part in name.split(","))
         if len(parts) > 1:
             for part in parts:
                 self.recording.channel(part)
             if len(parts) not in (3, 4):
-                words = f"--{role} {name!r} must name one channel or three, x,y,z"
-                raise RecordingError.of(self.recording.source, words)
+                message = f"--{role} {name!r} must name one channel or three, x,y,z"
+                raise RecordingError.of(self.recording.source, message)
             self.reasons[role] = "have these names"
             return parts
-        size = 4 if role == "orientation" else 3
         kind = "position" if role == "penetration" else role
-        vectors = [*self.vectors, *(each for each in self.arrays if each not in self.vectors)]
-        sized = [each for each in vectors if len(each) == size]
-        below = [each for each in sized if within(each.stem, name) and self._is(each, kind)]
-        below = below or [v for v in sized if v.stem == name and (size == 4 or not v.second)]
-        single = [each for each in channels if within(each, name) and self._kind(each) == kind]
-        for fitting in ([each.components for each in below], [(each,) for each in single]):
+        single = [(n,) for n in channels if within(n, name) and self.kinds.of(n) == kind]
+        for fitting in (self._named_vectors(name, kind), single):
             if len(fitting) == 1:
                 self.reasons[role] = f"the {role} of {name}"
                 return fitting[0]
         raise MissingChannelError(name, list(channels), self.recording.source)
 
+    def _named_vectors(self, name: str, kind: str) -> list[Names]:
+        """The vectors of a quantity in a topic or group, else those with its name."""
+        size = 4 if kind == "orientation" else 3
+        arrays = (array for array in self.kinds.arrays if array not in self.kinds.vectors)
+        sized = [vector for vector in (*self.kinds.vectors, *arrays) if len(vector) == size]
+        below = [v for v in sized if within(v.stem, name) and self.kinds.measures(v, kind)]
+        same = [v for v in sized if v.stem == name and (size == 4 or not v.second)]
+        return [vector.components for vector in below or same]
+
     def _channel(self, name: str) -> str | None:
         """The channel of this name, or the only channel that has this name before a unit."""
-        if name in self.recording.channels:
-            return name
-        found = [each for each in self.recording.channels if divide_unit(each)[0].strip() == name]
-        return found[0] if len(found) == 1 else None
-
-    def _missing_roles(self, has_depth: bool, has_force: bool) -> MissingChannelError:
-        """The error that says which quantities are recorded, and which are missing."""
-        names = list(self.recording.channels)
-        used = {name for vector in self.vectors for name in vector.components}
-        kinds = {self._vector_kind(vector) for vector in self.vectors}
-        kinds |= {self._kind(name) for name in names if name not in used}
-        has = {"position": has_depth, "force": has_force}
-        absent = [role for role in has if not has[role]]
-        kinds -= {*absent, *(("position",) if "penetration" in kinds else ())}
-        there = " and ".join(words for kind, words in _SPOKEN.items() if kind in kinds)
-        lacking = " and ".join(f"no {role}" for role in absent)
-        words = f"there is {there}, and {lacking}" if there else f"there is {lacking}"
-        units = {name: find_unit(name) for name in names if self._kind(name) is None}
-        unknown = [f"{u} of {name!r}" for name, u in units.items() if u and u not in _OF_UNIT]
         channels = self.recording.channels
-        texts = [n for n in names if self._kind(n) in absent and channels[n].dtype.kind in "OUS"]
-        if texts:
-            words += f"; {texts[0]!r} holds text, not numbers"
-        if unknown:
-            words += f"; palpate does not know the unit {' or '.join(unknown[:3])}"
-        remedy = _REMEDIES[absent[0] if len(absent) == 1 else "both"]
-        if {"stress", "strain"} <= kinds:
-            remedy = _REMEDIES["strain"]
-        elif absent == ["position"] and "angle" in kinds:
-            remedy = _REMEDIES["angle"]
-        elif unnamed := self._match_unknown_names(absent):
-            words_for = "its channel" if len(absent) == 1 else "their channels"
-            remedy = f"name {words_for}, such as {_options(unnamed, unnamed)}"
-        return MissingChannelError(absent[0], names, self.recording.source, f"{words}; {remedy}")
+        if name in channels:
+            return name
+        matches = [channel for channel in channels if divide_unit(channel)[0].strip() == name]
+        return matches[0] if len(matches) == 1 else None
 
-    def _match_unknown_names(self, absent: Sequence[str]) -> dict[str, str]:
-        """Map the missing roles to channels with unknown names; {} if they cannot be matched.
+    # Reasons and reports.
 
-        A single role may be a vector: ``state``, an array with a position and a quaternion. Several
-        roles may be the columns of a table without names.
-        """
-        names = self.recording.channels
-        unknown = [name for name in names if self._kind(name) is None]
-        timed = any(self._kind(name) == "time" for name in names)
-        if len(absent) == 1:
-            stems = (v.stem for v in self.vectors if len(v) == 3 and self._vector_kind(v) is None)
-            unknown = [stem for stem in stems if stem and not is_wanted(stem)]
-        elif len(unknown) + timed < len(names):
-            return {}
-        roles = [*absent] if timed or len(absent) == 1 else ["time", *absent]
-        return dict(zip(roles, unknown, strict=False)) if len(unknown) >= len(roles) else {}
+    def _explain_choice(self, role: str, names: Sequence[str]) -> None:
+        reason = f"the only {role}{' in space' if len(names) == 3 else ''}"
+        self.reasons.setdefault(role, reason)
 
-    def _question(self, found: Mapping[str, list[tuple[str, ...]]]) -> RecordingError:
-        """The error that several channels fit, with options that choose one, or all three."""
-        (role, depths), (_, forces) = found.items()
-        same = [names for names in forces if _numbers(names) == _numbers(depths[0])]
-        one = {role: ",".join(depths[0]), "force": ",".join((same or forces)[0])}
-        if groups := self.groups(depths, forces):
-            one = dict.fromkeys(one, groups[0])
-        several = {each: names for each, names in found.items() if len(names) > 1}
-        said = [
-            f"{len(names)} channels could be the {each}: {list_names([*map(' '.join, names)])}"
-            for each, names in several.items()
+    def _report_inconvertible(self) -> Iterable[Finding]:
+        """Report channels in units of other quantities, such as a depth in volts."""
+        names = [
+            name
+            for name in self.recording.channels
+            if (kind := self.kinds.of(name)) in ("penetration", "position", "force")
+            and self.recording.unit_of(name) in OTHER_UNITS
+            and not self.kinds.converts(name, kind)
         ]
-        words = f"{'; '.join(said)}; choose one, such as {_options(one, several)}"
-        if all(self._may_be_axes(names) for names in several.values()):
-            axes = {role: ",".join(names[0] for names in each) for role, each in several.items()}
-            axes = {"position" if each == "penetration" else each: v for each, v in axes.items()}
-            words += f"; or, for x, y and z of one vector, {_options(axes, axes)}"
-        if list(several) == ["force"] and len(forces) > 2 and len(forces[0]) == 1:
-            words += "; or, if they share the load, name a column with their sum"
-        return RecordingError.of(self.recording.source, words)
+        if names:
+            listed = ", ".join(map(repr, names[:6]))
+            yield Check.IGNORED.finding(f"palpate ignores {listed}: in no unit of length or force")
 
-    def _may_be_axes(self, found: list[tuple[str, ...]]) -> bool:
-        joined = tuple(names[0] for names in found)
-        single = [len(names) for names in found] == [1, 1, 1]
-        counted = not COUNTED.isdisjoint(split_name(" ".join(joined)))
-        return single and not counted and self._is_one(Vector("", joined))
-
-    def _candidates(self, kind: str, size: int) -> list[tuple[str, ...]]:
-        """Channels or vectors that measure this quantity; commanded ones only if alone."""
-        recording = self.recording
-        if size > 1:
-            found = [v.components for v in self.vectors if len(v) == size and self._is(v, kind)]
-        else:
-            used = {name for vector in self.vectors for name in vector.components}
-            used.update(recording.clocks.values())
-            kinds_of_values = "fiuO" if kind != "time" else "fiuOmM"
-            found = [
-                (name,)
-                for name, values in recording.channels.items()
-                if name not in used
-                and values.ndim == 1
-                and values.dtype.kind in kinds_of_values
-                and self._kind(name) == kind
-                and (values.dtype.kind != "O" or holds_numbers(values))
-            ]
-        found = [names for names in found if names[0] not in self.replaced]
-        if kind == "position":  # a fixed transform is not a probe, even if there is nothing else
-            found = [n for n in found if n[0] not in self.transforms.names or self._moves(n)]
-        measured = [names for names in found if not is_wanted(names[0])]
-        measured = [names for names in measured if names[0] in recording.plots] or measured
-        if kind in UNITS or kind == "position":  # prefer millimetres to volts
-            fitting = [names for names in measured if self._convertible(names[0], kind)]
-            measured = fitting or measured
-        if kind in ("position", "force"):  # a constant is a fixed frame, or not measured
-            measured = [names for names in measured if self._moves(names)] or measured
-        words = PREFERRED.get(kind, frozenset())
-        measured = [n for n in measured if not words.isdisjoint(split_name(n[0]))] or measured
-        if kind == "position":
-            measured = [names for names in measured if names in self.chains] or measured
-        commanded = found if recording.episode is None else []  # actions are in every data set
-        return measured or commanded
-
-    def _convertible(self, name: str, kind: str) -> bool:
-        unit = self.recording.unit_of(name)
-        return not unit or unit_size("penetration" if kind == "position" else kind, unit) > 0.0
-
-    def _moves(self, names: tuple[str, ...]) -> bool:
-        """Whether any of the channels changes: a fixed frame is not a probe."""
-        columns = (self.recording.channels[name] for name in names)
-        return any(len(each) > 1 and bool((each != each[0]).any()) for each in columns)
-
-    def _is_one(self, vector: Vector) -> bool:
-        """Whether all components have one length and one clock, and a vector has this size."""
-        recording, names = self.recording, vector.components
-        lengths = {len(recording.channels[name]) for name in names}
-        clocks = {recording.clocks.get(name) for name in names}
-        right_size = vector.second or len(names) == 3 or self._vector_kind(vector) == "orientation"
-        return len(lengths) == len(clocks) == 1 and right_size
-
-    def _assume_vectors(self) -> list[Vector]:
-        """Return position and force if both are arrays written as columns and nothing else fits.
-
-        Numbered columns may as well be three runs or sensors, so otherwise the user must choose.
-        """
-        arrays = [each for each in self.arrays if not is_wanted(each.components[0])] or self.arrays
-        taken = [v for kind in ("position", "force") for v in arrays if self._is(v, kind)]
-        own = {name for each in arrays for name in each.components}
-        rest = [n for n in self.recording.channels if n not in own and not is_wanted(n)]
-        others = {self._kind(name) for name in rest}
-        if [self._vector_kind(each) for each in taken] != ["position", "force"]:
-            return []
-        stems = [each.stem for each in taken]
-        seconds = [each for each in arrays if each.second and each.stem in stems]
-        return [] if others & {"position", "penetration", "force"} else taken + seconds
-
-    def _assumptions(self, *chosen: tuple[str, ...]) -> Iterable[Finding]:
-        arrays = [each.components for each in self.assumed if each.components in chosen]
+    def _report_assumptions(self, *chosen: Names) -> Iterable[Finding]:
+        arrays = [v.components for v in self.kinds.assumed if v.components in chosen]
         if arrays and self.columns.position is None:
             listed = " and ".join(", ".join(names) for names in arrays)
-            words = f"palpate takes {listed} for x, y and z, because of their numbers"
+            message = f"palpate takes {listed} for x, y and z, because of their numbers"
             remedy = "if they are runs or sensors, choose one with --position and --force"
-            yield Check.VECTORS.finding(words, remedy)
+            yield Check.VECTORS.finding(message, remedy)
 
-    def _is(self, vector: Vector, kind: str) -> bool:
-        if vector.second:
-            return kind == self._vector_kind(vector)
-        return self._vector_kind(vector) == kind and (len(vector) != 4 or kind == "orientation")
 
-    def _vector_kind(self, vector: Vector) -> str | None:
-        if vector.second:
-            first = channel_kind(vector.stem)
-            if len(vector) == 4:
-                return "angle" if first == "angle" else "orientation"  # seven joints are no pose
-            return "angle" if first == "position" else "torque"
-        name = vector.components[0]
-        if channel_kind(name) == "torque":  # the stem of tx, ty and tz is that of a time
-            return "torque"
-        if "*" not in vector.stem and self._is_joint(name):
-            return "angle"
-        unit = self.recording.unit_of(name)
-        # The stem of x, y, z is empty; then the component's name decides.
-        return channel_kind(vector.stem, unit) or channel_kind(name, unit)
+# The role of each channel, for a table.
 
-    def _kind(self, name: str) -> str | None:
-        if name not in self.kinds:
-            recording = self.recording
-            kind = channel_kind(name, recording.unit_of(name) or "-")
-            slides = not SLIDES.isdisjoint(split_name(name))
-            if kind in ("position", "velocity") and self._is_joint(name):
-                kind = "angle"
-            kind = "position" if kind == "angle" and slides else kind
-            if kind is None and name in recording.plots:
-                kind = {"signal": "force", "axis": "position"}[recording.plots[name]]
-            self.kinds[name] = "time" if recording.channels[name].dtype.kind in "mM" else kind
-        return self.kinds[name]
 
-    def _is_joint(self, name: str) -> bool:
-        """Whether a channel is one of ROS's joints."""
-        types = self.recording.types
-        return any(types[each] == JOINTS and within(name, each) for each in types)
+def _explain(choosing: _Choosing) -> tuple[dict[str, tuple[str, str]], str]:
+    """Return each channel's role (empty without one) and the reason, and the error if any."""
+    uses: dict[str, tuple[str, str]] = {}
+    refusal = ""
+    try:
+        roles = choosing.roles()
+    except RecordingError as error:
+        refusal = str(error).removeprefix(f"{choosing.recording.source}: ")
+    else:
+        uses = _uses_of(roles, choosing.recording.clocks)
+    channels = choosing.recording.channels
+    return {n: uses.get(n) or ("", _reason_against(choosing, n)) for n in channels}, refusal
 
-    def _because(self, role: str, names: Sequence[str]) -> None:
-        words = f"the only {role}{' in space' if len(names) == 3 else ''}"
-        self.reasons.setdefault(role, words)
+
+def _uses_of(roles: Roles, clocks: Mapping[str, str]) -> dict[str, tuple[str, str]]:
+    """The role of the chosen channels and of their clocks, with the reason."""
+    uses: dict[str, tuple[str, str]] = {}
+    depth = "penetration" if roles.is_penetration else "position"
+    reason_of_time = roles.reasons.get("time", "clock of these channels")
+    for role, names in roles.by_role.items():
+        role = depth if role == "depth" else role
+        default = _DEFAULT_REASONS.get(role, "has this name")
+        uses |= dict.fromkeys(names, (role, roles.reasons.get(role, default)))
+        times = {clocks.get(name, roles.time) for name in names}
+        uses |= {time: ("time", reason_of_time) for time in times if time}
+    return uses
+
+
+def _reason_against(choosing: _Choosing, name: str) -> str:
+    """Why a channel has no role."""
+    recording, kinds = choosing.recording, choosing.kinds
+    values = recording.channels[name]
+    kind = kinds.of(name)
+    if values.dtype.kind in "OUS" and not holds_numbers(values):
+        return "text"
+    if name in recording.clocks.values():
+        return "a clock"
+    if is_wanted(name):
+        return "commanded"
+    if name in choosing.penetrations:
+        return "its negative is the penetration"
+    if kind in (*UNITS, "position") and not kinds.converts(name, kind):
+        quantity = "length" if kind in ("penetration", "position") else kind
+        return f"in {recording.unit_of(name)}, no {quantity}"
+    if kind in ("position", "force") and not kinds.moves((name,)):
+        return "never changes"
+    if kind is None or kind == "nothing":
+        return "unknown quantity"
+    return _SPOKEN.get(kind, f"a {kind}")
+
+
+# Errors: no channel fits, or several do.
+
+
+def _missing_roles(choosing: _Choosing, absent: list[str]) -> MissingChannelError:
+    """The error that says which quantities are recorded, and which are missing."""
+    recording = choosing.recording
+    recorded = _recorded_kinds(choosing) - {*absent}
+    if "penetration" in recorded:
+        recorded -= {"position"}
+    listed = " and ".join(name for kind, name in _SPOKEN.items() if kind in recorded)
+    lacking = " and ".join(f"no {role}" for role in absent)
+    message = f"there is {listed}, and {lacking}" if listed else f"there is {lacking}"
+    for name, values in recording.channels.items():
+        if values.dtype.kind in "OUS" and choosing.kinds.of(name) in absent:
+            message += f"; {name!r} holds text, not numbers"
+            break
+    unknown = list(_unknown_units(choosing))
+    if unknown:
+        message += f"; palpate does not know the unit {' or '.join(unknown[:3])}"
+    remedy = _remedy_of(choosing, absent, recorded)
+    names = list(recording.channels)
+    return MissingChannelError(absent[0], names, recording.source, f"{message}; {remedy}")
+
+
+def _recorded_kinds(choosing: _Choosing) -> set[str | None]:
+    """The quantities of all vectors, and of all channels outside of them."""
+    kinds = choosing.kinds
+    singles = {kinds.of(name) for name in kinds.outside_vectors()}
+    return singles | {kinds.of_vector(vector) for vector in kinds.vectors}
+
+
+def _unknown_units(choosing: _Choosing) -> Iterable[str]:
+    for name in choosing.recording.channels:
+        unit = find_unit(name) if choosing.kinds.of(name) is None else None
+        if unit and unit not in OF_UNIT:
+            yield f"{unit} of {name!r}"
+
+
+def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]) -> str:
+    """What to do about the missing roles."""
+    if {"stress", "strain"} <= recorded:
+        return _REMEDIES["strain"]
+    if absent == ["position"] and "angle" in recorded:
+        return _REMEDIES["angle"]
+    if unnamed := _match_unknown_names(choosing, absent):
+        what = "its channel" if len(absent) == 1 else "their channels"
+        return f"name {what}, such as {_options(unnamed, unnamed)}"
+    return _REMEDIES[absent[0] if len(absent) == 1 else "both"]
+
+
+def _match_unknown_names(choosing: _Choosing, absent: list[str]) -> dict[str, str]:
+    """Map the missing roles to channels with unknown names; {} if they cannot be matched.
+
+    A single role may be a vector: ``state``, an array with a position and a quaternion. Several
+    roles may be the columns of a table without names.
+    """
+    kinds = choosing.kinds
+    names = choosing.recording.channels
+    roles = absent
+    if len(absent) == 1:
+        vectors = (v for v in kinds.vectors if len(v) == 3 and kinds.of_vector(v) is None)
+        unknown = [v.stem for v in vectors if v.stem and not is_wanted(v.stem)]
+    else:
+        unknown = [name for name in names if kinds.of(name) is None]
+        timed = any(kinds.of(name) == "time" for name in names)
+        if len(unknown) + timed < len(names):
+            return {}
+        if not timed:
+            roles = ["time", *absent]
+    return dict(zip(roles, unknown, strict=False)) if len(unknown) >= len(roles) else {}
+
+
+def _question(
+    choosing: _Choosing, role: str, depths: list[Names], forces: list[Names]
+) -> RecordingError:
+    """The error that several channels fit, with options that choose one, or all three."""
+    same = [names for names in forces if _numbers(names) == _numbers(depths[0])]
+    example = {role: ",".join(depths[0]), "force": ",".join((same or forces)[0])}
+    if groups := choosing.groups(depths, forces):
+        example = dict.fromkeys(example, groups[0])
+    candidates = {role: depths, "force": forces}
+    several = {role: names for role, names in candidates.items() if len(names) > 1}
+    questions = [
+        f"{len(names)} channels could be the {role}: {list_names([*map(' '.join, names)])}"
+        for role, names in several.items()
+    ]
+    message = f"{'; '.join(questions)}; choose one, such as {_options(example, several)}"
+    if all(_may_be_axes(choosing, names) for names in several.values()):
+        axes = {
+            "position" if role == "penetration" else role: ",".join(name for [name] in names)
+            for role, names in several.items()
+        }
+        message += f"; or, for x, y and z of one vector, {_options(axes, axes)}"
+    if list(several) == ["force"] and len(forces) > 2 and len(forces[0]) == 1:
+        message += "; or, if they share the load, name a column with their sum"
+    return RecordingError.of(choosing.recording.source, message)
+
+
+def _may_be_axes(choosing: _Choosing, candidates: list[Names]) -> bool:
+    """Whether three channels may be the axes of one vector."""
+    if [len(names) for names in candidates] != [1, 1, 1]:
+        return False
+    axes = tuple(names[0] for names in candidates)
+    counted = not COUNTED.isdisjoint(split_name(" ".join(axes)))
+    return not counted and choosing.kinds.is_one(Vector("", axes))
 
 
 def _with_clock_of_each_topic(roles: Roles) -> Roles:
     """The same roles, with a clock for each topic if the rows were joined from several topics."""
     position = (*roles.depth, roles.segment) if roles.segment else roles.depth
-    velocity = () if roles.velocity is None else (roles.velocity,)
+    velocity = roles.by_role["velocity"]
     topics = position, roles.force, roles.orientation, roles.torque, velocity
-    own = roles.recording.clocks
-    clocks = {roles.time or own.get(name) for names in topics for name in names}
-    [time, *others] = clocks
+    clocks = roles.recording.clocks
+    [time, *others] = {roles.time or clocks.get(name) for names in topics for name in names}
     if time is None or others:
         return roles
     recording = separate_topics(roles.recording, time, topics)
     return roles if recording is None else replace(roles, time=None, recording=recording)
 
 
-def _quantity(kind: str) -> str:
-    """The quantity that the units of a role measure."""
-    return "length" if kind in ("penetration", "position") else kind
-
-
-def _share_source(one: str, other: str) -> bool:
+def _share_source(name: str, reference: str) -> bool:
     """Whether two channels are of one topic of messages, or of vectors in one group."""
-    topic, dot, _ = one.partition(".")
-    if dot and topic == other.partition(".")[0]:
+    topic, dot, _ = name.partition(".")
+    if dot and topic == reference.partition(".")[0]:
         return True
     # ``/ft/wrench/force/x`` and ``/ft/wrench/torque/x`` differ only in the name of the vector.
-    vectors = [re.sub(r"[/.][xyzw]$", "", name, flags=re.I) for name in (one, other)]
-    groups = [name.rpartition("/")[0] for name in vectors]
-    return groups[0] == groups[1]
+    vectors = [re.sub(r"[/.][xyzw]$", "", full, flags=re.I) for full in (name, reference)]
+    return vectors[0].rpartition("/")[0] == vectors[1].rpartition("/")[0]
 
 
 def _numbers(names: Sequence[str]) -> list[str]:
@@ -797,10 +801,10 @@ def _numbers(names: Sequence[str]) -> list[str]:
 def _differing_groups(names: list[str]) -> list[str]:
     """Return the names without the ending that they all share: their groups."""
     parts = [re.split(r"(?=[/.])", name) for name in names]
-    common, most = 0, min(map(len, parts))
-    while common < most and len({tuple(each[len(each) - common - 1 :]) for each in parts}) == 1:
+    common = 0
+    while common < min(map(len, parts)) and len({parts_of[-common - 1] for parts_of in parts}) == 1:
         common += 1
-    return ["".join(each[: len(each) - common]) for each in parts]
+    return ["".join(parts_of[: len(parts_of) - common]) for parts_of in parts]
 
 
 def _options(values: Mapping[str, str], roles: Iterable[str]) -> str:
