@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.channels.clocks import Signals, measurable, settle_stamps
+from palpate.channels.clocks import settle_stamps
 from palpate.channels.roles import Columns, Roles
+from palpate.channels.signals import Signals
+from palpate.channels.units import measurable
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding

@@ -10,8 +10,8 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from palpate.channels.clocks import build_signals
 from palpate.channels.roles import Columns, Roles, choose_roles, contact_groups
+from palpate.channels.signals import build_signals
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding

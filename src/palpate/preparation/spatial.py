@@ -9,7 +9,6 @@ from operator import attrgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.channels.clocks import Signals, build_signals
 from palpate.channels.frames import (
     INVERSE,
     align_signs,
@@ -19,6 +18,7 @@ from palpate.channels.frames import (
     unit_quaternions,
 )
 from palpate.channels.roles import Roles, choose_roles
+from palpate.channels.signals import Signals, build_signals
 from palpate.contact import Contact, Delay, VelocityFilter, between, run_slices
 from palpate.digits import percent, rounded, with_error
 from palpate.errors import RecordingError

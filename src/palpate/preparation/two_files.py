@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.channels.clocks import SINCE_LONG_AGO, Stream, origin_of, stream_of
 from palpate.channels.roles import Columns, Offer, offer_of
+from palpate.channels.signals import SINCE_LONG_AGO, Stream, origin_of, stream_of
 from palpate.contact import Contact, Delay
 from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
@@ -71,7 +71,7 @@ class FilePair:
 
     def signals(self) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
         """Times since the clock's origin [s] and values, of position and of force."""
-        times = [each.seconds(each.time, origin_of(each)) for each in self.streams]
+        times = [each.seconds(origin_of(each)) for each in self.streams]
         values = [np.column_stack([*each.values.values()]).astype(float) for each in self.streams]
         return (times[0], values[0]), (times[1], values[1])
 
@@ -79,7 +79,7 @@ class FilePair:
         """Return the recording with the force's clock moved back by a lag after the origins, s."""
         own, other = self.streams
         origin = origin_of(own)
-        seconds = other.seconds(other.time, origin_of(other)) - lag
+        seconds = other.seconds(origin_of(other)) - lag
         time: NDArray[Any] = seconds / unit_size("time", own.unit)
         if isinstance(origin, int) and own.unit == "ns":  # a float since 1970 has steps of 256 ns
             time = np.rint(time).astype(np.int64)
