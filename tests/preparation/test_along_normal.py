@@ -20,7 +20,6 @@ from palpate import (
     prepare,
 )
 from palpate.digits import with_error
-from palpate.preparation.readings import largest_turn
 from palpate.preparation.settings import (
     never_touches,
     normal_found,
@@ -28,6 +27,7 @@ from palpate.preparation.settings import (
     rotate_to_base,
 )
 from palpate.preparation.surfaces import find_surface
+from palpate.wrench.readings import largest_turn
 
 
 def turn(axis, angle) -> np.ndarray:

@@ -208,7 +208,7 @@ class ReadingOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare`."""
-        from palpate.preparation import Columns, Payload
+        from palpate.preparation import Columns
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "mass", "strict")
@@ -229,6 +229,8 @@ class ReadingOptions:
             given["delay"] = self.delay if self.delay == "find" else parse_delay(self.delay)
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
+            from palpate.wrench import Payload
+
             given["payload"] = Payload.load(self.payload)
         if self.tip_offset is not None:
             three = self.tip_offset.split(",")

@@ -6,11 +6,11 @@ from typing import Any
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.preparation.payload import Payload
 from palpate.preparation.settings import Normal, Preparation
 from palpate.preparation.surfaces import Surface
 from palpate.recordings import Recording
 from palpate.validation import Floats
+from palpate.wrench.payload import Payload
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -19,7 +19,6 @@ from palpate.preparation.along_penetration import (
     drop_velocity,
 )
 from palpate.preparation.clocks import build_signals
-from palpate.preparation.payload import Payload
 from palpate.preparation.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal, no_pose
@@ -31,6 +30,7 @@ from palpate.recordings.opening import within
 from palpate.recordings.tables_in_memory import recording_of_table
 from palpate.stages import stage
 from palpate.validation import arguments
+from palpate.wrench.payload import Payload
 
 _LOGGER = logging.getLogger(__name__)
 

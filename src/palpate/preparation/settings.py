@@ -10,13 +10,13 @@ import numpy as np
 
 from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
-from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings.poses import UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
 from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown, vector_in
+from palpate.wrench.payload import Payload
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s

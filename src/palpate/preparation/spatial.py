@@ -16,36 +16,9 @@ from palpate.findings import Check, Finding, Mark
 from palpate.preparation.along_penetration import describe_filter
 from palpate.preparation.clocks import Signals, build_signals
 from palpate.preparation.delay import remove_delay
-from palpate.preparation.flange_motion import WINDOW, FlangeMotion, motion_of
-from palpate.preparation.free_air import without_zeroings
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.inertia import subtract_inertia
-from palpate.preparation.payload import Payload
-from palpate.preparation.payload_search import (
-    SLOW,
-    PayloadFit,
-    does_turn,
-    external_force,
-    find_payload,
-    idle_weight,
-    mark_payload,
-    report_unknown_inertia,
-)
 from palpate.preparation.prepared import Place, Prepared
-from palpate.preparation.readings import (
-    SECOND_BEST,
-    Reading,
-    fitting_readings,
-    frame_in_doubt,
-    order_in_doubt,
-    possible_readings,
-    report_frame,
-    report_order,
-    report_unknown_tip,
-    stated_frame,
-    states_order,
-    turn_findings,
-)
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles, choose_roles
 from palpate.preparation.settings import (
@@ -83,6 +56,33 @@ from palpate.recordings import Recording
 from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns
 from palpate.stages import log_stage, stage
 from palpate.validation import Floats
+from palpate.wrench.consensus import without_zeroings
+from palpate.wrench.marks import (
+    SLOW,
+    PayloadFit,
+    does_turn,
+    external_force,
+    find_payload,
+    idle_weight,
+    mark_payload,
+    report_unknown_inertia,
+)
+from palpate.wrench.motion import WINDOW, FlangeMotion, motion_of
+from palpate.wrench.payload import Payload
+from palpate.wrench.readings import (
+    SECOND_BEST,
+    Reading,
+    fitting_readings,
+    frame_in_doubt,
+    order_in_doubt,
+    possible_readings,
+    report_frame,
+    report_order,
+    report_unknown_tip,
+    stated_frame,
+    states_order,
+    turn_findings,
+)
 
 _LOGGER = logging.getLogger(__name__)
 

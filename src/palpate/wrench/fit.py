@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from palpate.contact import Delay, run_slices
 from palpate.estimators.least_squares import long_run_covariance
-from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.preparation.payload import TENSOR, Payload
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
+from palpate.wrench.consensus import LONGEST_DELAY, Blocks, Mask, largest_consensus
+from palpate.wrench.payload import TENSOR, Payload
 
 SHIFT = 30e-3  # s, of the difference for the clock
 CUT = 6.0  # of Tukey's weight, in scales

@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 from palpate import Columns, Payload, Recording, RecordingError, prepare
 from palpate.exports.ros_parameters import ros_parameters
 from palpate.findings import Check
-from palpate.preparation.payload import LARGEST
 from palpate.recordings.poses import rotate
+from palpate.wrench.payload import LARGEST
 
 FULL = replace(
     PAYLOAD,

@@ -14,16 +14,16 @@ import numpy as np
 from palpate.contact import Delay
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
-from palpate.preparation.flange_motion import FlangeMotion
-from palpate.preparation.free_air import blocks_of, fit_weight, largest_consensus
-from palpate.preparation.payload import Payload
-from palpate.preparation.payload_fit import FEWEST_FREE
 from palpate.preparation.roles import Roles
 from palpate.preparation.settings import ForceFrame
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
+from palpate.wrench.consensus import blocks_of, fit_weight, largest_consensus
+from palpate.wrench.fit import FEWEST_FREE
+from palpate.wrench.motion import FlangeMotion
+from palpate.wrench.payload import Payload
 
 SECOND_BEST = 1.5  # times what the best reading leaves; a reading that leaves less may be right
 # Share of the log in free air; a smaller one fits by chance, up to so many times better.
@@ -98,7 +98,7 @@ def fitting_readings(
         Motion of the flange by each reading; for a force in the base's axes, of a flange that does
         not turn.
     time, wrench, delay, known
-        As in :func:`~palpate.preparation.payload_search.find_payload`.
+        As in :func:`~palpate.wrench.marks.find_payload`.
     """
     fits, costs = {}, dict[Reading, float]()
     for reading, motion in motions.items():

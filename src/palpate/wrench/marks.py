@@ -10,10 +10,10 @@ from palpate.contact import Delay, run_slices
 from palpate.digits import percent, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Check, Finding, Mark, worst
-from palpate.preparation.flange_motion import FlangeMotion
-from palpate.preparation.free_air import BLOCK, Blocks, Mask, Zeroing, blocks_of, remove_zeroings
-from palpate.preparation.payload import Payload
-from palpate.preparation.payload_fit import (
+from palpate.recordings.recording import GRAVITY
+from palpate.validation import Floats
+from palpate.wrench.consensus import BLOCK, Blocks, Mask, Zeroing, blocks_of, remove_zeroings
+from palpate.wrench.fit import (
     EVERYTHING,
     FEWEST_FREE,
     MASS,
@@ -21,8 +21,8 @@ from palpate.preparation.payload_fit import (
     fit_payload,
     turns_of,
 )
-from palpate.recordings.recording import GRAVITY
-from palpate.validation import Floats
+from palpate.wrench.motion import FlangeMotion
+from palpate.wrench.payload import Payload
 
 # s of the filter of the motion in free air, against the noise of the pose. A tool that does not
 # turn has the shorter one: its mass is told by an acceleration that the filter attenuates.

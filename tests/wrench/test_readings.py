@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import palpate
 from palpate import Recording, RecordingError, prepare
 from palpate.preparation import Columns, Preparation
-from palpate.preparation.payload_log import measure_payload
+from palpate.wrench.log import measure_payload
 
 SETUP = Setup(seed=5, **IDEAL | {"delay": 0.01})
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.preparation.resolution import noise_of
+from palpate._core import noise_of
 from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns, multiply, rotate
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats

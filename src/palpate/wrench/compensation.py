@@ -4,9 +4,9 @@ from typing import Any, Literal
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
-from palpate.preparation.payload import TENSOR, Payload
 from palpate.settings import Configured
 from palpate.validation import arguments, check_choice, instance, number_in
+from palpate.wrench.payload import TENSOR, Payload
 
 MOTION_WINDOW = 0.1  # s
 FEWEST_SAMPLES, MOST_SAMPLES = 7, 151  # a quartic needs five; the filter holds the larger number

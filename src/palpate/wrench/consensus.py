@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._core import noise_of
 from palpate.contact import Delay, run_slices
-from palpate.preparation.flange_motion import FlangeMotion
-from palpate.preparation.payload import Payload
-from palpate.preparation.resolution import noise_of
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
+from palpate.wrench.motion import FlangeMotion
+from palpate.wrench.payload import Payload
 
 Mask = NDArray[np.bool_]
 

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.preparation.payload import Payload
-from palpate.preparation.payload_fit import skew
 from palpate.preparation.roles import choose_roles
 from palpate.preparation.settings import Preparation
 from palpate.preparation.spatial import compensate_log
 from palpate.recordings import Recording
 from palpate.validation import Floats
+from palpate.wrench.fit import skew
+from palpate.wrench.payload import Payload
 
 
 @dataclass(frozen=True, slots=True, eq=False)
