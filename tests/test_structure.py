@@ -15,8 +15,8 @@ HOME = Path(palpate.__file__).parent
 FLOORS = (
     "_core errors", "validation digits writing stages", "settings force_laws findings", "contact",
     "estimators", "recordings", "channels", "wrench", "preparation", "diagnosis", "quantities",
-    "identification", "results", "figures", "reports", "identifying", "design", "lab", "fleet exports", "_public",
-    "palpate", "live", "cli", "__main__",
+    "identification", "results", "figures", "reports", "identifying", "design", "lab",
+    "fleet exports", "_public", "palpate", "live", "cli", "__main__",
 )  # fmt: skip
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
 

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 import palpate
 from palpate import Recording, RecordingError, prepare
 from palpate.preparation import Columns, Preparation
-from palpate.wrench.log import measure_payload
+from palpate.preparation.force_frame import measure_payload
 
 SETUP = Setup(seed=5, **IDEAL | {"delay": 0.01})
 

@@ -122,9 +122,9 @@ def payload(
         Print one JSON object instead of text.
     """
     from palpate.exports.ros_parameters import ros_parameters as parameters
+    from palpate.preparation.force_frame import measure_payload
     from palpate.preparation.settings import Preparation
     from palpate.validation import plain
-    from palpate.wrench.log import measure_payload
     from palpate.writing import check_marked, check_outputs, write_text
 
     outputs = [path for path in (save_config, ros_parameters) if path is not None]

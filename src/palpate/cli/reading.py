@@ -304,7 +304,7 @@ class ReadingOptions:
         return compare(contact, gate=self._gate(contact), **settings)
 
     def _gate(self, contact: "Contact", *, alone: bool = False) -> "ContactGate | None":
-        from palpate.preparation.gates import requested_gate
+        from palpate.preparation.gate import requested_gate
 
         return requested_gate(contact, self.min_penetration, self.min_force, alone=alone)
 

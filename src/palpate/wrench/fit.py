@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 from palpate.wrench.consensus import LONGEST_DELAY, Blocks, Mask, largest_consensus
 from palpate.wrench.payload import TENSOR, Payload
+from palpate.wrench.zeroing import Zeroing
 
 SHIFT = 30e-3  # s, of the difference for the clock
 CUT = 6.0  # of Tukey's weight, in scales
@@ -40,9 +42,9 @@ OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
     crossed = np.zeros((*vectors.shape, 3))
-    for k, (first, second) in enumerate(((1, 2), (2, 0), (0, 1))):
-        crossed[..., first, second] = -vectors[..., k]
-        crossed[..., second, first] = vectors[..., k]
+    for k, (row, column) in enumerate(((1, 2), (2, 0), (0, 1))):
+        crossed[..., row, column] = -vectors[..., k]
+        crossed[..., column, row] = vectors[..., k]
     return crossed
 
 
@@ -50,54 +52,100 @@ def rotation(vector: Floats) -> Floats:
     """Return the rotation matrix of a rotation vector, by Rodrigues' formula."""
     angle = float(np.linalg.norm(vector))
     cross = skew(vector)
-    first, second = np.sinc(angle / math.pi), 0.5 * np.sinc(0.5 * angle / math.pi) ** 2
-    turned: Floats = np.eye(3) + first * cross + second * cross @ cross
+    sine = np.sinc(angle / math.pi)
+    versine = 0.5 * np.sinc(0.5 * angle / math.pi) ** 2
+    turned: Floats = np.eye(3) + sine * cross + versine * cross @ cross
     return turned
 
 
-def regressors(seen: Floats, mount: Floats, lever: Floats) -> Floats:
+def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
-    g, w, a = (seen[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
-    products = mount.T @ seen[:, 9 + TENSOR] @ mount
+    g, w, a = (motion[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
+    products = mount.T @ motion[:, 9 + TENSOR] @ mount
     square = np.trace(products, axis1=1, axis2=2)[:, None, None]
     swing = square * np.eye(3) - skew(a) - products
-    turned_g = skew(g + swing @ lever)
-    by_a, by_w = (np.einsum("kij,nj->nik", AXES, each) for each in (a, w))
-    by = np.zeros((len(seen), 6, 13))
-    by[:, :3, 0], by[:, :3, ARM], by[:, :3, LEVER] = g, swing, swing
-    by[:, 3:, ARM], by[:, 3:, INERTIA] = -turned_g, -by_a - skew(w) @ by_w
-    return by
+    by_a, by_w = (np.einsum("kij,nj->nik", AXES, turning) for turning in (a, w))
+    columns = np.zeros((len(motion), 6, 13))
+    columns[:, :3, 0] = g
+    columns[:, :3, ARM] = swing
+    columns[:, :3, LEVER] = swing
+    columns[:, 3:, ARM] = -skew(g + swing @ lever)
+    columns[:, 3:, INERTIA] = -by_a - skew(w) @ by_w
+    return columns
 
 
-def hats(time: Floats, segment: NDArray[np.int64]) -> tuple[Floats, Floats, Floats]:
-    """Return the linear bias between knots: its columns, its knots, and differences as rows."""
-    spacing, columns, times = max(KNOT, (time[-1] - time[0]) / MOST_KNOTS), [], []
-    for part in run_slices(segment):
-        start, stop = time[part.start], time[part.stop - 1]
-        knots = np.linspace(start, stop, max(math.ceil((stop - start) / spacing), 1) + 1)
-        own = np.zeros((len(knots), len(time)))
-        own[:, part] = [np.interp(time[part], knots, each) for each in np.eye(len(knots))]
-        columns.append(own)
-        times.append(knots)
-    borders = np.cumsum([len(each) for each in times])
-    differences = np.delete(np.diff(np.eye(borders[-1]), axis=0), borders[:-1] - 1, axis=0)
-    return np.vstack(columns).T, np.concatenate(times), differences
-
-
-def opened(mask: Mask, least: int, margin: int) -> Mask:
+def open_runs(mask: Mask, least: int, margin: int) -> Mask:
     """Return the runs of at least so many blocks, without a margin at each end."""
-    wide = np.zeros(len(mask), dtype=bool)
+    inner = np.zeros(len(mask), dtype=bool)
     for run in run_slices(mask):
         if mask[run.start] and run.stop - run.start >= least:
-            wide[run.start + margin : run.stop - margin] = True
-    return wide
+            inner[run.start + margin : run.stop - margin] = True
+    return inner
 
 
 @dataclass(slots=True, eq=False)
-class _Free:
+class _Drift:
+    """A bias that is linear between knots.
+
+    Attributes
+    ----------
+    columns : numpy.ndarray, shape (k, knots)
+        The bias of each block by those of the knots.
+    knots : numpy.ndarray, shape (knots,)
+        Times, s.
+    ties : list of numpy.ndarray, shape (knots, knots)
+        Precision of the changes from knot to knot, for each axis.
+    """
+
+    columns: Floats
+    knots: Floats
+    ties: list[Floats]
+
+    @classmethod
+    def of(cls, time: Floats, segment: NDArray[np.int64]) -> "_Drift":
+        """Return the knots of a log, and separate ones after each zeroing."""
+        spacing = max(KNOT, (time[-1] - time[0]) / MOST_KNOTS)
+        columns = list[Floats]()
+        knots = list[Floats]()
+        for run in run_slices(segment):
+            start = time[run.start]
+            stop = time[run.stop - 1]
+            times = np.linspace(start, stop, max(math.ceil((stop - start) / spacing), 1) + 1)
+            hats = np.zeros((len(times), len(time)))
+            hats[:, run] = [np.interp(time[run], times, hat) for hat in np.eye(len(times))]
+            columns.append(hats)
+            knots.append(times)
+        borders = np.cumsum([len(times) for times in knots])
+        changes = np.delete(np.diff(np.eye(borders[-1]), axis=0), borders[:-1] - 1, axis=0)
+        times = np.concatenate(knots)
+        tie = changes.T @ changes
+        wander = WANDER * math.sqrt((times[1] - times[0]) / KNOT)
+        ties = [tie / change**2 + 1e-8 * np.eye(len(times)) for change in wander]
+        return cls(np.vstack(columns).T, times, ties)
+
+
+class _Step(NamedTuple):
+    """The solution of one linearization.
+
+    ``parameters`` and ``biases`` are moves; ``inverse`` is the covariance of the parameters for
+    white noise, ``coupling``, shape (6, knots, SIZE), the move of the biases by that of the
+    parameters, ``variances`` those of the mean biases for known parameters, and ``unblurring`` the
+    part of the move that corrects for the noise of the pose.
+    """
+
+    parameters: Floats
+    biases: Floats
+    inverse: Floats
+    coupling: Floats
+    variances: Floats
+    unblurring: Floats
+
+
+@dataclass(slots=True, eq=False)
+class _Linearization:
     """One linearization of the fit, with a column for each axis of the wrench."""
 
-    rest: Floats  # (k, 6)
+    residual: Floats  # (k, 6)
     jacobian: Floats  # (k, 6, SIZE)
     columns: Floats  # (k, knots), of the bias
     blur: Floats  # (k, 6, SIZE), columns by the noise of the pose alone
@@ -105,11 +153,14 @@ class _Free:
 
     def solve(
         self, prior: Floats, pull: Floats, ties: Sequence[Floats], drift: Floats, load: Floats
-    ) -> tuple[Floats, Floats, Floats, Floats, Floats, Floats]:
+    ) -> _Step:
         """Solve the normal equations; the bias of each axis is eliminated first.
 
-        The noise of the pose adds to the squares of the columns, which draws mass and clock to
-        zero. Its part is subtracted (Fuller, Measurement error models, 1987), at most a half.
+        This is not :func:`~palpate.estimators.least_squares.least_squares`, which has no weights
+        that change from step to step, no rotation among its parameters, and takes its columns for
+        exact. Here the noise of the pose adds to the squares of the columns, which draws mass and
+        clock to zero. Its part is subtracted (Fuller, Measurement error models, 1987), at most a
+        half.
 
         Parameters
         ----------
@@ -121,34 +172,45 @@ class _Free:
             The biases.
         load : numpy.ndarray, shape (13,)
             The parameters of :func:`regressors`.
-
-        Returns
-        -------
-        tuple
-            The moves of parameters and biases, the covariance of the parameters for white noise,
-            the move of the biases by that of the parameters, shape (6, knots, SIZE), the
-            variances of the mean biases for known parameters, and the part of the move that
-            corrects for the noise of the pose.
         """
-        normal, slope = np.diag(prior), pull.copy()
-        couplings, moves, variances = [], [], []
+        normal = np.diag(prior)
+        slope = pull.copy()
+        couplings = list[Floats]()
+        moves = list[Floats]()
+        variances = list[Floats]()
         mean = np.full(len(drift), 1.0 / len(drift))
         for k, tie in enumerate(ties):
-            x = np.hstack([self.jacobian[:, k], self.columns, self.rest[:, k, None]])
-            # In chunks, because on a busy machine threads of BLAS wait for each other.
-            chunks = np.zeros((-(-len(x) // CHUNK), CHUNK, x.shape[1]))
-            weighted = np.zeros_like(chunks)
-            chunks.reshape(-1, x.shape[1])[: len(x)] = x
-            weighted.reshape(-1, x.shape[1])[: len(x)] = self.weight[:, k, None] * x
-            products = (weighted.transpose(0, 2, 1) @ chunks).sum(axis=0)
-            both, own = products[:SIZE, SIZE:-1], products[SIZE:-1, SIZE:-1] + tie
-            right = np.column_stack([both.T, products[SIZE:-1, -1] - tie @ drift[:, k], mean])
-            solved = np.linalg.solve(own, right)
+            products = self._products(k)
+            cross = products[:SIZE, SIZE:-1]
+            right = [cross.T, products[SIZE:-1, -1] - tie @ drift[:, k], mean]
+            solved = np.linalg.solve(products[SIZE:-1, SIZE:-1] + tie, np.column_stack(right))
             couplings.append(solved[:, :SIZE])
             moves.append(solved[:, SIZE])
             variances.append(mean @ solved[:, -1])
-            normal += products[:SIZE, :SIZE] - both @ solved[:, :SIZE]
-            slope += products[:SIZE, -1] - both @ solved[:, SIZE]
+            normal += products[:SIZE, :SIZE] - cross @ solved[:, :SIZE]
+            slope += products[:SIZE, -1] - cross @ solved[:, SIZE]
+        inverse, correction = self._correct_blur(normal)
+        unblurring = correction @ normal[:, : len(load)] @ load
+        move = inverse @ slope + unblurring
+        coupling = np.array(couplings)
+        biases = (np.array(moves) - coupling @ move).T
+        return _Step(move, biases, inverse, coupling, np.array(variances), unblurring)
+
+    def _products(self, axis: int) -> Floats:
+        """Return the weighted products of the columns, biases and residual of one axis."""
+        residual = self.residual[:, axis, None]
+        columns = np.hstack([self.jacobian[:, axis], self.columns, residual])
+        # In chunks, because on a busy machine threads of BLAS wait for each other.
+        chunks = np.zeros((-(-len(columns) // CHUNK), CHUNK, columns.shape[1]))
+        weighted = np.zeros_like(chunks)
+        chunks.reshape(-1, columns.shape[1])[: len(columns)] = columns
+        rows = self.weight[:, axis, None] * columns
+        weighted.reshape(-1, columns.shape[1])[: len(columns)] = rows
+        products: Floats = (weighted.transpose(0, 2, 1) @ chunks).sum(axis=0)
+        return products
+
+    def _correct_blur(self, normal: Floats) -> tuple[Floats, Floats]:
+        """Return the inverse of the normal matrix without the noise of the pose, and its excess."""
         unit = 1.0 / np.sqrt(np.diag(normal))
         weighted = (self.blur * self.weight[:, :, None]).reshape(-1, SIZE)
         blurred = weighted.T @ self.blur.reshape(-1, SIZE)
@@ -156,27 +218,58 @@ class _Free:
         share, axes = np.linalg.eigh(half @ blurred @ half.T)
         axes = axes.T @ half  # of normal to the identity, of blurred to the shares
         share = np.minimum(share, MOST_BLURRED)
-        inverse = axes.T / (1.0 - share) @ axes
-        steeper = axes.T * (share / (1.0 - share)) @ axes @ normal[:, : len(load)] @ load
-        move, coupling = inverse @ slope + steeper, np.array(couplings)
-        moved = (np.array(moves) - coupling @ move).T
-        return move, moved, inverse, coupling, np.array(variances), steeper
+        return axes.T / (1.0 - share) @ axes, axes.T * (share / (1.0 - share)) @ axes
 
-    def covariance(self, inverse: Floats, coupling: Floats, steeper: Floats, used: Mask) -> Floats:
+    def covariance(self, step: _Step, used: Mask) -> Floats:
         """Return the covariance of the parameters, with the correlation of the residuals."""
         covariance = np.zeros((SIZE, SIZE))
         for k in range(6):
             weight = self.weight[used, k, None]
-            scores = weight * (self.jacobian[used, k] - self.columns[used] @ coupling[k]) @ inverse
+            slopes = self.jacobian[used, k] - self.columns[used] @ step.coupling[k]
             if weight.any():
+                scores = weight * slopes @ step.inverse
                 knots = self.columns.shape[1]
-                covariance += long_run_covariance(scores, self.rest[used, k], (), knots)
+                covariance += long_run_covariance(scores, self.residual[used, k], (), knots)
         # Few turns do not show all of the wander, which the prior of the bias allows for.
-        error = np.sqrt(np.diag(covariance) + 1e-300)
-        inflation = np.maximum(1.0, np.sqrt(np.diag(inverse)) / error)
+        white = np.diag(step.inverse)
+        inflation = np.maximum(1.0, np.sqrt(white) / np.sqrt(np.diag(covariance) + 1e-300))
         widened: Floats = covariance * inflation * inflation[:, None]
-        np.fill_diagonal(widened, np.maximum(np.diag(widened), np.diag(inverse)))
-        return widened + np.outer(steeper, steeper) * UNSURE_BLUR**2
+        np.fill_diagonal(widened, np.maximum(np.diag(widened), white))
+        return widened + np.outer(step.unblurring, step.unblurring) * UNSURE_BLUR**2
+
+
+@dataclass(slots=True, eq=False)
+class PayloadFit:
+    """A payload, and the free air that it was fitted to.
+
+    Attributes
+    ----------
+    payload : Payload
+        The payload.
+    blocks : Blocks
+        Means of the wrench times the sign of the payload, without the steps of zeroing.
+    free : numpy.ndarray of bool, shape (k,)
+        Blocks in free air.
+    scale : float
+        Residual of the force in free air, over the white noise of a block.
+    zeroed : sequence of Zeroing
+        When the sensor was zeroed.
+    sign_in_doubt : bool
+        Whether the wrench fits with either sign.
+    """
+
+    payload: Payload
+    blocks: Blocks
+    free: Mask
+    scale: float
+    zeroed: Sequence[Zeroing] = ()
+    sign_in_doubt: bool = False
+
+    @property
+    def scatter(self) -> float:
+        """Residual in free air, over the tolerance of a consensus and 1 % of the weight."""
+        tolerable = self.blocks.floor + 0.01 * GRAVITY * self.payload.mass
+        return self.scale * float(self.blocks.noise[:3].max()) / tolerable
 
 
 def fit_payload(
@@ -185,7 +278,7 @@ def fit_payload(
     known: Payload | None = None,
     fixed: Sequence[int] = (),
     delay: Delay | None = None,
-) -> tuple[Payload, Mask, float]:
+) -> PayloadFit:
     """Find payload, mount, bias and clock from the free air of a log.
 
     Gauss–Newton with Tukey's weights from the largest consensus; the standard errors allow for the
@@ -204,73 +297,100 @@ def fit_payload(
 
     Returns
     -------
-    tuple
-        The payload without marks, the mask of the blocks in free air, and the scale of
-        :class:`PayloadFit`.
+    PayloadFit
+        The payload without marks.
     """
-    noise, floor = blocks.noise, blocks.floor
-    span = float(np.median(blocks.stop - blocks.start))
-    _, mass, mount, bias, clock = largest_consensus(blocks, known, delay)
-    columns, knots, changes = hats(blocks.time, blocks.segment)
-    count, wander = columns.shape[1], WANDER * math.sqrt((knots[1] - knots[0]) / KNOT)
+    consensus = largest_consensus(blocks, known, delay)
+    mass = consensus.mass
+    mount = consensus.mount
     expected, spread = _prior(known, fixed, delay, mass)
     theta = np.where(spread < FIXED * 1.1, expected, 0.0)
-    theta[MASS], theta[CLOCK] = mass, clock
-    seen = blocks.seen(clock)
-    unloaded = blocks.wrench - regressors(seen, mount, _lever_of(theta)) @ theta[:13]
-    drift = np.tile(np.concatenate([bias, np.median(unloaded[:, 3:], axis=0)]), (count, 1))
-    rest = unloaded[:, :3] - bias
-    allowed = floor + 0.02 * GRAVITY * np.linalg.norm(seen[:, 3:6], axis=1) + 0.05 * seen[:, 16]
+    theta[MASS] = mass
+    theta[CLOCK] = consensus.delay
+    motion = blocks.motion_before(consensus.delay)
+    unloaded = blocks.wrench - regressors(motion, mount, _lever_of(theta)) @ theta[:13]
+    drift = _Drift.of(blocks.time, blocks.segment)
+    bias = np.concatenate([consensus.bias, np.median(unloaded[:, 3:], axis=0)])
+    biases = np.tile(bias, (len(drift.knots), 1))
+    allowed = blocks.tolerance(motion)
     # The inertia of a heavy tool, by arms that are not known yet, exceeds that.
-    inertia = max(mass - 1.0, 0.0) * (allowed - floor + ARMS * np.linalg.norm(seen[:, 6:9], axis=1))
-    allowed += inertia
-    free = np.linalg.norm(rest, axis=1) < 2.0 * allowed
-    scale = np.maximum(1.0, np.repeat([floor / math.sqrt(3.0), 0.02], 3) / noise)
+    accelerating = allowed - blocks.floor + ARMS * np.linalg.norm(motion[:, 6:9], axis=1)
+    inertia = max(mass - 1.0, 0.0) * accelerating
+    rest = np.linalg.norm(unloaded[:, :3] - consensus.bias, axis=1)
+    free = rest < 2.0 * (allowed + inertia)
+    least = np.repeat([blocks.floor / math.sqrt(3.0), 0.02], 3)
+    scale = np.maximum(1.0, least / blocks.noise)
     if mass == 0.0:  # nothing turns: inertia alone may tell the mass, from farther off
         scale *= 4.0
-    least, margin = (math.ceil(each / span - 1e-6) for each in (SHORTEST_FREE, MARGIN))
-    tie = changes.T @ changes
-    ties = [tie / each**2 + 1e-8 * np.eye(count) for each in wander]
-    for step in range(ROUNDS):
-        fit = _linearized(blocks, columns, theta, mount, drift)
-        sigma = noise * scale
-        slack = 1.0 + inertia / floor if step < FIRST_ROUNDS else 1.0
-        sizes = [
-            np.linalg.norm(fit.rest[:, axes] / sigma[axes], axis=1) / math.sqrt(3.0) / cut / slack
-            for axes, cut in ((slice(0, 3), CUT), (slice(3, 6), 4.0 * CUT))
-        ]
-        inside = free & (sizes[0] < 1.0) & (sizes[1] < 1.0)
-        tukey = [np.where(inside, (1.0 - size**2) ** 2, 0.0) for size in sizes]
-        fit.weight = np.repeat(np.column_stack(tukey), 3, axis=1) / sigma**2
+    for count in range(ROUNDS):
+        linear = _linearize(blocks, drift.columns, theta, mount, biases)
+        slack = 1.0 + inertia / blocks.floor if count < FIRST_ROUNDS else 1.0
+        sigma = blocks.noise * scale
+        force_size, torque_size = _residual_sizes(linear.residual, sigma, slack)
+        inside = free & (force_size < 1.0) & (torque_size < 1.0)
+        tukey = [np.where(inside, (1.0 - s**2) ** 2, 0.0) for s in (force_size, torque_size)]
+        linear.weight = np.repeat(np.column_stack(tukey), 3, axis=1) / sigma**2
         pull = (expected - theta) / spread**2
-        solved = fit.solve(spread**-2, pull, ties, drift, theta[:13])
-        move, moved, inverse, coupling, variances, steeper = solved
-        move[list(fixed)] = 0.0
-        move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
-        move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
+        step = linear.solve(spread**-2, pull, drift.ties, biases, theta[:13])
+        move = _limit_move(step.parameters, fixed)
         theta = theta + move
         theta[CLOCK] = np.clip(theta[CLOCK], -LONGEST_DELAY, LONGEST_DELAY)
-        mount, drift = mount @ rotation(move[MOUNT]), drift + moved
+        mount = mount @ rotation(move[MOUNT])
+        biases = biases + step.biases
         used = tukey[0] > 0.3
         if np.count_nonzero(used) > FEWEST_FREE:  # growing, it would take contact for free air
-            deviation = 1.4826 * np.median(np.abs(fit.rest[used]), axis=0) / noise
-            scale = np.minimum(np.maximum(np.maximum(1.0, deviation), 0.5 * scale), scale)
-        if step >= FIRST_ROUNDS:
-            before, free = free, opened(sizes[0] < 1.0, max(least, 3), max(margin, 1))
-            if (free == before).all() and (move**2 < CONVERGED**2 * np.diag(inverse)).all():
+            deviation = np.median(np.abs(linear.residual[used]), axis=0)
+            larger = np.maximum(1.0, 1.4826 * deviation / blocks.noise)
+            scale = np.minimum(np.maximum(larger, 0.5 * scale), scale)
+        if count >= FIRST_ROUNDS:
+            previous = free
+            free = _free_runs(force_size < 1.0, blocks)
+            settled = move**2 < CONVERGED**2 * np.diag(step.inverse)
+            if (free == previous).all() and settled.all():
                 break
-    covariance = fit.covariance(inverse, coupling, steeper, inside)
-    means = coupling.mean(axis=1)
-    variances += np.einsum("ki,ij,kj->k", means, covariance, means)
-    found = _payload_of(theta, mount, covariance, blocks, inside, knots, drift)
-    return replace(found, bias_error=np.sqrt(variances)), inside, float(scale[:3].max())
+    covariance = linear.covariance(step, inside)
+    means = step.coupling.mean(axis=1)
+    variances = step.variances + np.einsum("ki,ij,kj->k", means, covariance, means)
+    payload = replace(
+        _payload_of(theta, mount, covariance, blocks, inside),
+        bias=biases.mean(axis=0),
+        bias_error=np.sqrt(variances),
+        bias_times=drift.knots,
+        bias_changes=biases - biases.mean(axis=0),
+    )
+    return PayloadFit(payload, blocks, inside, float(scale[:3].max()))
+
+
+def _residual_sizes(
+    residual: Floats, sigma: Floats, slack: Floats | float
+) -> tuple[Floats, Floats]:
+    """Return the sizes of force and torque over the cut of Tukey's weight."""
+    force = np.linalg.norm(residual[:, :3] / sigma[:3], axis=1) / math.sqrt(3.0)
+    torque = np.linalg.norm(residual[:, 3:] / sigma[3:], axis=1) / math.sqrt(3.0)
+    return force / CUT / slack, torque / (4.0 * CUT) / slack
+
+
+def _limit_move(move: Floats, fixed: Sequence[int]) -> Floats:
+    """Return a move without the fixed parameters, of at most 0.3 rad and 30 ms."""
+    move[list(fixed)] = 0.0
+    move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
+    move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
+    return move
+
+
+def _free_runs(fitting: Mask, blocks: Blocks) -> Mask:
+    """Return the blocks that fit for long enough to be free air."""
+    span = float(np.median(blocks.duration))
+    least, margin = (math.ceil(time / span - 1e-6) for time in (SHORTEST_FREE, MARGIN))
+    return open_runs(fitting, max(least, 3), max(margin, 1))
 
 
 def _prior(
     known: Payload | None, fixed: Sequence[int], delay: Delay | None, mass: float
 ) -> tuple[Floats, Floats]:
     """Return the expected values of the payload and their standard deviations."""
-    heavy, expected = max(mass, 0.05), np.zeros(SIZE)
+    heavy = max(mass, 0.05)
+    expected = np.zeros(SIZE)
     sizes = 10.0, 1.0, 0.02 * heavy, 0.1 * heavy, math.pi, LONGEST_DELAY
     spread = np.repeat(sizes, (1, 3, 6, 3, 3, 1))
     if known is not None:
@@ -278,24 +398,21 @@ def _prior(
         spread[list(fixed)] = FIXED
         expected[spread != FIXED] = 0.0
     if delay is not None:
-        expected[CLOCK], spread[CLOCK] = delay.seconds, max(delay.standard_error, 1e-6)
+        expected[CLOCK] = delay.seconds
+        spread[CLOCK] = max(delay.standard_error, 1e-6)
     return expected, spread
 
 
-def _linearized(
-    blocks: Blocks,
-    columns: Floats,
-    theta: Floats,
-    mount: Floats,
-    drift: Floats,
-) -> _Free:
+def _linearize(
+    blocks: Blocks, columns: Floats, theta: Floats, mount: Floats, biases: Floats
+) -> _Linearization:
     """Return residuals and their negative slopes by payload, mount and delay."""
     noise = blocks.motion.noise
     assert noise is not None
-    noisy = replace(blocks, motion=noise)
-    jacobian, blur = (_slopes(each, theta, mount) for each in (blocks, noisy))
-    rest = blocks.wrench - jacobian[:, :, :13] @ theta[:13] - columns @ drift
-    return _Free(rest, jacobian, columns, blur, np.zeros_like(rest))
+    jacobian = _slopes(blocks, theta, mount)
+    blur = _slopes(replace(blocks, motion=noise), theta, mount)
+    residual = blocks.wrench - jacobian[:, :, :13] @ theta[:13] - columns @ biases
+    return _Linearization(residual, jacobian, columns, blur, np.zeros_like(residual))
 
 
 def _lever_of(theta: Floats) -> Floats:
@@ -305,63 +422,58 @@ def _lever_of(theta: Floats) -> Floats:
 
 def _slopes(blocks: Blocks, theta: Floats, mount: Floats) -> Floats:
     """Return the slopes of the wrench by payload, mount and delay."""
-    seen = blocks.seen(theta[CLOCK])
-    ahead, behind = (blocks.seen(theta[CLOCK] - t, 3) for t in (SHIFT, -SHIFT))
-    rate = (ahead - behind) / (2.0 * SHIFT) @ mount
+    motion = blocks.motion_before(theta[CLOCK])
+    change = blocks.motion_before(theta[CLOCK] - SHIFT, 3)
+    change -= blocks.motion_before(theta[CLOCK] + SHIFT, 3)
+    rate = change / (2.0 * SHIFT) @ mount
     # A mount turned further by φ changes g to g + g × φ.
-    turned = skew(seen[:, :3] @ mount)
+    turned = skew(motion[:, :3] @ mount)
     by_mount = np.hstack([theta[MASS] * turned, skew(theta[ARM]) @ turned])
     by_clock = np.hstack([-theta[MASS] * rate, -np.cross(theta[ARM], rate)])[:, :, None]
-    return np.concatenate([regressors(seen, mount, _lever_of(theta)), by_mount, by_clock], axis=2)
+    by_load = regressors(motion, mount, _lever_of(theta))
+    return np.concatenate([by_load, by_mount, by_clock], axis=2)
 
 
 def _payload_of(
-    theta: Floats,
-    mount: Floats,
-    covariance: Floats,
-    blocks: Blocks,
-    free: Mask,
-    knots: Floats,
-    drift: Floats,
+    theta: Floats, mount: Floats, covariance: Floats, blocks: Blocks, free: Mask
 ) -> Payload:
-    """Return the payload of the parameters, with standard errors and what it was found from."""
-    mass, error = float(theta[MASS]), np.sqrt(np.diag(covariance))
+    """Return the payload of the parameters, with standard errors, but for its bias."""
+    mass = float(theta[MASS])
+    error = np.sqrt(np.diag(covariance))
     heavy = max(mass, 1e-9)
-    arms = []
-    for own in (ARM, LEVER):
+    arm_errors = list[Floats]()
+    for arm in (ARM, LEVER):
         slopes = np.zeros((3, SIZE))
-        slopes[:, own], slopes[:, MASS] = np.eye(3) / heavy, -theta[own] / heavy**2
-        arms.append(np.sqrt(np.diag(slopes @ covariance @ slopes.T)))
-    around, axes = turns_of(blocks.seen(theta[CLOCK])[free, 17:]) if free.any() else (0.0, 0)
-    bias = drift.mean(axis=0)
-    span = blocks.stop - blocks.start
+        slopes[:, arm] = np.eye(3) / heavy
+        slopes[:, MASS] = -theta[arm] / heavy**2
+        arm_errors.append(np.sqrt(np.diag(slopes @ covariance @ slopes.T)))
+    gravity = blocks.motion_before(theta[CLOCK])[free, 17:]
+    turn, axes = turns_of(gravity) if free.any() else (0.0, 0)
     return Payload(
         mass,
         theta[ARM] / heavy,
         mount,
-        bias,
+        np.zeros(6),
         inertia=theta[INERTIA],
         lever=theta[LEVER] / heavy,
         delay=float(theta[CLOCK]),
-        bias_times=knots,
-        bias_changes=drift - bias,
         mass_error=math.hypot(error[MASS], (FILTER_ERROR if axes else BY_INERTIA) * mass),
-        centre_error=arms[0],
+        centre_error=arm_errors[0],
         mount_error=error[MOUNT],
-        lever_error=arms[1],
+        lever_error=arm_errors[1],
         inertia_error=error[INERTIA],
         delay_error=float(error[CLOCK]),
-        turn=around,
+        turn=turn,
         axes=axes,
         free_share=float(np.mean(free)),
-        free_time=float(span[free].sum()),
+        free_time=float(blocks.duration[free].sum()),
     )
 
 
 def turns_of(directions: Floats) -> tuple[float, int]:
     """Return the largest angle between directions, rad, and about how many axes they turn."""
-    far = directions[int(np.argmin(directions @ directions.mean(axis=0)))]
-    largest = math.acos(float(np.clip((directions @ far).min(), -1.0, 1.0)))
+    farthest = directions[int(np.argmin(directions @ directions.mean(axis=0)))]
+    largest = math.acos(float(np.clip((directions @ farthest).min(), -1.0, 1.0)))
     # Turns about one axis keep gravity in a plane.
     spread = np.linalg.svd(directions, compute_uv=False) / math.sqrt(len(directions))
     return largest, int(np.count_nonzero(spread[1:] > LEAST_TURN))

@@ -1,10 +1,9 @@
-"""How to read a log that does not say it: frame and sign of its force, order of its quaternions.
+"""How to read a wrench that does not say it: frame and sign, and the order of the quaternions.
 
 In free air the force of the right reading is the weight of the tool, m Qᵀ g + b, to within the
 noise; that of a wrong reading is newtons off.
 """
 
-import math
 import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,14 +12,18 @@ import numpy as np
 
 from palpate.contact import Delay
 from palpate.errors import RecordingError
-from palpate.findings import Check, Finding, Mark
-from palpate.preparation.roles import Roles
-from palpate.preparation.settings import ForceFrame
-from palpate.recordings import Recording
-from palpate.recordings.poses import IN_BASE
+from palpate.findings import Check, Finding
 from palpate.recordings.recording import GRAVITY
+from palpate.settings import ForceFrame
 from palpate.validation import Floats
-from palpate.wrench.consensus import blocks_of, fit_weight, largest_consensus
+from palpate.wrench.consensus import (
+    Blocks,
+    Consensus,
+    Mask,
+    blocks_of,
+    fit_weight,
+    largest_consensus,
+)
 from palpate.wrench.fit import FEWEST_FREE
 from palpate.wrench.motion import FlangeMotion
 from palpate.wrench.payload import Payload
@@ -58,25 +61,22 @@ class Reading:
 
 
 def possible_readings(
-    frame: ForceFrame | None, usual: ForceFrame, signs: Sequence[float], *, order_stated: bool
+    frame: ForceFrame | None, default: ForceFrame, signs: Sequence[float], *, order_stated: bool
 ) -> list[Reading]:
-    """Return the readings that what is stated allows, the usual one first."""
+    """Return the readings that what is stated allows, the default one first."""
     base = [] if frame == "tool" else [Reading("base")]
     if frame == "base":
         return base
-    tool = [
-        Reading("tool", scalar_first, sign)
-        for scalar_first in ((False,) if order_stated else (False, True))
-        for sign in signs
-    ]
-    return base + tool if usual == "base" else tool + base
+    orders = (False,) if order_stated else (False, True)
+    tool = [Reading("tool", order, sign) for order in orders for sign in signs]
+    return base + tool if default == "base" else tool + base
 
 
-def states_order(orientation: Sequence[str], given: str | None) -> bool:
+def states_order(orientation: Sequence[str], option: str | None) -> bool:
     """Whether the order of four channels is stated: by an option, or by their letters x to w."""
-    first, last = orientation[0], orientation[-1]
-    differing = [own for own, other in zip(last, first, strict=False) if own != other]
-    return "," in (given or "") or "".join(differing).lower() == "w"
+    pairs = zip(orientation[-1], orientation[0], strict=False)
+    differing = [last for last, first in pairs if last != first]
+    return "," in (option or "") or "".join(differing).lower() == "w"
 
 
 def fitting_readings(
@@ -98,110 +98,49 @@ def fitting_readings(
         Motion of the flange by each reading; for a force in the base's axes, of a flange that does
         not turn.
     time, wrench, delay, known
-        As in :func:`~palpate.wrench.marks.find_payload`.
+        As in :func:`~palpate.wrench.search.find_payload`.
     """
-    fits, costs = {}, dict[Reading, float]()
+    logs = dict[Reading, Blocks]()
+    fits = dict[Reading, Consensus]()
     for reading, motion in motions.items():
         blocks = blocks_of(time, reading.sign * wrench, motion)
         if len(blocks.start) < FEWEST_FREE:
             return list(motions), False
-        fits[reading] = blocks, *largest_consensus(blocks, known, delay)[1:]
+        logs[reading] = blocks
+        fits[reading] = largest_consensus(blocks, known, delay)
     # As of the consensus, but one for all: a flange that does not turn would have a smaller one.
-    seen = np.array([blocks.seen(0.0) for blocks, *_ in fits.values()])
-    turning, speeding = np.linalg.norm(seen[:, :, 3:6], axis=2).max(axis=0), seen[0, :, 16]
-    tolerance = blocks.floor + 0.02 * GRAVITY * turning + 0.05 * speeding
-    masks = {}
-    for reading, (blocks, mass, mount, bias, late) in fits.items():
-        rest = blocks.wrench[:, :3] - mass * blocks.seen(late, 3) @ mount - bias
-        sizes = np.linalg.norm(rest, axis=1) / tolerance
-        masks[reading] = sizes < FREE
-        costs[reading] = float(np.minimum(sizes, FARTHEST).sum())
-    best = min(costs, key=costs.__getitem__)
-    free, late = masks[best], fits[best][-1]
+    moving = np.array([blocks.motion_before(0.0) for blocks in logs.values()])
+    turning = np.linalg.norm(moving[:, :, 3:6], axis=2).max(axis=0)
+    tolerance = blocks.floor + 0.02 * GRAVITY * turning + 0.05 * moving[0, :, 16]
+    sizes = {
+        reading: np.linalg.norm(consensus.residual(logs[reading]), axis=1) / tolerance
+        for reading, consensus in fits.items()
+    }
+    best = min(sizes, key=lambda reading: float(np.minimum(sizes[reading], FARTHEST).sum()))
+    free = sizes[best] < FREE
     if np.count_nonzero(free) < FEWEST_FREE:
         return list(motions), False
-    left = dict[Reading, float]()
-    for reading, (blocks, *_) in fits.items():
-        force, g = blocks.wrench[free, :3], blocks.seen(late, 3)[free]
-        if known is None:
-            fitted, mount, bias = fit_weight(g, force, np.ones(len(g)))
-            load = fitted * g @ mount + bias
-        else:
-            load = known.mass * g @ known.mount
-            load += (force - load).mean(axis=0)
-        squares = np.square(force - load).sum(axis=1)
-        left[reading] = float(np.sqrt(squares.mean() + (blocks.floor / 3.0) ** 2))
+    residuals = {
+        reading: _residual_in(free, blocks, fits[best].delay, known)
+        for reading, blocks in logs.items()
+    }
     enough = bool(free.mean() > ENOUGH)
-    most = (SECOND_BEST if enough else BY_CHANCE) * min(left.values())
-    return [reading for reading, rest in left.items() if rest < most], enough
+    limit = (SECOND_BEST if enough else BY_CHANCE) * min(residuals.values())
+    return [reading for reading, residual in residuals.items() if residual < limit], enough
 
 
-# The frame that a recording states, and a tool that turns.
-
-#: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
-#: a kilogram, a tenth of a soft contact.
-LARGEST_TURN = math.radians(2.0)
-
-
-def largest_turn(orientation: Floats) -> float:
-    """Return the largest angle between the orientation and its value halfway, rad."""
-    known = orientation[np.isfinite(orientation).all(axis=1)]
-    length = np.linalg.norm(known, axis=1)
-    unit = known[length > 0.0] / length[length > 0.0, None]
-    if not len(unit):
-        return 0.0
-    typical = unit[len(unit) // 2]
-    cosine = np.clip(np.abs(unit @ typical), 0.0, 1.0)  # q and −q are one orientation
-    return 2.0 * math.acos(float(np.percentile(cosine, 1.0)))
-
-
-def stated_frame(
-    recording: Recording, roles: Roles, asked: ForceFrame | None, findings: list[Finding]
-) -> ForceFrame | None:
-    """Return the frame of the force: as requested, else from the recording; None if in doubt.
-
-    Assumptions are added to the findings.
-    """
-    if asked is not None:
-        return asked
-    if roles.orientation_frame is not None:  # from transforms: the force's frame
-        return "tool"
-    if IN_BASE.match(roles.force[0]):
-        return "base"
-    force, depth = (recording.frames.get(names[0]) for names in (roles.force, roles.depth))
-    if force is None or depth is None:
-        return None if roles.orientation else "base"
-    if force.lstrip("/") == depth.lstrip("/"):
-        return "base"
-    words = f"the force is in the frame {force!r}, the position in {depth!r}"
-    if roles.orientation:
-        words += ": palpate rotates it by the orientation, assuming it is in the tool's axes"
-        remedy = "pass --force-frame base if both frames have the same axes"
-        findings.append(Check.FORCE_FRAME.finding(words, remedy))
-        return "tool"
-    words += ", and there is no orientation to convert one to the other"
-    remedy = "record the pose, or pass the contact normal, such as --normal z"
-    findings.append(Check.FORCE_FRAME.finding(words, remedy, severity="with-care"))
-    return "base"
-
-
-def report_unknown_tip(words: str, mark: Mark = "trust") -> Finding:
-    """Report that the pose is not that of the tip."""
-    remedy = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
-    return Check.ORIENTATION.finding(words, remedy, mark=mark)
-
-
-def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
-    """Warn that the orientation changes while the weight of the tool is not subtracted."""
-    angle = largest_turn(orientation)
-    if weight is not None or angle <= LARGEST_TURN:
-        return []
-    words = (
-        f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
-        "along each axis of the sensor, and --tool-weight is missing"
-    )
-    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
-    return [Check.ORIENTATION.finding(words, remedy, mark="with-care")]
+def _residual_in(free: Mask, blocks: Blocks, delay: float, known: Payload | None) -> float:
+    """Return the rms of what weight and bias leave of the force in free air, N."""
+    force = blocks.wrench[free, :3]
+    g = blocks.motion_before(delay, 3)[free]
+    if known is None:
+        mass, mount, bias = fit_weight(g, force, np.ones(len(g)))
+        load = mass * g @ mount + bias
+    else:
+        load = known.mass * g @ known.mount
+        load += (force - load).mean(axis=0)
+    squares = np.square(force - load).sum(axis=1)
+    return float(np.sqrt(squares.mean() + (blocks.floor / 3.0) ** 2))
 
 
 # Sentences on a choice, and the question where there is none.
@@ -209,43 +148,44 @@ def turn_findings(orientation: Floats, weight: float | None) -> list[Finding]:
 _FRAMES = {"tool": "the tool", "base": "the position"}
 
 
-def _words_of(by: str | None, choice: str) -> str:
-    return f"palpate assumes {choice}" if by is None else f"by the {by} it is {choice}"
+def _describe_choice(evidence: str | None, choice: str) -> str:
+    return f"palpate assumes {choice}" if evidence is None else f"by the {evidence} it is {choice}"
 
 
-def report_frame(reading: Reading, by: str | None) -> Finding:
+def report_frame(reading: Reading, evidence: str | None) -> Finding:
     """Report the frame of the force, and the evidence for it."""
-    other = "base" if reading.frame == "tool" else "tool"
-    words = _words_of(by, f"that of {_FRAMES[reading.frame]}")
-    when = "rotates with the tool" if other == "tool" else "does not"
-    remedy = f"pass --force-frame {other} if the sensor {when}"
-    words = f"the recording does not state the frame of the force; {words}"
-    return Check.FORCE_FRAME.finding(words, remedy)
+    choice = _describe_choice(evidence, f"that of {_FRAMES[reading.frame]}")
+    remedy = "pass --force-frame base if the sensor does not"
+    if reading.frame == "base":
+        remedy = "pass --force-frame tool if the sensor rotates with the tool"
+    problem = f"the recording does not state the frame of the force; {choice}"
+    return Check.FORCE_FRAME.finding(problem, remedy)
 
 
-def report_order(reading: Reading, by: str | None, names: Sequence[str]) -> Finding:
+def report_order(reading: Reading, evidence: str | None, names: Sequence[str]) -> Finding:
     """Report the order of the quaternion, and the evidence for it."""
-    words = _words_of(by, "w, x, y, z" if reading.scalar_first else "x, y, z, w")
-    words = f"the recording does not state the order of {', '.join(names)}; {words}"
-    option = _option_of(reading, names)
-    return Check.ORIENTATION.finding(words, f"pass {option} to confirm")
+    choice = _describe_choice(evidence, "w, x, y, z" if reading.scalar_first else "x, y, z, w")
+    problem = f"the recording does not state the order of {', '.join(names)}; {choice}"
+    option = _option_of(names, scalar_first=reading.scalar_first)
+    return Check.ORIENTATION.finding(problem, f"pass {option} to confirm")
 
 
-def _option_of(reading: Reading, names: Sequence[str]) -> str:
-    ordered = (*names[1:], names[0]) if reading.scalar_first else names
+def _option_of(names: Sequence[str], *, scalar_first: bool) -> str:
+    ordered = (*names[1:], names[0]) if scalar_first else names
     return f"--orientation {shlex.quote(','.join(ordered))}"
 
 
 def frame_in_doubt(source: str) -> RecordingError:
     """Return the error for a force whose frame cannot be found."""
-    words = "the recording does not state the frame of the force, and neither free air nor contact "
+    problem = "the recording does not state the frame of the force, and neither free air nor "
     remedy = "pass --force-frame tool if the sensor rotates with the tool, else --force-frame base"
-    return RecordingError.of(source, f"{words}decides; {remedy}")
+    return RecordingError.of(source, f"{problem}contact decides; {remedy}")
 
 
 def order_in_doubt(source: str, names: Sequence[str]) -> RecordingError:
     """Return the error for quaternions whose order cannot be found."""
-    words = f"the recording does not state the order of {', '.join(names)}, and neither free air "
-    last, first = (_option_of(Reading(scalar_first=each), names) for each in (False, True))
-    remedy = f"pass {last} for x, y, z, w, or {first} for w, x, y, z"
-    return RecordingError.of(source, f"{words}nor contact decides; {remedy}")
+    problem = f"the recording does not state the order of {', '.join(names)}, and neither free air "
+    scalar_last = _option_of(names, scalar_first=False)
+    scalar_first = _option_of(names, scalar_first=True)
+    remedy = f"pass {scalar_last} for x, y, z, w, or {scalar_first} for w, x, y, z"
+    return RecordingError.of(source, f"{problem}nor contact decides; {remedy}")
