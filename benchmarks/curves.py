@@ -28,7 +28,7 @@ from palpate import InvalidParameterError, Scale, SingleStageRLS, VariableProjec
 from palpate.contact import Contact
 from palpate.estimators import batch_fit as core
 from palpate.estimators.batch_fit import CurveFits
-from palpate.preparation.gates import suggest_scale
+from palpate.preparation.gate import suggest_scale
 from palpate.validation import Floats
 
 Motion = Callable[[Floats], tuple[Floats, Floats]]

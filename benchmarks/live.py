@@ -38,7 +38,7 @@ from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Sink, Watching
 from palpate.live.view import verdict_on
-from palpate.preparation import OnlinePreparation
+from palpate.preparation.online import OnlinePreparation
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
 _EVERY = 1.0  # s between two measurements of the processes

@@ -16,8 +16,8 @@ from rich.table import Table
 
 import palpate
 from benchmarks.common.report import run_command
+from palpate.preparation.force_frame import compensate_log
 from palpate.preparation.settings import Preparation
-from palpate.preparation.spatial import compensate_log
 from tests.robot_logs import (
     FAULTS,
     STILL,

@@ -14,7 +14,7 @@ HOME = Path(palpate.__file__).parent
 #: function and for type checking.
 FLOORS = (
     "_core errors", "validation digits writing stages", "settings force_laws findings", "contact",
-    "estimators", "recordings", "channels", "preparation", "diagnosis", "quantities",
+    "estimators", "recordings", "channels", "wrench", "preparation", "diagnosis", "quantities",
     "identification", "results", "figures", "reports", "identifying", "design", "lab",
     "fleet exports", "_public", "palpate", "live", "cli", "__main__",
 )  # fmt: skip

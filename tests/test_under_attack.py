@@ -15,7 +15,7 @@ import pytest
 from palpate import InvalidParameterError
 from palpate.estimators import ESTIMATORS
 from palpate.fleet.running import holding_interrupts, open_client
-from palpate.preparation.settings import normal_given
+from palpate.preparation.normal import parse_normal
 
 PALPATE = (sys.executable, "-m", "palpate")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="process groups are POSIX's")
@@ -184,11 +184,11 @@ def test_every_method_says_which_law_it_selected(method):
 def test_a_normal_of_any_length_is_a_direction(size):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        normal = normal_given([size, 0.0, size])
+        normal = parse_normal([size, 0.0, size])
     assert np.allclose(normal.vector, np.array([1.0, 0.0, 1.0]) / np.sqrt(2.0))
     for given in ("1e400,0,0", "0,0,0", "1,2", "nan,0,0"):
         with pytest.raises(InvalidParameterError):
-            normal_given(given)
+            parse_normal(given)
 
 
 def test_lab_replaces_only_what_it_wrote(tmp_path, run):

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.common.recordings import with_notes
 from benchmarks.common.report import markdown_table, run_command
 from palpate import Contact, PalpateError, identify, prepare
-from palpate.preparation.gates import choose_gate
+from palpate.preparation.gate import choose_gate
 
 FEWEST = 4  # segments or touches
 TURNS = 7  # of a contact that is cut in time

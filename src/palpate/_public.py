@@ -46,11 +46,9 @@ from palpate.identifying import Identification as Identification
 from palpate.identifying import compare as compare
 from palpate.identifying import diagnose as diagnose
 from palpate.identifying import identify as identify
-from palpate.preparation import OnlinePreparation as OnlinePreparation
-from palpate.preparation import Payload as Payload
-from palpate.preparation import PayloadCompensation as PayloadCompensation
 from palpate.preparation import choose_gate as choose_gate
 from palpate.preparation import prepare as prepare
+from palpate.preparation.online import OnlinePreparation as OnlinePreparation
 from palpate.quantities.derived import QueryOptions as QueryOptions
 from palpate.quantities.elastic_modulus import Cone as Cone
 from palpate.quantities.elastic_modulus import ElasticModulus as ElasticModulus
@@ -79,3 +77,5 @@ from palpate.settings import FadingForgetting as FadingForgetting
 from palpate.settings import OutlierRejection as OutlierRejection
 from palpate.settings import Scale as Scale
 from palpate.settings import SelfPerturbation as SelfPerturbation
+from palpate.wrench import Payload as Payload
+from palpate.wrench import PayloadCompensation as PayloadCompensation

@@ -95,6 +95,11 @@ class Delay:
     from_contact: bool = False
 
 
+def add_step(made: dict[str, str], channel: str, step: str) -> None:
+    """Add a step to the description of how a channel was obtained."""
+    made[channel] = f"{made[channel]}, {step}" if channel in made else step
+
+
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
 class Contact:
     """The input of identification, in SI units on one clock, and how it was obtained.

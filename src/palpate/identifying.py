@@ -17,7 +17,7 @@ from palpate.estimators.by_law import estimator_by_law
 from palpate.estimators.contact_estimator import Rejection, check_exponent, estimator_named
 from palpate.estimators.estimate import Traced, check_trace
 from palpate.identification.identified import Identified
-from palpate.preparation.gates import choose_gate
+from palpate.preparation.gate import choose_gate
 from palpate.preparation.preparing import BY_NAME, Recorded, prepare
 from palpate.results import view
 from palpate.settings import ContactGate
@@ -183,7 +183,7 @@ def identify(
     estimator : ContactEstimator or str, optional
         Method with settings, which is not modified, or the name of a method. Default: the same as
         ``law="auto"``, or :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
-        is chosen from the data: see :mod:`palpate.preparation.gates`. Variable projection selects
+        is chosen from the data: see :mod:`palpate.preparation.gate`. Variable projection selects
         its samples itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
         :class:`OutlierRejection` excludes outliers unless ``outlier_rejection`` is False.
     *arrays : array_like

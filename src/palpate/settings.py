@@ -1,7 +1,7 @@
 """Settings that estimators share: contact gate, forgetting, outlier rejection, scaling."""
 
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ _DETECTOR = _core.defaults["ChangeDetector"]
 _REJECTION = _core.defaults["OutlierRejection"]
 #: Default time between samples in ``update``, s.
 SAMPLE_TIME: float = _core.defaults["loop"]["sample_time"]
+#: Axes of a force: those of the tool, or of the position.
+ForceFrame = Literal["tool", "base"]
 
 
 class _Numbers:

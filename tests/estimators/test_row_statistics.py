@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from palpate.preparation.gates import LARGEST
+from palpate.preparation.gate import LARGEST
 from palpate.preparation.resolution import estimate_resolutions, noise_of
 from palpate.preparation.velocity import find_spikes, largest_of, spikes_of_rows, step_of
 

@@ -31,7 +31,7 @@ from palpate import (
 )
 from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.estimators.estimate import prediction_rmse_percent, rmse_percent, violated_fraction
-from palpate.preparation.gates import choose_gate, suggest_scale
+from palpate.preparation.gate import choose_gate, suggest_scale
 
 RECORDED = Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv"
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))

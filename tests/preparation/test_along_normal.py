@@ -21,13 +21,10 @@ from palpate import (
 )
 from palpate.channels.frames import rotate_to_base
 from palpate.digits import with_error
-from palpate.preparation.readings import largest_turn
-from palpate.preparation.settings import (
-    never_touches,
-    normal_found,
-    normal_given,
-)
-from palpate.preparation.surfaces import find_surface
+from palpate.preparation.normal import normal_from_forces, parse_normal
+from palpate.preparation.surface import find_surface
+from palpate.preparation.tip import largest_turn
+from palpate.preparation.touch import never_touches
 
 
 def turn(axis, angle) -> np.ndarray:
@@ -91,13 +88,13 @@ def test_a_normal_that_is_given_is_taken(given):
 
 def test_axes_are_normals_and_what_is_no_normal_is_refused():
     for name, vector in {"z": [0, 0, 1], "-x": [-1, 0, 0], "+y": [0, 1, 0]}.items():
-        assert normal_given(name).vector.tolist() == vector
+        assert parse_normal(name).vector.tolist() == vector
     for wrong in ("w", "", "1,2", "0,0,0", "a,b,c", (1, 2), 7, "nan,0,1"):
         with pytest.raises(palpate.InvalidParameterError, match="normal must be x, y, z, -x"):
             prepare(table_of(hand(1.0)), normal=wrong)
     noise = np.random.default_rng(1).standard_normal((500, 3))
     with pytest.raises(RecordingError, match=r"--normal z"):
-        normal_found(noise, np.zeros((500, 3)))
+        normal_from_forces(noise, np.zeros((500, 3)))
 
 
 def test_a_wrench_in_the_tools_frame_is_turned_by_the_orientation():

@@ -14,7 +14,7 @@ from cases import contact_of, exciting, tapping
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
 from palpate.digits import percent, with_error
-from palpate.preparation.touches import find_touches
+from palpate.preparation.touch import find_touches
 from palpate.quantities.derived import build_path
 from palpate.quantities.energy import find_loops
 from palpate.results.saved import derived_dict

@@ -37,7 +37,8 @@ from palpate.errors import InvalidParameterError, RecordingError
 if TYPE_CHECKING:
     from palpate.live.sinks import Sink
     from palpate.live.sources import Source
-    from palpate.preparation import OnlinePreparation, Payload
+    from palpate.preparation.online import OnlinePreparation
+    from palpate.wrench import Payload
 
 # Fraction of a source's initial rest that is certainly without contact.
 _OF_REST = 0.8
@@ -112,7 +113,7 @@ class StreamOptions:
     @property
     def tool(self) -> "Payload | None":
         """The payload in the file, if one is named."""
-        from palpate.preparation import Payload
+        from palpate.wrench import Payload
 
         return None if self.payload is None else Payload.load(self.payload)
 
@@ -126,7 +127,7 @@ class StreamOptions:
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
         """Return the preparation of the source's samples."""
-        from palpate.preparation import OnlinePreparation
+        from palpate.preparation.online import OnlinePreparation
 
         given: dict[str, Any] = quantities(self, surface="penetration")
         if self.tare is not None:

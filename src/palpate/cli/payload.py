@@ -33,7 +33,7 @@ from palpate.cli.reading import negative_number_parameter, parse_delay
 from palpate.digits import percent
 
 if TYPE_CHECKING:
-    from palpate.preparation import Payload
+    from palpate.wrench import Payload
 
 _READ = cyclopts.Parameter(group=READ)
 _UNKNOWN_TORQUE = 10.0  # N·m: standard error of the bias without a torque
@@ -122,7 +122,7 @@ def payload(
         Print one JSON object instead of text.
     """
     from palpate.exports.ros_parameters import ros_parameters as parameters
-    from palpate.preparation.payload_log import measure_payload
+    from palpate.preparation.force_frame import measure_payload
     from palpate.preparation.settings import Preparation
     from palpate.validation import plain
     from palpate.writing import check_marked, check_outputs, write_text

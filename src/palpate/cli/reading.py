@@ -209,7 +209,6 @@ class ReadingOptions:
     def preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare`."""
         from palpate.channels import Columns
-        from palpate.preparation import Payload
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "mass", "strict")
@@ -230,6 +229,8 @@ class ReadingOptions:
             given["delay"] = self.delay if self.delay == "find" else parse_delay(self.delay)
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
+            from palpate.wrench import Payload
+
             given["payload"] = Payload.load(self.payload)
         if self.tip_offset is not None:
             three = self.tip_offset.split(",")
@@ -303,7 +304,7 @@ class ReadingOptions:
         return compare(contact, gate=self._gate(contact), **settings)
 
     def _gate(self, contact: "Contact", *, alone: bool = False) -> "ContactGate | None":
-        from palpate.preparation.gates import requested_gate
+        from palpate.preparation.gate import requested_gate
 
         return requested_gate(contact, self.min_penetration, self.min_force, alone=alone)
 

@@ -12,7 +12,7 @@ from palpate.estimators.least_squares import robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
 from palpate.preparation.resolution import find_dead_band
-from palpate.preparation.surfaces import fit_surface_position, report_assumed_surface
+from palpate.preparation.surface import fit_surface_position, report_assumed_surface
 from palpate.validation import Floats
 
 MOST_IN_CONTACT, MOST_FREE = 3000, 1500

@@ -16,8 +16,8 @@ from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, percent, rounded
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length, report_held_channel
-from palpate.preparation.load_transfer import exclude_load_transfer
 from palpate.preparation.resolution import noise_of
+from palpate.preparation.touch import exclude_load_transfer
 from palpate.preparation.velocity import (
     find_spikes,
     largest_of,

@@ -3,8 +3,8 @@
 import math
 from typing import Any
 
-from palpate.preparation.payload import Payload
 from palpate.recordings.recording import GRAVITY
+from palpate.wrench.payload import Payload
 from palpate.writing import MADE, quote
 
 

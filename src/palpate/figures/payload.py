@@ -8,8 +8,8 @@ import numpy as np
 
 from palpate.digits import with_error
 from palpate.figures.style import choose_look, drawing, head, set_titles, stack
-from palpate.preparation.payload_log import PayloadLog
 from palpate.validation import Floats
+from palpate.wrench.log import PayloadLog
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +25,7 @@ def draw_payload(log: PayloadLog, *, dark: bool = False, width: float | None = N
     Parameters
     ----------
     log : PayloadLog
-        As :func:`palpate.preparation.payload_log.measure_payload` returns it.
+        As :func:`palpate.wrench.log.measure_payload` returns it.
     dark : bool
         Draw for a dark background. Default: False.
     width : float, optional

@@ -47,10 +47,10 @@ from palpate.identification.estimate_checks import (
 )
 from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
 from palpate.identification.replaying import resolve_estimator
-from palpate.preparation.gates import choose_gate
-from palpate.preparation.load_transfer import find_load_transfer
+from palpate.preparation.gate import choose_gate
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.preparation.resolution import estimate_resolutions
+from palpate.preparation.touch import find_load_transfer
 from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
 from palpate.quantities.indentation import (
     Indentation,

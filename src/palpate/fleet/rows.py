@@ -19,8 +19,8 @@ from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.identification.identified import Identified
-from palpate.preparation.along_penetration import divide_by_place
 from palpate.preparation.delay import LONGEST_FOUND, find_delay
+from palpate.preparation.places import divide_by_place
 from palpate.quantities.elastic_modulus import ElasticModulus
 from palpate.quantities.indentation import Indentation
 from palpate.validation import Floats

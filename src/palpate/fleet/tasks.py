@@ -24,7 +24,7 @@ from palpate.estimators import (
     estimator_named,
 )
 from palpate.force_laws import ForceLaw
-from palpate.preparation.gates import requested_gate
+from palpate.preparation.gate import requested_gate
 from palpate.preparation.settings import Preparation
 from palpate.quantities.derived import QueryOptions
 from palpate.quantities.elastic_modulus import Tip

@@ -58,8 +58,7 @@ from palpate.identification.replaying import (
     resolve_estimator,
 )
 from palpate.identification.weak_prior import weak_prior
-from palpate.preparation.along_penetration import divide_by_place
-from palpate.preparation.gates import choose_gate
+from palpate.preparation.gate import choose_gate
 from palpate.preparation.prepared import Place
 from palpate.quantities.derived import (
     QueryOptions,
@@ -408,6 +407,8 @@ class Identified:
         watch : callable
             Iterates over the places, for example with a progress bar.
         """
+        from palpate.preparation.places import divide_by_place
+
         # Keep the settings, except those that were chosen from these data.
         selection = self.selected or self
         segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))

@@ -7,7 +7,7 @@ from palpate.diagnosis import Data
 from palpate.digits import rounded
 from palpate.errors import NoContactError, RecordingError
 from palpate.estimators.estimate import Trace
-from palpate.preparation.settings import depends_on_position
+from palpate.preparation.touch import depends_on_position
 from palpate.settings import ContactGate
 from palpate.validation import Floats
 

@@ -21,7 +21,7 @@ from palpate.estimators import (
 from palpate.estimators.estimate import Trace, Traced, choose_trace_samples, samples_in_estimate
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.force_laws import steps_over_breaks
-from palpate.preparation.gates import choose_gate, suggest_scale
+from palpate.preparation.gate import choose_gate, suggest_scale
 from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
 from palpate.settings import ContactGate, OutlierRejection
 from palpate.stages import log_stage

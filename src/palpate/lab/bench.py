@@ -21,7 +21,7 @@ from palpate.lab.rig import (
 )
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
 from palpate.preparation import prepare
-from palpate.preparation.surfaces import deviation_left
+from palpate.preparation.resolution import deviation_of_mean
 from palpate.stages import log_stage
 from palpate.validation import Floats, instance, number_in
 
@@ -130,7 +130,7 @@ class Bench:
                 "seed": str(seed),
             },
         )
-        left = deviation_left(force, resting) if resting.any() else None
+        left = deviation_of_mean(force, resting) if resting.any() else None
         return replace(contact, tare_deviation=left)
 
 

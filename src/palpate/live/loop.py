@@ -25,10 +25,11 @@ from palpate.estimators.law_verdicts import Candidate
 from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
-from palpate.preparation import OnlinePreparation, PayloadCompensation
+from palpate.preparation.online import OnlinePreparation
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.velocity import step_of
 from palpate.validation import Floats, finite_or_none, number_in
+from palpate.wrench import PayloadCompensation
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]

@@ -25,8 +25,9 @@ from palpate.live.realtime import (
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.sources import Source
-from palpate.preparation import OnlinePreparation, Payload, PayloadCompensation
+from palpate.preparation.online import OnlinePreparation
 from palpate.settings import ChangeDetector, OutlierRejection
+from palpate.wrench import Payload, PayloadCompensation
 
 ASKED_EVERY = 0.02  # s between reads of commands
 TOLD_EVERY = 0.2  # s between writes of the status: at least four a second

@@ -7,13 +7,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, Delay
+from palpate.contact import Contact, Delay, add_step
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.estimators.batch_fit import fit_curves
 from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.settings import check_delay
-from palpate.preparation.surfaces import add
 from palpate.preparation.velocity import find_spikes
 from palpate.validation import Floats
 
@@ -61,7 +60,7 @@ def remove_delay(
         channels["time"] = contact.time - late
     made = dict(contact.provenance)
     size = with_error(abs(late) * 1e3, delay.standard_error * 1e3, unit="ms")
-    add(made, "force", f"shifted {size} {'earlier' if late > 0 else 'later'}")
+    add_step(made, "force", f"shifted {size} {'earlier' if late > 0 else 'later'}")
     return replace(contact, **channels, provenance=made, delay=delay).taken(keep)
 
 

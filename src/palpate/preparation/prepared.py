@@ -2,15 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from palpate.contact import Contact
 from palpate.errors import RecordingError
-from palpate.preparation.payload import Payload
-from palpate.preparation.settings import Normal, Preparation
-from palpate.preparation.surfaces import Surface
+from palpate.preparation.settings import Preparation
+from palpate.preparation.surface import Surface
 from palpate.recordings import Recording
 from palpate.validation import Floats
+
+if TYPE_CHECKING:
+    from palpate.preparation.normal import Normal
+    from palpate.wrench.payload import Payload
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,7 +35,7 @@ class Place:
     start: float
     stop: float
     position: Floats
-    normal: Normal | None
+    normal: "Normal | None"
     surface: Surface
 
     def as_dict(self) -> dict[str, Any]:
@@ -75,9 +78,9 @@ class Prepared:
     settings: Preparation
     zero: Floats | None = None
     drift: float = 0.0
-    normal: Normal | None = None
+    normal: "Normal | None" = None
     surface: Surface | None = None
-    payload: Payload | None = None
+    payload: "Payload | None" = None
     places: tuple[Place, ...] = ()
     way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
 

@@ -1,41 +1,35 @@
 """Making a contact from a recording, a data frame or arrays."""
 
+import inspect
 import logging
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from operator import attrgetter
-from typing import Any, Literal, Protocol, TypeAlias
+from typing import Annotated, Any, ParamSpec, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate.channels.roles import Columns, Roles, choose_roles, contact_groups
-from palpate.channels.signals import build_signals
+from palpate.channels.signals import Signals, build_signals
 from palpate.contact import Contact, VelocityFilter
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
-from palpate.preparation.along_penetration import (
-    along_penetration,
-    contact_of_arrays,
+from palpate.preparation.from_penetration import (
+    contact_from_arrays,
+    contact_from_penetration,
     drop_velocity,
 )
-from palpate.preparation.payload import Payload
-from palpate.preparation.settings import ForceFrame, Preparation, never_touches
-from palpate.preparation.spatial import along_normal, no_pose
-from palpate.preparation.surfaces import RADIUS, SurfaceRule
-from palpate.preparation.two_files import align
+from palpate.preparation.options import Option, Options, describe_options
+from palpate.preparation.settings import Preparation
 from palpate.recordings import Recording, open_recording
 from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
 from palpate.recordings.tables_in_memory import recording_of_table
 from palpate.stages import stage
-from palpate.validation import arguments
 
 _LOGGER = logging.getLogger(__name__)
-
-
-_ARRAYS = ("time", "penetration", "force", "velocity", "segment", "position")
 
 
 class Frame(Protocol):
@@ -64,37 +58,135 @@ Recorded: TypeAlias = (
 )
 
 
-def prepare(
-    recording: "Recorded | None" = None,
-    *,
-    companion: "Recorded | None" = None,
-    columns: Columns | None = None,
-    time: "ArrayLike | None" = None,
-    penetration: "ArrayLike | None" = None,
-    force: "ArrayLike | None" = None,
-    velocity: "ArrayLike | None" = None,
-    segment: "ArrayLike | None" = None,
-    position: "ArrayLike | None" = None,
-    velocity_window: float | None = None,
-    source: str | None = None,
-    provenance: Mapping[str, str] | None = None,
-    units: Mapping[str, str] | None = None,
-    flip: Sequence[str] = (),
-    tare: tuple[float, float] | Literal["find"] | None = None,
-    delay: float | tuple[float, float] | Literal["find"] = 0.0,
-    surface: float | SurfaceRule | None = None,
-    normal: str | Sequence[float] | None = None,
-    force_frame: ForceFrame | None = None,
-    tool_weight: float | None = None,
-    payload: Payload | None = None,
-    tip_offset: Sequence[float] | None = None,
-    mass: float | None = None,
-    rate: float | None = None,
-    no_time: bool = False,
-    spot: float = RADIUS,
-    window: tuple[float | None, float | None] | None = None,
-    strict: bool = False,
-) -> Contact:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PrepareArguments(Options):
+    """The arguments of :func:`prepare`: a recording or arrays, and how to prepare them."""
+
+    recording: Annotated[
+        "Recorded | None",
+        Option(
+            "Recording, path or data frame, optional",
+            "The recording",
+            default="made from the arrays",
+        ),
+    ] = field(default=None, kw_only=False)
+    companion: Annotated[
+        "Recorded | None",
+        Option(
+            "Recording, path or data frame, optional",
+            "A second recording of the same contact by another recorder: one gives the position, "
+            "the other the force",
+            "palpate finds the offset of their clocks and moves the force to the position's clock; "
+            "a ``delay`` is the whole offset, which is then not searched.",
+        ),
+    ] = None
+    columns: Annotated[
+        Columns | None,
+        Option("Columns, optional", "Names of the recording's channels", default="auto-detect"),
+    ] = None
+    time: Annotated[
+        "ArrayLike | None",
+        Option("array_like, shape (k,), optional", "s, instead of a recording"),
+    ] = None
+    penetration: Annotated[
+        "ArrayLike | None",
+        Option("array_like, shape (k,), optional", "m, positive inside the material"),
+    ] = None
+    force: Annotated[
+        "ArrayLike | None",
+        Option("array_like, shape (k,) or (k, 3), optional", "N, compression positive"),
+    ] = None
+    velocity: Annotated[
+        "ArrayLike | None",
+        Option("array_like, shape (k,), optional", "m/s, positive while penetrating"),
+    ] = None
+    segment: Annotated[
+        "ArrayLike | None",
+        Option(
+            "array_like, shape (k,), optional",
+            "One label per sample, in addition to these arrays; a new label starts a new contact",
+        ),
+    ] = None
+    position: Annotated[
+        "ArrayLike | None",
+        Option(
+            "array_like, shape (k,) or (k, 3), optional",
+            "m, the position of the probe along one axis or in space, in place of a penetration; "
+            "then ``force`` may have the same shape",
+        ),
+    ] = None
+    source: Annotated[
+        str | None,
+        Option("str, optional", "Name of the origin", default="the source of the recording"),
+    ] = None
+    provenance: Annotated[
+        "Mapping[str, str] | None",
+        Option(
+            "mapping, optional",
+            "Notes on how the arrays were obtained; notes of palpate under the same key replace "
+            "them",
+        ),
+    ] = None
+    units: Annotated[
+        "Mapping[str, str] | None",
+        Option(
+            "mapping, optional",
+            'Units of channels, such as ``{"penetration": "mm", "force": "mN"}``',
+            default="from the recording, else from the names of the channels, else SI",
+        ),
+    ] = None
+
+    @property
+    def arrays(self) -> dict[str, ArrayLike]:
+        """The arrays that were passed."""
+        arrays = {name: getattr(self, name) for name in _ARRAYS}
+        return {name: array for name, array in arrays.items() if array is not None}
+
+    @property
+    def settings(self) -> Preparation:
+        """How to prepare them; None stands for a default."""
+        options = {option.name: getattr(self, option.name) for option in fields(Preparation)}
+        return Preparation(**{k: value for k, value in options.items() if value is not None})
+
+
+_ARRAYS = ("time", "penetration", "force", "velocity", "segment", "position")
+_Parameters = ParamSpec("_Parameters")
+
+
+def _with_parameters_of(
+    holder: Callable[_Parameters, PrepareArguments],
+) -> Callable[[Callable[..., Contact]], Callable[_Parameters, Contact]]:
+    """Give a function the parameters of a class, for type checkers, ``help`` and ``inspect``."""
+
+    def declare(function: Callable[..., Contact]) -> Callable[_Parameters, Contact]:
+        parameters = [
+            parameter.replace(annotation=_spell_type(parameter.annotation))
+            for parameter in inspect.signature(holder).parameters.values()
+        ]
+        inherited = describe_options(Options)
+        parameters.sort(key=lambda parameter: parameter.name in inherited)
+        described: Any = function
+        described.__signature__ = inspect.Signature(parameters, return_annotation=Contact)
+        options = describe_options(PrepareArguments)
+        text = "".join(
+            f"    {parameter.name} : {options[parameter.name].kind}\n"
+            f"        {options[parameter.name].docstring}\n"
+            for parameter in parameters
+        )
+        described.__doc__ = (function.__doc__ or "").replace("    {parameters}\n", text)
+        return described  # type: ignore[no-any-return]
+
+    return declare
+
+
+def _spell_type(annotation: Any) -> Any:
+    """Return an annotation without its description."""
+    bare = getattr(annotation, "__origin__", annotation)
+    return getattr(bare, "__forward_arg__", bare)
+
+
+@_with_parameters_of(PrepareArguments)
+def prepare(*values: Any, **options: Any) -> Contact:
     """Make a contact from a recording, a file, a pandas or polars data frame, or arrays.
 
     palpate uses a penetration as recorded. For a position it subtracts the force offset measured in
@@ -105,78 +197,7 @@ def prepare(
 
     Parameters
     ----------
-    recording : Recording, path or data frame, optional
-        The recording. Default: made from the arrays.
-    companion : Recording, path or data frame, optional
-        A second recording of the same contact by another recorder: one gives the position, the
-        other the force. palpate finds the offset of their clocks and moves the force to the
-        position's clock; a ``delay`` is the whole offset, which is then not searched.
-    columns : Columns, optional
-        Names of the recording's channels. Default: auto-detect.
-    time, penetration, force : array_like, shape (k,), optional
-        s, m (positive inside the material) and N (compression positive), instead of a recording.
-    velocity : array_like, shape (k,), optional
-        m/s, positive while penetrating, in addition to these arrays.
-    segment : array_like, shape (k,), optional
-        One label per sample, in addition to these arrays; a new label starts a new contact.
-    position : array_like, shape (k,) or (k, 3), optional
-        m, the position of the probe along one axis or in space, in place of a penetration; then
-        ``force`` may have the same shape.
-    velocity_window : float, optional
-        Length of the velocity filter, s, if there is no velocity. Default: 15 samples, at most 15
-        ms, at least 5 samples.
-    source : str, optional
-        Name of the origin. Default: the source of the recording.
-    provenance : mapping, optional
-        Notes on how the arrays were obtained; notes of palpate under the same key replace them.
-    units : mapping, optional
-        Units of channels, such as ``{"penetration": "mm", "force": "mN"}``. Default: from the
-        recording, else from the names of the channels, else SI.
-    flip : sequence of str
-        Channels whose sign is reversed: ``"force"``, ``"penetration"``, or both.
-    tare : tuple of float or "find", optional
-        (start, stop), s: an interval without contact, whose mean force is subtracted. ``"find"``:
-        detect free air, and subtract its mean force and a significant drift. Default: None for a
-        penetration; for a position as ``"find"``, if there is free air.
-    delay : float, tuple of float or "find"
-        Delay of the force, s, negative if it is early; the force is shifted earlier by it. With its
-        standard error: (delay, error); default: half a sample. ``"find"``: the shift by which a
-        Hunt–Crossley law fits best (:func:`palpate.preparation.delay.find_delay`). The damping's
-        error bar includes the error of the delay.
-    surface : float or str, optional
-        Position of the surface, m, in the corrected penetration; or how
-        :func:`palpate.preparation.surfaces.find_surface` finds it: ``"threshold"``, ``"baseline"``
-        or ``"fit"``; or ``"estimate"``: the estimator finds it, from a first value by ``"fit"`` if
-        zero is far from it. Default: 0 for a penetration, ``"fit"`` for a position.
-    normal : str or sequence of float, optional
-        Direction out of the material, in the frame of the position: ``"z"``, ``"-z"`` or three
-        numbers. Default: the mean direction of the force, weighted by magnitude.
-    force_frame : "tool" or "base", optional
-        Frame of the force: palpate rotates a force in the tool's frame by the orientation. Default:
-        from the recording, else the frame of the position.
-    tool_weight : float, optional
-        Weight of the tool to subtract, N, along −z of the position's frame. With an orientation
-        palpate finds the weight itself, and fails if the log contradicts this one.
-    payload : Payload, optional
-        Tool and mount of the sensor, as found from another log; palpate then finds only the bias
-        and the clock.
-    tip_offset : sequence of float, optional
-        From the origin of the pose, such as a flange, to the tip, in the axes of the pose, m.
-        Default: the pose is that of the tip, or the tool does not turn in contact.
-    mass : float, optional
-        Mass between force sensor and material, kg; its inertia is subtracted from the force.
-    rate : float, optional
-        Sample rate, Hz, of a recording or arrays without time.
-    no_time : bool
-        Identify the stiffness alone, of a curve without time or of one whose time is ignored:
-        ``time`` counts the samples, as does ``window``. Default: False.
-    spot : float
-        Farthest travel of the probe across the normal within one place, m; ``math.inf`` never cuts.
-    window : tuple of float, optional
-        (start, stop), s: use only these samples. Either may be None.
-    strict : bool
-        Fail on values that are not numbers and on times that do not increase. Default: exclude
-        these samples and report them in ``findings``.
+    {parameters}
 
     Returns
     -------
@@ -194,34 +215,46 @@ def prepare(
         Arrays are missing or differ in type or length, their time does not increase within a
         segment, or a setting is outside its range.
     """
-    options = {name: value for name, value in arguments(locals()).items() if value is not None}
-    own = {each.name for each in fields(Preparation)}
-    settings = Preparation(**{name: value for name, value in options.items() if name in own})
-    given = {name: options[name] for name in _ARRAYS if name in options}
-    if recording is None and position is not None:
+    call = PrepareArguments(*values, **options)
+    settings = call.settings
+    arrays = call.arrays
+    if call.recording is not None:
+        contact = _prepare_recording(call.recording, call, settings)
+    elif call.position is not None:
         settings = replace(settings, columns=Columns(force="force", position="position"))
-        contact = prepare_contact(_recording_of_arrays(given, settings), settings)
-    elif recording is None:
-        contact = contact_of_arrays(given, settings)
-    elif given or (companion is not None and no_time):
-        if companion is not None:
-            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
-        raise InvalidParameterError(
-            f"pass a recording or arrays, not both: name the channel {next(iter(given))} in columns"
-        )
+        contact = prepare_contact(_recording_of_arrays(arrays, settings), settings)
     else:
-        whole = as_recording(recording, strict=strict)
-        if companion is not None:
-            second = as_recording(companion, strict=strict)
-            whole, settings = align(whole, second, settings, prepare_contact)
-        contact = prepare_contact(whole, settings)
-    if source is None and provenance is None:
+        contact = contact_from_arrays(arrays, settings)
+    if call.source is None and call.provenance is None:
         return contact
     return replace(
         contact,
-        source=contact.source if source is None else source,
-        provenance={**(provenance or {}), **contact.provenance},
+        source=contact.source if call.source is None else call.source,
+        provenance={**(call.provenance or {}), **contact.provenance},
     )
+
+
+PrepareArguments.__init__.__qualname__ = "prepare"  # the name in Python's errors
+
+
+def _prepare_recording(
+    recording: Recorded, call: PrepareArguments, settings: Preparation
+) -> Contact:
+    """Make a contact from a recording, perhaps with that of another recorder."""
+    arrays = call.arrays
+    if call.companion is not None:
+        if arrays or call.no_time:
+            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
+        from palpate.preparation.two_files import align
+
+        first = as_recording(recording, strict=call.strict)
+        second = as_recording(call.companion, strict=call.strict)
+        return prepare_contact(*align(first, second, settings, prepare_contact))
+    if arrays:
+        name = next(iter(arrays))
+        problem = f"pass a recording or arrays, not both: name the channel {name} in columns"
+        raise InvalidParameterError(problem)
+    return prepare_contact(as_recording(recording, strict=call.strict), settings)
 
 
 def _recording_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Recording:
@@ -254,16 +287,18 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
         As :func:`prepare`.
     """
     if recording.episodes:
-        return _contacts_of_episodes(recording, settings)
+        return _prepare_episodes(recording, settings)
     if groups := contact_groups(recording, settings.columns):
-        return _contacts_of_groups(recording, groups, settings)
-    recorded, roles = recording, choose_roles(recording, settings.columns)
+        return _prepare_groups(recording, groups, settings)
+    return _prepare_one(recording, settings)
+
+
+def _prepare_one(recorded: Recording, settings: Preparation) -> Contact:
+    """Make a contact from a recording of one contact."""
+    roles = choose_roles(recorded, settings.columns)
     recording = roles.recording
     _log_roles(roles)
-    in_space = len(roles.force) == len(roles.depth) == 3 and roles.orientation
-    for option, value in (("--payload", settings.payload), ("--tip-offset", settings.tip_offset)):
-        if value is not None and not in_space:
-            raise no_pose(recording.source, option)
+    _require_pose(roles, settings)
     with np.errstate(all="ignore"):  # a flipped bit gives 1e300 N, which the gate excludes
         with stage(_LOGGER, "one clock, units and bad rows"):
             signals = build_signals(
@@ -274,82 +309,111 @@ def prepare_contact(recording: Recording, settings: Preparation) -> Contact:
                 strict=settings.strict,
                 no_time=settings.no_time,
             )
-        if recording.episode is not None and never_touches(signals.force, signals.depth):
-            words = "no contact found: the force is constant within its noise"
-            raise NoContactError.of(recording.source, words)
+        if recording.episode is not None:
+            _require_touch(recording, signals)
         pressing = roles.is_penetration and signals.force.ndim == 1
-        way = along_penetration if pressing else along_normal
         with stage(_LOGGER, f"prepared {'the penetration' if pressing else 'a position'}"):
-            contact = way(recording, roles, signals, settings)
+            if pressing:
+                contact = contact_from_penetration(recording, signals, settings)
+            else:
+                from palpate.preparation.from_position import contact_from_position
+
+                contact = contact_from_position(recording, roles, signals, settings)
         if settings.no_time:
             contact = drop_velocity(contact)
-    done = contact.provenance
-    for channel, words in done.items():
-        _LOGGER.info("%s: %s", channel, words)
-    used = contact.velocity_filter
-    if used is None and roles.velocity == Columns().velocity:  # palpate may have written it
-        used = VelocityFilter.from_notes(recording.notes)
-    notes = {f"note on {key}" if key in done else key: v for key, v in recording.notes.items()}
+    for channel, steps in contact.provenance.items():
+        _LOGGER.info("%s: %s", channel, steps)
+    velocity_filter = contact.velocity_filter
+    if velocity_filter is None and roles.velocity == Columns().velocity:
+        velocity_filter = VelocityFilter.from_notes(recording.notes)  # palpate may have written it
+    findings = [
+        finding
+        for finding in recording.findings
+        if finding.severity != "note" or finding.check == Check.CLOCK_OFFSET
+    ]
+    findings += roles.findings
+    findings += _report_commanded_channels(roles)
+    findings += _report_unused_settings(settings, roles, pressing=pressing)
     return replace(
         contact,
         source=recording.source,
         prepared=replace(contact.prepared, recording=recorded, way=prepare_contact),
-        provenance={**notes, **done},
-        velocity_filter=used,
+        provenance=_join_notes(recording.notes, contact.provenance),
+        velocity_filter=velocity_filter,
         stated_units=signals.stated_units,
         assumed_units=signals.assumed_units,
-        findings=(
-            *(
-                each
-                for each in recording.findings
-                if each.severity != "note" or each.check == Check.CLOCK_OFFSET
-            ),
-            *roles.findings,
-            *_report_commanded_channels(roles),
-            *_report_unused_settings(settings, roles, pressing=pressing),
-            *signals.findings,
-            *contact.findings,
-        ),
+        findings=(*findings, *signals.findings, *contact.findings),
     )
 
 
-def _contacts_of_groups(
-    recording: Recording, groups: Sequence[str], settings: Preparation
-) -> Contact:
+def _join_notes(notes: Mapping[str, str], steps: Mapping[str, str]) -> dict[str, str]:
+    """Return the notes of a recording, and how each channel was obtained."""
+    renamed = {f"note on {key}" if key in steps else key: note for key, note in notes.items()}
+    return {**renamed, **steps}
+
+
+def _require_pose(roles: Roles, settings: Preparation) -> None:
+    """Raise for an option that needs a pose and a force in space, of a recording without them."""
+    if len(roles.force) == len(roles.depth) == 3 and roles.orientation:
+        return
+    for option, value in (("--payload", settings.payload), ("--tip-offset", settings.tip_offset)):
+        if value is not None:
+            from palpate.preparation.force_frame import no_pose
+
+            raise no_pose(roles.recording.source, option)
+
+
+def _require_touch(recording: Recording, signals: Signals) -> None:
+    from palpate.preparation.touch import never_touches
+
+    if never_touches(signals.force, signals.depth):
+        problem = "no contact found: the force is constant within its noise"
+        raise NoContactError.of(recording.source, problem)
+
+
+def _prepare_groups(recording: Recording, groups: Sequence[str], settings: Preparation) -> Contact:
     """Make a contact of each group of a file, with one object."""
-    contacts = []
+    contacts = list[Contact]()
     for group in groups:
-        names = [name for name in recording.channels if within(name, group)]
-        clocks = {clock for name in names if (clock := recording.clocks.get(name)) is not None}
+        names = {name for name in recording.channels if within(name, group)}
+        names |= {recording.clocks[name] for name in names if name in recording.clocks}
         source = f"{recording.source}:{group}" if recording.source else group
-        channels = {name: recording.channels[name] for name in {*names, *clocks}}
-        part = replace(recording, channels=channels, source=source, findings=())
-        contacts.append(prepare_contact(part, settings))
+        channels = {name: recording.channels[name] for name in names}
+        of_group = replace(recording, channels=channels, source=source, findings=())
+        contacts.append(prepare_contact(of_group, settings))
     listed = ", ".join(groups[:6])
-    words = f"palpate takes {len(groups)} groups for contacts with one object: {listed}"
+    problem = f"palpate takes {len(groups)} groups for contacts with one object: {listed}"
     remedy = f"if they are several objects, choose one: --position {groups[0]} --force {groups[0]}"
-    contact = join_contacts(contacts)
-    findings = (*recording.findings, Check.CHANNELS.finding(words, remedy), *contact.findings)
-    return replace(contact, source=recording.source, findings=findings)
+    return _report_joined(recording, contacts, problem, remedy)
 
 
-def _contacts_of_episodes(recording: Recording, settings: Preparation) -> Contact:
+def _prepare_episodes(recording: Recording, settings: Preparation) -> Contact:
     """Make a contact of each episode of a data set that touches, with one object."""
-    contacts, without = [], []
+    contacts = list[Contact]()
+    free = list[str]()
     for episode in recording.episodes:
         try:
             contacts.append(prepare_contact(episode, settings))
         except NoContactError:
-            without.append(str(episode.episode))
+            free.append(str(episode.episode))
     count = len(recording.episodes)
     if not contacts:
         raise NoContactError(f"{recording.source}: none of {count} episodes touches anything")
-    words = f"palpate takes {len(contacts)} of {count} episodes for contacts with one object"
-    if without:
-        words += f"; no contact in {', '.join(without[:12])}{', …' * (len(without) > 12)}"
+    problem = f"palpate takes {len(contacts)} of {count} episodes for contacts with one object"
+    if free:
+        more = ", …" if len(free) > 12 else ""
+        problem += f"; no contact in {', '.join(free[:12])}{more}"
     remedy = "if they are several objects, choose one with --episode, or use palpate fleet"
+    return _report_joined(replace(recording, findings=()), contacts, problem, remedy)
+
+
+def _report_joined(
+    recording: Recording, contacts: Sequence[Contact], problem: str, remedy: str
+) -> Contact:
+    """Join the contacts of a recording, and report that they are taken for one object."""
     contact = join_contacts(contacts)
-    findings = (Check.CHANNELS.finding(words, remedy), *contact.findings)
+    report = Check.CHANNELS.finding(problem, remedy)
+    findings = (*recording.findings, report, *contact.findings)
     return replace(contact, source=recording.source, findings=findings)
 
 
@@ -360,38 +424,40 @@ def _log_roles(roles: Roles) -> None:
         if role == "depth":
             role = "penetration" if roles.is_penetration else "position"
         if names:
-            why = roles.reasons.get(role)
-            words = f"{', '.join(names)} ({why})" if why else ", ".join(names)
-            _LOGGER.info("%s is %s", role, words)
+            reason = roles.reasons.get(role)
+            listed = ", ".join(names)
+            _LOGGER.info("%s is %s", role, f"{listed} ({reason})" if reason else listed)
 
 
 def _report_commanded_channels(roles: Roles) -> list[Finding]:
     """Warn of a commanded position or force: the robot may not have followed it."""
-    found = []
+    findings = list[Finding]()
     for kind, names in (("position", roles.depth), ("force", roles.force)):
         if is_wanted(names[0]):
-            words = f"channel {names[0]!r} looks like a commanded {kind}, not a measured one"
+            problem = f"channel {names[0]!r} looks like a commanded {kind}, not a measured one"
             if kind == "position":
-                words += ": the robot's own compliance is in the numbers"
+                problem += ": the robot's own compliance is in the numbers"
             remedy = f"record the measured {kind} and name its channel with --{kind}"
-            found.append(Check.CHANNELS.finding(words, remedy, mark="with-care"))
-    return found
+            findings.append(Check.CHANNELS.finding(problem, remedy, mark="with-care"))
+    return findings
 
 
 def _report_unused_settings(
     settings: Preparation, roles: Roles, *, pressing: bool
 ) -> list[Finding]:
     """Report the settings that had no effect."""
-    flat = pressing or len(roles.depth) == 1 or len(roles.force) == 1
-    options = {
-        "--normal": (settings.normal, pressing or len(roles.depth) == len(roles.force) == 1),
-        "--force-frame": (settings.force_frame, flat),
-        "--tool-weight": (settings.tool_weight, flat),
+    axes = {len(roles.depth), len(roles.force)}
+    flat = pressing or 1 in axes
+    unused = {
+        "--normal": settings.normal is not None and (pressing or axes == {1}),
+        "--force-frame": settings.force_frame is not None and flat,
+        "--tool-weight": settings.tool_weight is not None and flat,
     }
-    idle = [name for name, (value, unused) in options.items() if unused and value is not None]
-    words = f"{' and '.join(idle)} had no effect: position and force do not both have three axes"
-    finding = Check.OPTIONS.finding(words, f"drop {' and '.join(idle)}")
-    return [finding] if idle else []
+    names = " and ".join(name for name, idle in unused.items() if idle)
+    if not names:
+        return []
+    problem = f"{names} had no effect: position and force do not both have three axes"
+    return [Check.OPTIONS.finding(problem, f"drop {names}")]
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
@@ -434,42 +500,41 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
     """
     if not contacts:
         raise InvalidParameterError("contacts must hold at least one")
-    first = contacts[0]
+    start = contacts[0]
     if len(contacts) == 1:
-        return first
-    labels, number = [], 0
+        return start
+    labels = list[NDArray[np.int64]]()
+    number = 0
     for contact in contacts:
         labels.append(contact.segment + number)
         number = int(labels[-1].max(initial=number)) + 1
-    provenance = {
-        f"{name} of {contact.source}": words
-        for contact in contacts
-        for name, words in contact.provenance.items()
+    names = ("time", "penetration", "velocity", "force")
+    channels: dict[str, Any] = {
+        name: np.concatenate([getattr(c, name) for c in contacts]) for name in names
     }
+    provenance = {
+        f"{name} of {contact.source}": steps
+        for contact in contacts
+        for name, steps in contact.provenance.items()
+    }
+    findings = [
+        replace(finding, message=f"{contact.source}: {finding.message}")
+        for contact in contacts
+        for finding in contact.findings
+    ]
     # If palpate computed the velocity of only some contacts, their filter counts for all.
-    filters = [each.velocity_filter for each in contacts if each.velocity_filter is not None]
+    filters = [c.velocity_filter for c in contacts if c.velocity_filter is not None]
+    delays = [contact.delay for contact in contacts if contact.delay is not None]
     return replace(
-        first,
-        **{
-            name: np.concatenate([getattr(contact, name) for contact in contacts])
-            for name in ("time", "penetration", "velocity", "force")
-        },
+        start,
+        **channels,
         segment=np.concatenate(labels),
         source=", ".join(contact.source for contact in contacts),
-        provenance={**first.provenance, **provenance},
+        provenance={**start.provenance, **provenance},
         tare_deviation=_widest([contact.tare_deviation for contact in contacts]),
         surface_deviation=_widest([contact.surface_deviation for contact in contacts]),
-        delay=max(
-            (contact.delay for contact in contacts if contact.delay is not None),
-            key=attrgetter("standard_error"),
-            default=None,
-        ),
-        moving_mass=first.moving_mass,
-        findings=tuple(
-            replace(finding, message=f"{contact.source}: {finding.message}")
-            for contact in contacts
-            for finding in contact.findings
-        ),
+        delay=max(delays, key=attrgetter("standard_error"), default=None),
+        findings=tuple(findings),
         prepared=None,
         velocity_filter=max(filters, key=attrgetter("degree", "samples"), default=None),
         stated_units=frozenset.intersection(*(contact.stated_units for contact in contacts)),
@@ -480,5 +545,9 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
 
 def _widest(deviations: Sequence[float | None]) -> float | None:
     """The largest deviation; None if one is unknown."""
-    known = [each for each in deviations if each is not None]
-    return max(known) if len(known) == len(deviations) else None
+    widest = 0.0
+    for deviation in deviations:
+        if deviation is None:
+            return None
+        widest = max(widest, deviation)
+    return widest

@@ -1,6 +1,7 @@
-"""Velocity from a recorded position, and detection of spikes."""
+"""Velocity from a recorded position, the inertia of its change, and detection of spikes."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,7 +10,8 @@ from numpy.typing import NDArray
 import palpate._core as _core
 from palpate._core import largest_of as largest_of
 from palpate._core import step_of as step_of
-from palpate.contact import VelocityFilter
+from palpate.contact import Contact, VelocityFilter
+from palpate.digits import format_quantity
 from palpate.validation import Floats, number_in
 
 Indices = NDArray[np.intp]
@@ -61,8 +63,8 @@ def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
         return gain / turn
     c = 2.0 + np.cos(turn)
     bend = (2.0 - 2.0 * np.cos(turn)) ** 2
-    kept: Floats = 3.0 * np.sin(turn) / (turn * c) / (1.0 + 3.0 * used.penalty * bend / c)
-    return kept
+    gain = 3.0 * np.sin(turn) / (turn * c) / (1.0 + 3.0 * used.penalty * bend / c)
+    return gain
 
 
 @cache
@@ -108,36 +110,74 @@ def estimate_velocities(
     around it; its velocity is interpolated.
     """
     velocity = np.full(time.shape, np.nan)
-    samples: list[tuple[Indices, NDArray[np.bool_]]] = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # depths up to ±1e308 m
-        for run in runs:
-            known = np.arange(time.size)[run][np.isfinite(penetration[run])]
-            samples.append((known, ~find_spikes(penetration[known])))
-        steps = [np.diff(time[known]) for known, _ in samples]
+        finite = [np.arange(time.size)[run][np.isfinite(penetration[run])] for run in runs]
+        valid = [indices[~find_spikes(penetration[indices])] for indices in finite]
+        steps = [np.diff(time[indices]) for indices in finite]
         joined = np.concatenate([*steps, np.empty(0)])
         step = float(np.median(joined)) if joined.size else 1e-3
         width = window_samples(step, window)
-        kept = [known[good] for known, good in samples]
-        own = [(time[at], penetration[at]) for at in kept if at.size >= FEWEST_OF_SPLINE]
-        used = VelocityFilter(width, 2)
-        if own and window is None and step > 0.0:
-            beats = [_core.find_knots(x) for _, x in own]
-            beat = beats[int(np.argmax([t.size for t, _ in own]))][0]
-            own = [
-                (t[first::beat].copy(), x[first::beat].copy())
-                for (t, x), (each, first) in zip(own, beats, strict=True)
-                if each == beat
-            ]
-            sums = np.zeros(2 * _core.SPLINE_PAIRS)
-            for t, x in own:
-                _core.add_spline_changes(t, x, beat * step, sums)
-            longest = _longest(window_samples(beat * step), max(t.size for t, _ in own))
-            # With all samples λ is ``beat`` times as large; h³ of the shorter step gives beat³.
-            used = _spline_filter(_core.choose_spline(sums, longest) * beat**4)
-        for (known, good), at in zip(samples, kept, strict=True):
-            slope = _estimate_slope(time[at], penetration[at], step, width, used.penalty)
-            velocity[known] = slope if good.all() else np.interp(time[known], time[at], slope)
-    return velocity, used, sum(int(np.count_nonzero(~good)) for _, good in samples)
+        velocity_filter = VelocityFilter(width, 2)
+        long_runs = [indices for indices in valid if indices.size >= FEWEST_OF_SPLINE]
+        if long_runs and window is None and step > 0.0:
+            motions = [(time[indices], penetration[indices]) for indices in long_runs]
+            velocity_filter = _choose_spline(motions, step)
+        for indices, kept_indices in zip(finite, valid, strict=True):
+            t = time[kept_indices]
+            x = penetration[kept_indices]
+            slope = _estimate_slope(t, x, step, width, velocity_filter.penalty)
+            if kept_indices.size < indices.size:
+                slope = np.interp(time[indices], t, slope)
+            velocity[indices] = slope
+    dropouts = sum(indices.size for indices in finite) - sum(indices.size for indices in valid)
+    return velocity, velocity_filter, dropouts
+
+
+def _choose_spline(motions: list[tuple[Floats, Floats]], step: float) -> VelocityFilter:
+    """Return the spline with one λ for all runs of times and positions."""
+    beats = [_core.find_knots(x) for _, x in motions]
+    longest = int(np.argmax([t.size for t, _ in motions]))
+    beat, _ = beats[longest]
+    knots = [
+        (t[start::beat].copy(), x[start::beat].copy())
+        for (t, x), (beat_of_run, start) in zip(motions, beats, strict=True)
+        if beat_of_run == beat
+    ]
+    sums = np.zeros(2 * _core.SPLINE_PAIRS)
+    for t, x in knots:
+        _core.add_spline_changes(t, x, beat * step, sums)
+    window = _longest_window(window_samples(beat * step), max(t.size for t, _ in knots))
+    # With all samples λ is ``beat`` times as large; h³ of the shorter step gives beat³.
+    return _spline_filter(_core.choose_spline(sums, window) * beat**4)
+
+
+def describe_filter(used: VelocityFilter, dropouts: int) -> str:
+    """Describe how the velocity was computed."""
+    text = "centred quadratic Savitzky–Golay filter"
+    if used.penalty is not None:
+        text = f"smoothing spline, as noisy as a parabola through {used.samples} samples"
+    if dropouts:
+        text += f", without {dropouts} dropout{'s' if dropouts > 1 else ''}"
+    return text
+
+
+def subtract_inertia(contact: Contact, mass: float | None) -> Contact:
+    """Subtract mass × acceleration from the force, kg; the acceleration is that of the penetration.
+
+    The sensor pushes the mass and the mass the material: F = F_sensor − m dv/dt. None: unknown.
+    """
+    if mass is None:
+        return contact
+    force = contact.force.copy()
+    for segment in contact.segments():
+        if len(force[segment]) > 1:
+            velocity = contact.velocity[segment]
+            force[segment] -= mass * np.gradient(velocity, contact.time[segment])
+    step = f"minus the inertia of {format_quantity(mass, 'kg')} beyond the sensor"
+    if "force" in contact.provenance:
+        step = f"{contact.provenance['force']}; {step}"
+    made = {**contact.provenance, "force": step}
+    return replace(contact, force=force, moving_mass=mass, provenance=made)
 
 
 def _estimate_slope(t: Floats, x: Floats, step: float, width: int, penalty: float | None) -> Floats:
@@ -173,28 +213,30 @@ def velocities_of_rows(
         Number of threads.
     """
     count, samples = penetration.shape
-    velocity, penalties = np.empty(penetration.shape), np.empty(count)
-    whole: NDArray[np.bool_] = np.zeros(count, dtype=bool)  # rows for the compiled loop
+    velocity = np.empty(penetration.shape)
+    penalties = np.empty(count)
+    compiled: NDArray[np.bool_] = np.zeros(count, dtype=bool)  # rows for the compiled loop
     step = float(np.median(np.diff(time))) if time.ndim == 1 and samples > 1 else 0.0
     if step > 0.0 and samples >= FEWEST_OF_SPLINE:
-        whole[:] = np.isfinite(penetration).all(axis=1)
-        longest = _longest(window_samples(step), samples)
+        compiled[:] = np.isfinite(penetration).all(axis=1)
+        longest = _longest_window(window_samples(step), samples)
         _core.spline_rows(time, penetration, step, longest, velocity, penalties, threads)
         with np.errstate(over="ignore", invalid="ignore"):
-            whole[whole] = ~spikes_of_rows(penetration[whole], threads=threads).any(axis=1)
-        whole &= np.isfinite(velocity).all(axis=1)
-    filters: list[VelocityFilter] = []
+            spikes = spikes_of_rows(penetration[compiled], threads=threads)
+        compiled[compiled] = ~spikes.any(axis=1)
+        compiled &= np.isfinite(velocity).all(axis=1)
+    filters = list[VelocityFilter]()
     for row in range(count):
-        if whole[row]:
-            used = _spline_filter(float(penalties[row]))
-        else:
+        velocity_filter = _spline_filter(float(penalties[row])) if compiled[row] else None
+        if velocity_filter is None:
             clock = time if time.ndim == 1 else time[row]
-            velocity[row], used, _ = estimate_velocities(clock, penetration[row], [slice(None)])
-        filters.append(used)
+            estimate = estimate_velocities(clock, penetration[row], [slice(None)])
+            velocity[row], velocity_filter, _ = estimate
+        filters.append(velocity_filter)
     return velocity, filters
 
 
-def _longest(width: int, samples: int) -> float:
+def _longest_window(width: int, samples: int) -> float:
     """Window of the smoothest parabola that a spline may equal, in samples."""
     return min(2.0 * width, samples / 4.0)
 
@@ -204,36 +246,38 @@ def _longest(width: int, samples: int) -> float:
 
 def _slope(t: Floats, x: Floats, width: int) -> Floats:
     """Slope at each sample; with even time steps by a convolution, but for the ends."""
-    steps, half = np.diff(t), width // 2
+    steps = np.diff(t)
     step = float(steps.mean())
     if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
         return _local_slope(t, x, width, np.arange(t.size))
-    slope, weights = np.empty(t.size), _slope_weights(width, 2)
+    half = width // 2
+    slope = np.empty(t.size)
+    weights = _slope_weights(width, 2)
     slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / step
     ends = np.r_[:half, t.size - half : t.size]
     slope[ends] = _local_slope(t, x, width, ends)
     return slope
 
 
-def _local_slope(t: Floats, x: Floats, width: int, at: Indices) -> Floats:
+def _local_slope(t: Floats, x: Floats, width: int, samples: Indices) -> Floats:
     """Slope at selected samples of the parabola through the window of each."""
-    first = np.clip(at - width // 2, 0, t.size - width)
-    slope = np.empty(at.size)
-    step = max(AT_ONCE // width, 1)
-    for k in range(0, at.size, step):
-        some = slice(k, k + step)
-        slope[some] = _fit_parabolas(t, x, first[some, None] + np.arange(width), at[some])
+    start = np.clip(samples - width // 2, 0, t.size - width)
+    slope = np.empty(samples.size)
+    size = max(AT_ONCE // width, 1)
+    for k in range(0, samples.size, size):
+        batch = slice(k, k + size)
+        windows = start[batch, None] + np.arange(width)
+        slope[batch] = _fit_parabolas(t, x, windows, samples[batch])
     return slope
 
 
-def _fit_parabolas(t: Floats, x: Floats, inside: Indices, at: Indices) -> Floats:
-    """Slope at samples ``at`` of the parabolas through samples ``inside``, by central moments."""
-    times = t[inside] - t[at, None]
+def _fit_parabolas(t: Floats, x: Floats, windows: Indices, samples: Indices) -> Floats:
+    """Slope at samples of the parabolas through their windows, by central moments."""
+    times = t[windows] - t[samples, None]
     unit = np.abs(times).max(axis=1, keepdims=True)
     s = times / unit
-    depth = x[inside] - x[at, None]
-    mean = s.mean(axis=1, keepdims=True)
-    linear = s - mean
+    depth = x[windows] - x[samples, None]
+    linear = s - s.mean(axis=1, keepdims=True)
     variance = (linear**2).sum(axis=1, keepdims=True)
     # The square, orthogonal to 1 and s; zero if the window has only two distinct times.
     square = s**2 - (s**2).mean(axis=1, keepdims=True)
@@ -256,8 +300,8 @@ def find_spikes(values: Floats) -> NDArray[np.bool_]:
     A spike differs from the median of five by more than max(8 σ, 2 %, 1.5 steps), one of the two
     samples at an end by twice that, and by more than three times the range of its four neighbours.
     """
-    found: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
-    return found
+    spikes: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
+    return spikes
 
 
 def spikes_of_rows(
@@ -275,6 +319,6 @@ def spikes_of_rows(
     threads : int
         Number of threads.
     """
-    found = np.zeros(values.shape, dtype=np.uint8)
-    _core.mark_spikes(values, screened, found, threads)
-    return found.view(np.bool_)
+    spikes = np.zeros(values.shape, dtype=np.uint8)
+    _core.mark_spikes(values, screened, spikes, threads)
+    return spikes.view(np.bool_)

@@ -12,8 +12,8 @@ from palpate.contact import Contact
 from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, steps_over_breaks
-from palpate.preparation.gates import choose_gate
-from palpate.preparation.touches import find_touches
+from palpate.preparation.gate import choose_gate
+from palpate.preparation.touch import find_touches
 from palpate.validation import Floats, Plain, finite_or_none
 
 # Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.

@@ -23,7 +23,7 @@ from palpate.estimators.estimate import Trace
 from palpate.findings import MARKS, Finding, worst
 from palpate.force_laws import ForceLaw, law_from
 from palpate.identification.ranking import rank
-from palpate.preparation.touches import find_touches
+from palpate.preparation.touch import find_touches
 from palpate.recordings import open_recording
 from palpate.recordings.recording import Recording
 from palpate.validation import Floats, finite_or_none, or_nan, plain

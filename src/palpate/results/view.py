@@ -22,7 +22,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
 from palpate.identification.ranking import rank
-from palpate.preparation.touches import find_touches
+from palpate.preparation.touch import find_touches
 from palpate.quantities.derived import format_hertz, motion_band
 from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (

@@ -13,7 +13,7 @@ import palpate
 from palpate import Recording, RecordingError, prepare
 from palpate.channels import Columns
 from palpate.preparation import Preparation
-from palpate.preparation.payload_log import measure_payload
+from palpate.preparation.force_frame import measure_payload
 
 SETUP = Setup(seed=5, **IDEAL | {"delay": 0.01})
 

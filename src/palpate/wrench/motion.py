@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._core import noise_of
 from palpate.channels.frames import INVERSE, align_signs, interpolate_columns, multiply, rotate
-from palpate.preparation.resolution import noise_of
 from palpate.recordings.recording import GRAVITY
 from palpate.validation import Floats
 
@@ -47,22 +47,24 @@ class FlangeMotion:
 
     def mean(self, start: Floats, stop: Floats, columns: int = 20) -> Floats:
         """Return the means of the first columns from each start to each stop."""
-        first, last = (self._integral_at(each, columns) for each in (start, stop))
-        means: Floats = (last - first) / ((stop - start) / self.step)[:, None]
+        change = self._integral_at(stop, columns) - self._integral_at(start, columns)
+        means: Floats = change / ((stop - start) / self.step)[:, None]
         return means
 
     def _integral_at(self, time: Floats, columns: int) -> Floats:
         k, u = self._place(time)
-        low, high = self.values[k, :columns], self.values[k + 1, :columns]
+        low = self.values[k, :columns]
+        high = self.values[k + 1, :columns]
         return self.integral[k, :columns] + u * (low + 0.5 * u * (high - low))
 
     def at(self, time: Floats) -> Floats:
         """Return specific force, angular velocity and acceleration at some times, shape (n, 9)."""
         k, u = self._place(time)
-        between: Floats = (1.0 - u) * self.values[k, :9] + u * self.values[k + 1, :9]
-        return between
+        interpolated: Floats = (1.0 - u) * self.values[k, :9] + u * self.values[k + 1, :9]
+        return interpolated
 
     def _place(self, time: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Return the sample before each time, and the part of the step after it."""
         place = np.clip((time - self.start) / self.step, 0.0, len(self.values) - 1.000001)
         k = place.astype(np.int64)
         return k, (place - k)[:, None]
@@ -82,38 +84,48 @@ def motion_of(
     orientation : numpy.ndarray, shape (k, 4)
         Unit quaternions x, y, z, w.
     """
-    columns = np.column_stack([position, align_signs(orientation)])
-    step = max(float(np.median(np.diff(time))), window / MOST_SAMPLES)
+    pose = np.column_stack([position, align_signs(orientation)])
+    recorded_step = float(np.median(np.diff(time)))
+    step = max(recorded_step, window / MOST_SAMPLES)
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
-    if step > 1.5 * float(np.median(np.diff(time))):  # means over each step
-        middles = 0.5 * (columns[1:] + columns[:-1]) * np.diff(time)[:, None]
-        sums = np.vstack([np.zeros(columns.shape[1]), np.cumsum(middles, axis=0)])
-        ends = [np.clip(even + side * step, time[0], time[-1]) for side in (-0.5, 0.5)]
-        first, last = (interpolate_columns(each, time, sums) for each in ends)
-        columns = (last - first) / (ends[1] - ends[0])[:, None]
+    if step > 1.5 * recorded_step:
+        pose = _mean_over_steps(time, pose, even, step)
     else:
-        columns = interpolate_columns(even, time, columns)
+        pose = interpolate_columns(even, time, pose)
     half = max(round(0.5 * window / step), 3)
-    noises = [noise_of(column) for column in columns.T]
-    noise = np.random.default_rng(0).normal(size=columns.shape) * noises
+    deviations = [noise_of(column) for column in pose.T]
+    noise = np.random.default_rng(0).normal(size=pose.shape) * deviations
     noise[:, 6] += 1.0  # around the identity
-    motion, blur = (_motion(float(even[0]), each, half, step) for each in (columns, noise))
+    start = float(even[0])
+    blur = _motion(start, noise, half, step)
     blur.values[:, 2] += GRAVITY
-    return replace(motion, noise=replace(blur, integral=_integrate(blur.values)))
+    blur = replace(blur, integral=_integrate(blur.values))
+    return replace(_motion(start, pose, half, step), noise=blur)
 
 
-def _motion(start: float, columns: Floats, half: int, step: float) -> FlangeMotion:
+def _mean_over_steps(time: Floats, columns: Floats, even: Floats, step: float) -> Floats:
+    """Return the mean of each column over each step of an even clock."""
+    areas = 0.5 * (columns[1:] + columns[:-1]) * np.diff(time)[:, None]
+    sums = np.vstack([np.zeros(columns.shape[1]), np.cumsum(areas, axis=0)])
+    start = np.clip(even - 0.5 * step, time[0], time[-1])
+    stop = np.clip(even + 0.5 * step, time[0], time[-1])
+    change = interpolate_columns(stop, time, sums) - interpolate_columns(start, time, sums)
+    means: Floats = change / (stop - start)[:, None]
+    return means
+
+
+def _motion(start: float, pose: Floats, half: int, step: float) -> FlangeMotion:
     """Return the motion of positions and quaternions on an even clock."""
-    smooth, first, second = (_slopes(columns, half, order, step) for order in range(3))
+    smooth, first, second = (_slopes(pose, half, order, step) for order in range(3))
     length = np.linalg.norm(smooth[:, 3:], axis=1, keepdims=True)
-    back = smooth[:, 3:] / length * INVERSE
+    inverse = smooth[:, 3:] / length * INVERSE
     # ω = 2 q⁻¹q̇ and α = 2 q⁻¹q̈ in the axes of the flange: q̇⁻¹q̇ has no vector part.
-    w, a = (2.0 * multiply(back, each[:, 3:] / length)[:, :3] for each in (first, second))
+    w, a = (2.0 * multiply(inverse, slope[:, 3:] / length)[:, :3] for slope in (first, second))
     down = np.array([0.0, 0.0, -1.0])
-    g, gravity = (rotate(each, back) for each in (GRAVITY * down - second[:, :3], down))
-    products = np.column_stack([w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]])
-    sizes = [np.linalg.norm(each[:, :3], axis=1) for each in (first, second)]
-    values = np.hstack([g, w, a, products, np.column_stack(sizes), gravity])
+    g = rotate(GRAVITY * down - second[:, :3], inverse)
+    products = [w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]]
+    sizes = [np.linalg.norm(slope[:, :3], axis=1) for slope in (first, second)]
+    values = np.column_stack([g, w, a, *products, *sizes, rotate(down, inverse)])
     return FlangeMotion(start, step, values, _integrate(values))
 
 

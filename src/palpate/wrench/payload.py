@@ -136,16 +136,32 @@ class Payload:
         numpy.ndarray, shape (k, 6)
             N and N·m.
         """
-        motion = specific_force, angular_velocity, angular_acceleration
-        g, w, a = (np.asarray(each) @ self.mount for each in motion)
-        return load_of(self.parameters, g, w, a, w[:, :, None] * w[:, None], self.lever)
+        w = np.asarray(angular_velocity) @ self.mount
+        return load_of(
+            self.parameters,
+            np.asarray(specific_force) @ self.mount,
+            w,
+            np.asarray(angular_acceleration) @ self.mount,
+            w[:, :, None] * w[:, None],
+            self.lever,
+        )
+
+    def unload(self, force: Floats, time: Floats, motion: Floats) -> Floats:
+        """Return a force, shape (k, 3), less weight, inertia and bias, by a motion, shape (k, 9+).
+
+        It is in the axes of the sensor, with the sign of the payload, at times of the log that the
+        bias was found from.
+        """
+        load = self.wrench(motion[:, :3], motion[:, 3:6], motion[:, 6:9]) + self.bias_at(time)
+        rest: Floats = force - load[:, :3]
+        return rest
 
     @property
     def parameters(self) -> Floats:
         """Mass, m c, inertia and m d, in which the wrench is linear, shape (13,)."""
         inertia = np.zeros(6) if self.inertia is None else self.inertia
-        arms = self.mass * self.centre, self.mass * self.lever
-        return np.concatenate([[self.mass], arms[0], inertia, arms[1]])
+        moment = self.mass * self.centre
+        return np.concatenate([[self.mass], moment, inertia, self.mass * self.lever])
 
     def bias_at(self, time: Floats) -> Floats:
         """Return the bias at some times of the log that it was found from, shape (k, 6)."""
@@ -156,13 +172,13 @@ class Payload:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as numbers, lists and dictionaries."""
-        found = {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
-        for name, value in found.items():
+        values = {entry.name: getattr(self, entry.name) for entry in dataclasses.fields(self)}
+        for name, value in values.items():
             if isinstance(value, np.ndarray | np.generic):
-                found[name] = value.tolist()
-        dicts = [each.as_dict() for each in self.findings]
-        findings = [{k: v for k, v in each.items() if v is not None} for each in dicts]
-        return {**found, "findings": findings}
+                values[name] = value.tolist()
+        findings = [finding.as_dict() for finding in self.findings]
+        values["findings"] = [{k: v for k, v in f.items() if v is not None} for f in findings]
+        return values
 
     def save(self, path: Path, comments: Sequence[str] = (), inputs: Sequence[Path] = ()) -> None:
         """Write the payload to a TOML file, which :meth:`load` reads, completely or not at all.
@@ -176,9 +192,9 @@ class Payload:
         inputs : sequence of Path
             Files that must not be overwritten. Default: none.
         """
-        known = {name: value for name, value in self.as_dict().items() if value is not None}
+        values = {name: value for name, value in self.as_dict().items() if value is not None}
         lines = ["payload of a force-torque sensor, SI units", *comments]
-        write_text(Path(path), as_toml(known, lines), inputs)
+        write_text(Path(path), as_toml(values, lines), inputs)
 
     @classmethod
     def load(cls, path: Path) -> "Payload":
@@ -237,41 +253,46 @@ def load_of(
     return np.hstack([force, torque])
 
 
-def _payload_of(given: Mapping[str, Any]) -> Payload:
-    fields = {each.name: each for each in dataclasses.fields(Payload)}
-    if unknown := sorted(given.keys() - fields.keys()):
+def _payload_of(values: Mapping[str, Any]) -> Payload:
+    """Return the payload of the values in a file; raise ValueError if one is wrong."""
+    fields = {entry.name: entry for entry in dataclasses.fields(Payload)}
+    if unknown := sorted(values.keys() - fields.keys()):
         raise ValueError(f"unknown field {unknown[0]!r}")
-    for name, own in fields.items():
-        required = own.default is own.default_factory is dataclasses.MISSING
-        if (required or name == "version") and name not in given:
+    for name, entry in fields.items():
+        required = entry.default is entry.default_factory is dataclasses.MISSING
+        if (required or name == "version") and name not in values:
             raise ValueError(f"field {name!r} is missing")
-    if given["version"] != VERSION:
-        raise ValueError(f"version {given['version']!r} is not {VERSION}")
-    values = {}
-    for name, value in given.items():
+    if values["version"] != VERSION:
+        raise ValueError(f"version {values['version']!r} is not {VERSION}")
+    arguments = dict[str, Any]()
+    for name, value in values.items():
         try:
-            values[name] = _value(name, value)
+            arguments[name] = _parse_field(name, value)
         except (KeyError, TypeError, ValueError, OverflowError):
-            raise ValueError(f"{name} is {str(value)[:80]!r}") from None
-    payload = Payload(**values)
-    mount = payload.mount
-    turned = np.abs(mount @ mount.T - np.eye(3)).max() < 1e-6 and np.linalg.det(mount) > 0.0
+            raise _wrong(name, value) from None
+    payload = Payload(**arguments)
+    orthogonal = np.abs(payload.mount @ payload.mount.T - np.eye(3)).max() < 1e-6
     knots = len(payload.bias_times) == len(payload.bias_changes)
-    for name, good in (
-        ("mass", payload.mass >= 0.0),
-        ("mount", turned),
-        ("sign", abs(payload.sign) == 1.0),
-        ("bias_times", knots and bool((np.diff(payload.bias_times) > 0.0).all())),
-    ):
-        if not good:
-            raise ValueError(f"{name} is {str(given.get(name))[:80]!r}")
+    conditions = {
+        "mass": payload.mass >= 0.0,
+        "mount": orthogonal and np.linalg.det(payload.mount) > 0.0,
+        "sign": abs(payload.sign) == 1.0,
+        "bias_times": knots and (np.diff(payload.bias_times) > 0.0).all(),
+    }
+    for name, holds in conditions.items():
+        if not holds:
+            raise _wrong(name, values.get(name))
     return payload
 
 
-def _value(name: str, value: Any) -> Any:
+def _wrong(name: str, value: Any) -> ValueError:
+    return ValueError(f"{name} is {str(value)[:80]!r}")
+
+
+def _parse_field(name: str, value: Any) -> Any:
     """Return one field as its type; raise if it has another one."""
     if name == "findings":
-        return tuple(Finding.from_dict(each) for each in value)
+        return tuple(Finding.from_dict(finding) for finding in value)
     if name in _MARKS:
         return MARKS[MARKS.index(value)]
     if name in ("version", "axes"):
@@ -281,7 +302,7 @@ def _value(name: str, value: Any) -> Any:
     if name == "bias_changes" and array.size == 0:
         array = array.reshape(0, 6)
     fits = len(array.shape) == len(shape) and all(
-        wanted in (-1, size) for wanted, size in zip(shape, array.shape, strict=True)
+        length in (-1, size) for length, size in zip(shape, array.shape, strict=True)
     )
     if not fits or not (name.endswith(_ERRORS) or np.isfinite(array).all()):
         raise ValueError

@@ -12,7 +12,7 @@ from palpate import Columns, Payload, Recording, RecordingError, prepare
 from palpate.channels.frames import rotate
 from palpate.exports.ros_parameters import ros_parameters
 from palpate.findings import Check
-from palpate.preparation.payload import LARGEST
+from palpate.wrench.payload import LARGEST
 
 FULL = replace(
     PAYLOAD,

@@ -63,7 +63,10 @@ def requested_gate(
 
 def suggest_scale(contact: Contact) -> Scale:
     """Return scaling units: the largest penetration, speed and force of the contact."""
-    x, speed, force = contact.penetration, np.abs(contact.velocity), contact.force
-    touching = (x > 0.0) & (force > 0.0) & (x < LARGEST) & (speed < LARGEST) & (force < LARGEST)
-    largest = [np.max(each[touching], initial=0.0) for each in (x, speed, force)]
-    return Scale(*(float(np.clip(each, 1e-30, 1e30)) if each > 0.0 else 1.0 for each in largest))
+    speed = np.abs(contact.velocity)
+    channels = contact.penetration, speed, contact.force
+    inside = (contact.penetration > 0.0) & (contact.force > 0.0)
+    for channel in channels:
+        inside &= channel < LARGEST
+    largest = (float(np.max(channel[inside], initial=0.0)) for channel in channels)
+    return Scale(*(float(np.clip(size, 1e-30, 1e30)) if size > 0.0 else 1.0 for size in largest))

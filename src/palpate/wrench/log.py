@@ -4,13 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.channels.roles import choose_roles
-from palpate.preparation.payload import Payload
-from palpate.preparation.payload_fit import skew
-from palpate.preparation.settings import Preparation
-from palpate.preparation.spatial import compensate_log
-from palpate.recordings import Recording
 from palpate.validation import Floats
+from palpate.wrench.compensation import Compensated
+from palpate.wrench.fit import skew
+from palpate.wrench.payload import Payload
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,38 +39,24 @@ class PayloadLog:
     error: Floats
 
 
-def measure_payload(recording: Recording, settings: Preparation) -> PayloadLog:
-    """Find the payload of a log.
-
-    Parameters
-    ----------
-    recording : Recording
-        Pose of the flange and wrench of the sensor, in its axes, perhaps on clocks of their own.
-    settings : Preparation
-        Channels, units, interval and delay.
-
-    Raises
-    ------
-    RecordingError
-        The log has no orientation or no force of three axes, or no free air.
-    """
-    found = compensate_log(recording, settings)
-    fit, motion, payload = found.fit, found.motion, found.payload
-    blocks = fit.blocks.taken(fit.free)
-    late = payload.delay
-    seen = motion.mean(blocks.start - late, blocks.stop - late)
-    load = payload.wrench(seen[:, :3], seen[:, 3:6], seen[:, 6:9])[:, :3]
-    g = seen[:, :3] @ payload.mount
+def summarize(compensated: Compensated, source: str, sensor_frame: str) -> PayloadLog:
+    """Return the payload of a log with its force in free air, before and after compensation."""
+    payload = compensated.payload
+    blocks = compensated.fit.blocks.taken(compensated.fit.free)
+    delay = payload.delay
+    motion = compensated.motion.mean(blocks.start - delay, blocks.stop - delay)
+    g = motion[:, :3] @ payload.mount
     # By the errors of the mass, of the mount, φ × m g, and of the bias.
     variance = np.square(payload.mass_error * g)
     variance += np.square(payload.mass * skew(g)) @ np.square(payload.mount_error)
     variance += np.nan_to_num(np.square(payload.bias_error[:3]))
+    force = blocks.wrench[:, :3]
     return PayloadLog(
         payload,
-        recording.source,
-        recording.frames.get(choose_roles(recording, settings.columns).force[0], ""),
+        source,
+        sensor_frame,
         blocks.time,
-        blocks.wrench[:, :3],
-        blocks.wrench[:, :3] - load - payload.bias_at(blocks.time)[:, :3],
+        force,
+        payload.unload(force, blocks.time, motion),
         np.sqrt(variance),
     )

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 import palpate
 from palpate import Recording, RecordingError, prepare
-from palpate.preparation.flange_motion import motion_of
-from palpate.preparation.payload import Payload
-from palpate.preparation.payload_fit import regressors, rotation, skew
+from palpate.preparation.force_frame import compensate_log
 from palpate.preparation.settings import Preparation
-from palpate.preparation.spatial import compensate_log
 from palpate.recordings.recording import GRAVITY
+from palpate.wrench.fit import regressors, rotation, skew
+from palpate.wrench.motion import motion_of
+from palpate.wrench.payload import Payload
 
 
 def without(recording: Recording, word: str) -> Recording:

@@ -1,0 +1,114 @@
+"""The tip of a tool that turns: the pose of a flange, or of a sensor, is not that of the tip."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from palpate.channels.frames import align_signs
+from palpate.contact import Contact, run_slices
+from palpate.findings import Check, Finding, Mark
+from palpate.preparation.surface import find_presses
+from palpate.validation import Floats
+
+FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
+UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
+#: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
+#: a kilogram, a tenth of a soft contact.
+LARGEST_TURN = math.radians(2.0)
+
+
+def largest_turn(orientation: Floats) -> float:
+    """Return the largest angle between the orientation and its value halfway, rad."""
+    finite = orientation[np.isfinite(orientation).all(axis=1)]
+    length = np.linalg.norm(finite, axis=1)
+    unit = finite[length > 0.0] / length[length > 0.0, None]
+    if not len(unit):
+        return 0.0
+    typical = unit[len(unit) // 2]
+    cosine = np.clip(np.abs(unit @ typical), 0.0, 1.0)  # q and −q are one orientation
+    return 2.0 * math.acos(float(np.percentile(cosine, 1.0)))
+
+
+def report_turning_weight(orientation: Floats, weight: float | None) -> list[Finding]:
+    """Warn that the orientation changes while the weight of the tool is not subtracted."""
+    angle = largest_turn(orientation)
+    if weight is not None or angle <= LARGEST_TURN:
+        return []
+    problem = (
+        f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
+        "along each axis of the sensor, and --tool-weight is missing"
+    )
+    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
+    return [Check.ORIENTATION.finding(problem, remedy, mark="with-care")]
+
+
+def report_unknown_tip(problem: str, mark: Mark = "trust") -> Finding:
+    """Report that the pose is not that of the tip."""
+    remedy = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
+    return Check.ORIENTATION.finding(problem, remedy, mark=mark)
+
+
+def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
+    """Find the runs around each touch in which the tool has the orientation of the touch.
+
+    Parameters
+    ----------
+    force : numpy.ndarray, shape (k,)
+        N, compression positive.
+    orientation : numpy.ndarray, shape (k, 4)
+        Quaternions.
+    """
+    pressing = find_firm_presses(force)
+    touches = np.flatnonzero(pressing)
+    if not touches.size:
+        return np.ones(len(force), dtype=bool)
+    every = np.arange(len(force))
+    following = np.clip(np.searchsorted(touches, every), 0, touches.size - 1)
+    previous = np.clip(following - 1, 0, None)
+    is_closer = touches[following] - every < every - touches[previous]
+    nearest = np.where(is_closer, touches[following], touches[previous])
+    nearest[pressing] = touches
+    upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
+    for run in run_slices(upright):
+        upright[run] &= pressing[run].any()
+    return upright
+
+
+def find_firm_presses(force: Floats) -> NDArray[np.bool_]:
+    """Find the presses above a tenth of the largest force."""
+    peak = float(np.nanpercentile(force, 99.0))
+    return find_presses(np.nan_to_num(force), FIRM * peak, peak)
+
+
+def _angle_between(a: Floats, b: Floats) -> Floats:
+    """Return the angles of the rotations between quaternions, rad."""
+    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    cosine = np.abs((a * b).sum(axis=-1)) / lengths
+    angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    return angle
+
+
+def report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_]) -> list[Finding]:
+    """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
+    pressing = find_firm_presses(force)
+    angle = 0.0
+    for run in run_slices(upright):
+        if upright[run.start] and pressing[run].any():
+            turns = align_signs(orientation[run][pressing[run]])
+            angle = max(angle, float(_angle_between(turns, turns.mean(axis=0)).max()))
+    if angle <= UPRIGHT:
+        return []
+    problem = f"the tool turns by {math.degrees(angle):.0f}° in contact, and the depth is that of "
+    return [report_unknown_tip(f"{problem}the pose's origin", "with-care")]
+
+
+def inertia_share(contact: Contact) -> float:
+    """Return the part of a kilogram of the tool in the stiffness, 1/kg.
+
+    In an oscillation of angular frequency speed/depth, mass times its square adds to force/depth.
+    """
+    pressing = find_firm_presses(contact.force)
+    channels = contact.penetration, contact.velocity, contact.force
+    depth, speed, force = (float(np.nanstd(channel[pressing])) for channel in channels)
+    return speed**2 / (depth * force) if depth * force > 0.0 else 0.0
