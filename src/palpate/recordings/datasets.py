@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
 from palpate.recordings.names import is_wanted
-from palpate.recordings.nested import Findings
+from palpate.recordings.nested import Arrays
 from palpate.recordings.opening import (
     FAULTS,
     Draft,
@@ -410,7 +410,7 @@ class _Demonstrations:
         self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
         self._data = self._hdf5.member_of(file, "data")
         self._names = _demonstrations(self._data)
-        walk = self._hdf5.Walk(Findings(request))
+        walk = self._hdf5.Walk(Arrays(request))
         stated = dict(walk.attributes(self._data))
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
@@ -423,14 +423,14 @@ class _Demonstrations:
     def channels(self, number: int, request: Request) -> Recording:
         """Read the observations and the actions, without the observations that follow each."""
         group = self._hdf5.member_of(self._data, self._names[number])
-        walk = self._hdf5.Walk(Findings(request))
+        walk = self._hdf5.Walk(Arrays(request))
         if "obs" in list(group):
-            walk.group(self._hdf5.member_of(group, "obs"), ())
+            walk.group(self._hdf5.member_of(group, "obs"), "")
         for name in group:
             if name not in ("obs", "next_obs"):
-                walk.member(group, (), name)
-        found: Findings = walk.found
-        return found.recording()
+                walk.member(group, "", name)
+        arrays: Arrays = walk.arrays
+        return arrays.recording()
 
 
 # Diffusion policy and UMI: a Zarr group with all episodes after one another.
@@ -475,20 +475,21 @@ class _ReplayBuffer:
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the samples of an episode; pictures are skipped unread."""
-        found, end = Findings(request), int(self._ends[number])
+        arrays = Arrays(request)
+        end = int(self._ends[number])
         rows = slice(end - self.lengths[number], end)
         for name in self._names:
             try:  # the codecs of pictures are mostly unknown
                 array = self._array(f"data/{name}")
                 shape = (rows.stop - rows.start, *array.shape[1:])
             except FAULTS as error:
-                found.omit(name, f"cannot be opened: {first_line(error)}")
+                arrays.omit(name, f"cannot be opened: {first_line(error)}")
                 continue
             chunk = math.prod(array.chunks) * array.dtype.itemsize
             if chunk > (most := request.largest_block):
-                found.lose(name, excess("a chunk needs", chunk, most))
+                arrays.lose(name, excess("a chunk needs", chunk, most))
             elif array.dtype.kind not in "iufb" or array.shape[0] < end:
-                found.omit(name, "holds no number for each sample")
+                arrays.omit(name, "holds no number for each sample")
             else:
-                found.add((), name, shape, partial(array.__getitem__, rows))
-        return found.recording()
+                arrays.add("", name, shape, partial(array.__getitem__, rows))
+        return arrays.recording()
