@@ -15,7 +15,7 @@ from palpate.preparation.payload import Payload
 from palpate.preparation.payload_fit import regressors, rotation, skew
 from palpate.preparation.settings import Preparation
 from palpate.preparation.spatial import compensate_log
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 
 
 def without(recording: Recording, word: str) -> Recording:

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from palpate.preparation.payload import Payload
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.writing import MADE, quote
 
 

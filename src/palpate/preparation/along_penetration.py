@@ -29,7 +29,7 @@ from palpate.preparation.surfaces import (
 )
 from palpate.preparation.velocity import estimate_velocities
 from palpate.recordings import Recording
-from palpate.recordings.recording import UNITS, unit_size
+from palpate.recordings.units import UNITS, unit_size
 from palpate.stages import stage
 from palpate.validation import signals as checked_signals
 

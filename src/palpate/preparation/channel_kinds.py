@@ -3,9 +3,8 @@
 import re
 
 from palpate.recordings import Recording
-from palpate.recordings.names import split_name
 from palpate.recordings.opening import within
-from palpate.recordings.recording import UNITS, find_unit, plain_unit
+from palpate.recordings.units import UNITS, find_unit, plain_unit, split_name
 
 # Words for the quantity of a channel without a unit, also in German, Spanish, French and Italian,
 # without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.

@@ -16,14 +16,7 @@ from palpate.preparation.channel_kinds import is_raw
 from palpate.preparation.roles import Roles
 from palpate.recordings import Recording
 from palpate.recordings.poses import align_signs, interpolate_columns, lie_between_samples
-from palpate.recordings.recording import (
-    GRAVITY,
-    TORQUE_UNITS,
-    UNITS,
-    UNSTATED,
-    WEIGHTS,
-    unit_size,
-)
+from palpate.recordings.units import GRAVITY, TORQUE_UNITS, UNITS, UNSTATED, WEIGHTS, unit_size
 from palpate.validation import Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late

@@ -14,7 +14,7 @@ import numpy as np
 from palpate.errors import RecordingError
 from palpate.preparation.channel_kinds import channel_kind
 from palpate.recordings import Recording
-from palpate.recordings.names import split_name
+from palpate.recordings.units import split_name
 
 _DISTANCE = frozenset(("dist", "distance", "separation", "sdf"))
 _CONTACT = frozenset(("contact", "contacts", "geom", "geoms"))

@@ -11,7 +11,7 @@ from palpate.contact import Delay, run_slices
 from palpate.preparation.flange_motion import FlangeMotion
 from palpate.preparation.payload import Payload
 from palpate.preparation.resolution import noise_of
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 
 Mask = NDArray[np.bool_]

@@ -11,7 +11,7 @@ from palpate.contact import Delay, run_slices
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.preparation.free_air import LONGEST_DELAY, Blocks, Mask, largest_consensus
 from palpate.preparation.payload import TENSOR, Payload
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 
 SHIFT = 30e-3  # s, of the difference for the clock

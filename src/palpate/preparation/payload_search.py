@@ -21,7 +21,7 @@ from palpate.preparation.payload_fit import (
     fit_payload,
     turns_of,
 )
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 
 # s of the filter of the motion in free air, against the noise of the pose. A tool that does not

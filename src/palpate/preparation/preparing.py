@@ -26,9 +26,9 @@ from palpate.preparation.spatial import along_normal, no_pose
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
-from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
 from palpate.recordings.tables_in_memory import recording_of_table
+from palpate.recordings.units import is_wanted
 from palpate.stages import stage
 from palpate.validation import arguments
 

@@ -22,7 +22,7 @@ from palpate.preparation.roles import Roles
 from palpate.preparation.settings import ForceFrame
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 
 SECOND_BEST = 1.5  # times what the best reading leaves; a reading that leaves less may be right

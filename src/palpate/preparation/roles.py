@@ -32,7 +32,6 @@ from palpate.preparation.vectors import (
     find_vectors,
 )
 from palpate.recordings import Recording
-from palpate.recordings.names import divide_unit, is_wanted, split_name
 from palpate.recordings.opening import within
 from palpate.recordings.poses import (
     IN_BASE,
@@ -46,7 +45,16 @@ from palpate.recordings.poses import (
     rotate,
     state_poses,
 )
-from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers, unit_size
+from palpate.recordings.recording import holds_numbers
+from palpate.recordings.units import (
+    OTHER_UNITS,
+    UNITS,
+    divide_unit,
+    find_unit,
+    is_wanted,
+    split_name,
+    unit_size,
+)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Columns
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
 from palpate.recordings.poses import UNIT_LENGTH, rotate
-from palpate.recordings.recording import UNITS, unit_size
+from palpate.recordings.units import UNITS, unit_size
 from palpate.validation import Floats, check_choice, instance, number_in, pair_in, shown, vector_in
 
 FLIPPED = ("force", "penetration")

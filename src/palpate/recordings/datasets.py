@@ -21,7 +21,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
-from palpate.recordings.names import is_wanted
 from palpate.recordings.nested import Arrays
 from palpate.recordings.opening import (
     FAULTS,
@@ -35,6 +34,7 @@ from palpate.recordings.opening import (
     whole_recording,
 )
 from palpate.recordings.recording import Recording, printable
+from palpate.recordings.units import is_wanted
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
 MOST_EPISODES = 100

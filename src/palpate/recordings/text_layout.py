@@ -9,17 +9,17 @@ from itertools import starmap
 from typing import NamedTuple
 
 from palpate.errors import RecordingError
-from palpate.recordings.recording import (
+from palpate.recordings.recording import number_in_text
+from palpate.recordings.times import is_timelike
+from palpate.recordings.units import (
     KNOWN,
     OTHER_UNITS,
     UNITS,
     UNSTATED,
     find_unit,
-    number_in_text,
     plain_unit,
     unit_in_name,
 )
-from palpate.recordings.times import is_timelike
 from palpate.validation import shown
 
 DELIMITERS = ",;\t|"
