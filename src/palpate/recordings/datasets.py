@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
 from palpate.recordings.nested import Arrays
@@ -35,6 +34,7 @@ from palpate.recordings.opening import (
 )
 from palpate.recordings.recording import Recording, printable
 from palpate.recordings.units import is_wanted
+from palpate.validation import Values
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
 MOST_EPISODES = 100
@@ -204,7 +204,7 @@ def _episode(data: DataSet, number: int, request: Request) -> Recording:
     )
 
 
-def _without_repeats(channels: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _without_repeats(channels: Mapping[str, Values]) -> dict[str, Values]:
     """Leave out columns that another array repeats: ``ee_states`` begins with ``ee_pos``.
 
     The smaller array remains, because its name says more. Constant columns do not count, nor do

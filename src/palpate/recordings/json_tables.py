@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.recordings.nested import MOST_COLUMNS, UNIT_FIELDS, Arrays
 from palpate.recordings.opening import Request, first_line, read_whole
 from palpate.recordings.recording import Faults, Recording
 from palpate.recordings.times import clock_rank, iso_nanoseconds
+from palpate.validation import Values
 
 _VALUE = 16  # bytes of a value in a list and in an array
 
@@ -122,7 +122,7 @@ def _add(arrays: Arrays, group: str, name: str, values: list[Any], unit: object 
     arrays.add(group, name, array.shape, lambda: array, unit=unit)
 
 
-def _array(values: list[Any]) -> tuple[NDArray[Any], bool]:
+def _array(values: list[Any]) -> tuple[Values, bool]:
     """The values as an array, and whether they are times in nanoseconds since 1970."""
     if all(type(value) is int and abs(value) < 1 << 63 for value in values):
         return np.array(values, np.int64), False

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
 from palpate.errors import import_extra
 from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Arrays, no_class, plain_numbers
 from palpate.recordings.opening import Request
 from palpate.recordings.recording import Recording
+from palpate.validation import Values
 
 Order = Literal["little", "big"]
 
@@ -51,7 +51,7 @@ class Other:
 #: An element: its type, and where its data begin and end.
 Element = tuple[int, int, int]
 #: The value of a variable; of an array of structs the fields of each.
-Value = NDArray[Any] | list[dict[str, Any]] | Other | str
+Value = Values | list[dict[str, Any]] | Other | str
 
 
 class _WrongError(ValueError):

@@ -3,14 +3,13 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.recordings.opening import FAULTS, Draft, first_line, within
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import clock_rank, detect_epoch_unit
+from palpate.validation import Values
 
 #: An array with more columns than this is an image or another kind of table.
 MOST_COLUMNS = 256
@@ -70,7 +69,7 @@ class Leaf:
     group: str
     name: str
     shape: tuple[int, ...]
-    read: Callable[[], NDArray[Any]]
+    read: Callable[[], Values]
     unit: str | None = None
 
     @property
@@ -96,7 +95,7 @@ class Arrays(Draft):
         group: str,
         name: str,
         shape: tuple[int, ...],
-        read: Callable[[], NDArray[Any]],
+        read: Callable[[], Values],
         *,
         unit: str | None = None,
         group_unit: str | None = None,
@@ -214,9 +213,7 @@ def _fits(clock: Leaf, leaf: Leaf) -> bool:
     return len(clock.shape) == 1 and clock.shape[0] in leaf.shape
 
 
-def _columns(
-    leaf: Leaf, values: NDArray[Any], clock: Leaf | None
-) -> Iterable[tuple[str, NDArray[Any]]]:
+def _columns(leaf: Leaf, values: Values, clock: Leaf | None) -> Iterable[tuple[str, Values]]:
     """Yield the channels of an array: one, or one per column if it has two dimensions.
 
     Samples run along the dimension that is as long as the clock; without a clock, along the longer
@@ -232,7 +229,7 @@ def _columns(
         yield f"{leaf.channel}[{k}]", table[:, k]
 
 
-def _plain(values: NDArray[Any]) -> NDArray[Any]:
+def _plain(values: Values) -> Values:
     """The values in native byte order, as numbers that NumPy computes with."""
     values = np.asarray(values)
     if values.dtype.kind == "f" and values.dtype.itemsize > 8:  # long double
@@ -240,7 +237,7 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
-def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
+def _whole_times(values: Values) -> Values:
     """Integer times with a sign: differences of unsigned ones wrap around."""
     if values.dtype.kind in "iu":
         fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
@@ -256,7 +253,7 @@ def no_class(name: str) -> str:
     return f"has the class {name}, which only MATLAB can read; save {cure} instead"
 
 
-def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
+def plain_numbers(values: Values) -> Values:
     """Return integers of up to 32 bits as floats, which represent them exactly.
 
     MATLAB saves integers of class double in as few bytes as possible, and differences of small or

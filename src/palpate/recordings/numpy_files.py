@@ -4,14 +4,13 @@ import zipfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.recordings.nested import Arrays
 from palpate.recordings.opening import FAULTS, Request, first_line
 from palpate.recordings.recording import Recording
+from palpate.validation import Values
 
 #: The name of the array in a .npy, which has none.
 COLUMN = "column"
@@ -46,7 +45,7 @@ def read(path: Path, request: Request) -> Recording:
     return arrays.recording()
 
 
-def _arrays(path: Path, arrays: Arrays) -> Iterator[tuple[str, Callable[[], NDArray[Any]]]]:
+def _arrays(path: Path, arrays: Arrays) -> Iterator[tuple[str, Callable[[], Values]]]:
     """Names and loaders of the arrays; a file unpacks no more than it states, or is refused."""
     with path.open("rb") as file:
         if file.read(len(_MAGIC)) == _MAGIC:
@@ -60,19 +59,19 @@ def _arrays(path: Path, arrays: Arrays) -> Iterator[tuple[str, Callable[[], NDAr
                 yield name, partial(_read_array, archive, member)
 
 
-def _map_array(path: Path) -> NDArray[Any]:
+def _map_array(path: Path) -> Values:
     """Map the array of a .npy. Only further arrays may follow it."""
-    array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    array: Values = np.load(path, mmap_mode="r", allow_pickle=False)
     with path.open("rb") as file:
         file.seek(array.offset + array.nbytes)  # type: ignore[attr-defined]
         _check_end(file.read(len(_MAGIC)))
     return array
 
 
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Values:
     """Read an array of a .npz up to the end of its part, where zipfile checks the checksum."""
     with archive.open(member) as content:
-        array: NDArray[Any] = np.lib.format.read_array(content, allow_pickle=False)
+        array: Values = np.lib.format.read_array(content, allow_pickle=False)
         _check_end(content.read(len(_MAGIC)))
     return array
 
@@ -82,7 +81,7 @@ def _check_end(content: bytes) -> None:
         raise ValueError("the file is longer than its array: bytes were inserted; copy it again")
 
 
-def _add(arrays: Arrays, name: str, array: NDArray[Any]) -> None:
+def _add(arrays: Arrays, name: str, array: Values) -> None:
     unit = None
     kind = array.dtype.kind
     if kind in "mM":

@@ -16,12 +16,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 
-from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
+from palpate.validation import Values
 from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)
@@ -496,7 +496,7 @@ class Draft:
     """
 
     request: Request
-    channels: dict[str, NDArray[Any]] = field(default_factory=dict)
+    channels: dict[str, Values] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, str] = field(default_factory=dict)

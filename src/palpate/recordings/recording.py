@@ -9,14 +9,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 from palpate.errors import printable as visible
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.recordings.units import find_unit, find_unit_in_name, plain_unit
-from palpate.validation import Floats, reject_masks, shown
+from palpate.validation import Floats, Values, reject_masks, shown
 
 # With an apostrophe or a narrow space, or with a comma that cannot be the decimal mark.
 _THOUSANDS = re.compile(
@@ -99,7 +98,7 @@ class Recording:
     Times may be integer nanoseconds (unit ``"ns"``): a float of seconds since 1970 is not exact.
     """
 
-    channels: Mapping[str, NDArray[Any]]
+    channels: Mapping[str, Values]
     units: Mapping[str, str] = field(default_factory=dict)
     source: str = ""
     notes: Mapping[str, str] = field(default_factory=dict)
@@ -148,7 +147,7 @@ class Recording:
     def _on_file(self) -> list[Finding]:
         return [finding for finding in self.findings if finding.check == Check.FILE]
 
-    def channel(self, name: str) -> NDArray[Any]:
+    def channel(self, name: str) -> Values:
         """Return a channel as it was recorded.
 
         Raises
@@ -257,7 +256,7 @@ def number_in_text(text: str) -> float:
     return float(re.sub(r"[^\d.+-]", "", text))
 
 
-def holds_numbers(values: NDArray[Any]) -> bool:
+def holds_numbers(values: Values) -> bool:
     """Whether most of the first texts of a channel are numbers."""
     filled = [value for value in values[:1000].tolist() if str(value).strip()]
     return 2 * sum(_read_number(value) is not None for value in filled) > len(filled)

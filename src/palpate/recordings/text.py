@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import MissingChannelError
 from palpate.recordings.opening import Draft, Request, excess, first_line
@@ -46,6 +45,7 @@ from palpate.recordings.times import (
     plain_iso_times,
     whole_time,
 )
+from palpate.validation import Values
 
 CHUNK = 1 << 20
 BLOCK = 4 << 20  # bytes in a parsed block
@@ -256,7 +256,7 @@ class _Column:
         self.width = width
         self.dtype: Any = np.int64 if kind in ("dates", "nanoseconds") else np.float64
         self.size = self.good = self.filled = 0
-        self.pieces: list[NDArray[Any]] = []
+        self.pieces: list[Values] = []
         self.wrong: tuple[int, str] | None = None
         self.is_number = lru_cache(maxsize=10_000)(
             lambda cell: parse_number(cell, decimal) is not None
@@ -269,7 +269,7 @@ class _Column:
             return []
         return [k for k, cell in enumerate(cells) if self._value(cell) is None]
 
-    def extend(self, values: NDArray[Any], wrong: int = 0, blank: int = 0) -> None:
+    def extend(self, values: Values, wrong: int = 0, blank: int = 0) -> None:
         """Add parsed values; ``wrong`` of them are not numbers, and ``blank`` are empty."""
         self.pieces.append(values)
         self.size += len(values)
@@ -300,7 +300,7 @@ class _Column:
         blank = sum(not cells[k].strip() for k in unread)
         self.extend(np.array(numbers, self.dtype), len(unread), blank)
 
-    def _convert_at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
+    def _convert_at_once(self, cells: Sequence[str]) -> Values | None:
         if self.kind == "dates":
             return plain_iso_times(cells)
         text = "".join(cells)
@@ -333,7 +333,7 @@ class _Column:
             return "numbers" if self.filled and 2 * self.good >= self.filled else None
         return "text" if 2 * self.good < self.filled else None
 
-    def channels(self) -> dict[str, NDArray[Any]]:
+    def channels(self) -> dict[str, Values]:
         """Return the channels of the column, and empty it."""
         if self.kind == "nothing":
             return {}
@@ -624,7 +624,7 @@ class _Table:
             else:
                 yield row + k, [*cells[:width], *[""] * (width - len(cells))]
 
-    def _parse_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
+    def _parse_at_once(self, block: bytes) -> list[Values] | None:
         """The columns of many lines of plain numbers; None if they hold anything else."""
         if self.text.size < (HEAD if self.text.compressed else LARGE) or not has_pyarrow():
             return None
@@ -780,7 +780,7 @@ def _join_ranges(rows: Iterable[Sequence[int]]) -> Sequence[int]:
     return joined  # type: ignore[no-any-return]
 
 
-def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
+def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[Values]:
     arrow = import_module("pyarrow")
     csv = import_module("pyarrow.csv")
     names = [str(k) for k in range(len(dtypes))]
