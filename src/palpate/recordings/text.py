@@ -14,6 +14,7 @@ from contextlib import nullcontext
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -22,7 +23,6 @@ import numpy as np
 from palpate.errors import MissingChannelError
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording
-from palpate.recordings.table_files import has_pyarrow
 from palpate.recordings.text_layout import (
     SPACES,
     WHOLE_THOUSANDS,
@@ -626,7 +626,7 @@ class _Table:
 
     def _parse_at_once(self, block: bytes) -> list[Values] | None:
         """The columns of many lines of plain numbers; None if they hold anything else."""
-        if self.text.size < (HEAD if self.text.compressed else LARGE) or not has_pyarrow():
+        if self.text.size < (HEAD if self.text.compressed else LARGE) or not find_spec("pyarrow"):
             return None
         delimiter = self.layout.delimiter
         if self.layout.decimal == ",":
