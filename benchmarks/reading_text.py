@@ -17,7 +17,7 @@ from benchmarks.common.workers import in_new_process
 from palpate.recordings import open_recording
 
 WRITTEN = 100_000  # rows at once
-LIMITS = {"pyarrow": 6.0, "NumPy": 20.0}  # s for 1e7 rows of four numbers
+LIMITS = {"pyarrow": 6.0, "Python": 20.0}  # s for 1e7 rows of four numbers
 
 
 def write_table(path: Path, rows: int, label: bool = False) -> None:
@@ -38,7 +38,7 @@ def write_table(path: Path, rows: int, label: bool = False) -> None:
 
 def measured(path: Path, parser: str) -> tuple[float, float, float, float]:
     """Read a file; return seconds, those of the processor, bytes of the peak and of the arrays."""
-    if parser == "NumPy":
+    if parser == "Python":
         sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
     else:
         import pyarrow.csv  # noqa: F401

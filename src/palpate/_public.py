@@ -67,7 +67,7 @@ from palpate.quantities.specimen import CompressionModulus as CompressionModulus
 from palpate.quantities.specimen import Specimen as Specimen
 from palpate.recordings import Recording as Recording
 from palpate.recordings import open_recording as open_recording
-from palpate.recordings import write_contact as write_contact
+from palpate.recordings.table_files import write_contact as write_contact
 from palpate.results.saved import SavedResult as SavedResult
 from palpate.results.saved import load_result as load_result
 from palpate.settings import ChangeDetector as ChangeDetector

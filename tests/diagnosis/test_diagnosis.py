@@ -21,7 +21,7 @@ from palpate.findings import MAY_CAP, worst
 from palpate.preparation.held import hold_length
 from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import find_spikes
-from palpate.recordings.recording import unit_size
+from palpate.recordings.units import unit_size
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:

@@ -10,7 +10,7 @@ from recordings import HEADER, SIGNALS, changed, recording, rows_of, text_of, wr
 
 from palpate import Columns, RecordingError, open_recording, prepare, write_contact
 from palpate.preparation.velocity import velocity_of
-from palpate.recordings.recording import unit_in_name
+from palpate.recordings.units import unit_in_name
 
 
 def with_column(rows, values):

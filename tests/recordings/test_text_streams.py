@@ -1,4 +1,4 @@
-"""Texts of any length, compressed or in pipes; NumPy and pyarrow read the same of them."""
+"""Texts of any length, compressed or in pipes; pyarrow and Python read the same of them."""
 
 import bz2
 import contextlib
@@ -51,16 +51,10 @@ def random_cells(generator: np.random.Generator, count: int) -> list[str]:
 CELLS = random_cells(np.random.default_rng(8), 3000)
 
 
-@pytest.mark.parametrize("parser", ["pyarrow", "numpy"])
+@pytest.mark.parametrize("least", [0, 1 << 30], ids=["pyarrow", "cells"])
 @pytest.mark.parametrize("odd", [False, True])
-def test_a_number_is_the_one_that_python_reads(tmp_path, monkeypatch, parser, odd):
-    by_arrow = parser == "pyarrow"
-    name, other = (
-        ("_parse_with_numpy", text._parse_with_arrow)
-        if by_arrow
-        else ("has_pyarrow", lambda: False)
-    )
-    monkeypatch.setattr(text, name, other)
+def test_a_number_is_the_one_that_python_reads(tmp_path, monkeypatch, least, odd):
+    monkeypatch.setattr(text, "LARGE", least)
     # Plain spellings are parsed at once; odd ones keep a whole block from that.
     cells = [cell for cell in CELLS if odd or (cell[0] not in "+.I" and abs(float(cell)) < 1e300)]
     content = "a;b\n" + "".join(f"{cell};0\n" for cell in cells)
@@ -119,7 +113,7 @@ def test_small_blocks_and_either_parser_read_the_same(tmp_path, monkeypatch, con
         monkeypatch.setattr(text, name, size)
     same(open_recording(path), expected)  # with pyarrow, for the file has several blocks
     with monkeypatch.context() as without:
-        without.setattr(text, "has_pyarrow", lambda: False)
+        without.setattr(text, "find_spec", lambda _: None)
         same(open_recording(path), expected)
     module = (gzip, bz2, lzma)[len(content) % 3]
     same(open_recording(written(path, module.compress(content.encode()))), expected)

@@ -12,7 +12,7 @@ import palpate
 from palpate import Recording, RecordingError, prepare
 from palpate.preparation.force_frame import compensate_log
 from palpate.preparation.settings import Preparation
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.wrench.fit import regressors, rotation, skew
 from palpate.wrench.motion import motion_of
 from palpate.wrench.payload import Payload

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import SHORTEST_STEP, run_slices
 from palpate.findings import Check, Finding, Severity
-from palpate.recordings.recording import unit_size
+from palpate.recordings.units import unit_size
 from palpate.validation import Floats
 
 Times: TypeAlias = NDArray[np.int64] | Floats

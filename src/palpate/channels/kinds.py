@@ -6,9 +6,9 @@ from collections.abc import Iterable, Sequence
 from palpate.channels.frames import IN_BASE
 from palpate.channels.vectors import Vector, find_flattened_arrays, find_vectors
 from palpate.recordings import Recording
-from palpate.recordings.names import is_wanted, split_name
 from palpate.recordings.opening import within
-from palpate.recordings.recording import UNITS, find_unit, holds_numbers, plain_unit, unit_size
+from palpate.recordings.recording import holds_numbers
+from palpate.recordings.units import UNITS, find_unit, is_wanted, plain_unit, split_name, unit_size
 
 # Words for the quantity of a channel without a unit, also in German, Spanish, French and Italian,
 # without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.

@@ -32,9 +32,16 @@ from palpate.channels.vectors import COUNTED, ONE_OF_MANY, Vector
 from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.recordings import Recording
-from palpate.recordings.names import divide_unit, is_wanted, split_name
 from palpate.recordings.opening import within
-from palpate.recordings.recording import OTHER_UNITS, UNITS, find_unit, holds_numbers
+from palpate.recordings.recording import holds_numbers
+from palpate.recordings.units import (
+    OTHER_UNITS,
+    UNITS,
+    divide_unit,
+    find_unit,
+    is_wanted,
+    split_name,
+)
 
 #: Channels that have one role together: one channel, or the components of a vector.
 Names: TypeAlias = tuple[str, ...]

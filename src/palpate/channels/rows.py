@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from palpate.channels.kinds import channel_kind
 from palpate.errors import RecordingError
 from palpate.recordings import Recording
-from palpate.recordings.names import split_name
 from palpate.recordings.recording import holds_numbers
+from palpate.recordings.units import split_name
 
 # Rows of a simulator's contacts: two bodies, the place, the signed distance, the force.
 #

@@ -24,7 +24,7 @@ from palpate.contact import number_runs
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.recordings import Recording
-from palpate.recordings.recording import unit_size
+from palpate.recordings.units import unit_size
 from palpate.validation import Floats
 
 Channels: TypeAlias = dict[str, NDArray[np.generic]]

@@ -13,14 +13,7 @@ from palpate.channels.roles import Names, Roles
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
 from palpate.recordings import Recording
-from palpate.recordings.recording import (
-    GRAVITY,
-    TORQUE_UNITS,
-    UNITS,
-    UNSTATED,
-    WEIGHTS,
-    unit_size,
-)
+from palpate.recordings.units import GRAVITY, TORQUE_UNITS, UNITS, UNSTATED, WEIGHTS, unit_size
 from palpate.validation import Floats
 
 #: Largest plausible value in SI units, also of a :class:`Scale`. Sums of eighth powers stay finite

@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from palpate.recordings.names import divide_unit, split_name
+from palpate.recordings.units import divide_unit, split_name
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 _LETTERS = ("xyzw", "xyz")

@@ -86,7 +86,7 @@ def lab(
         --relaxation-stiffnesses, each repeated for every relaxation time.
     """
     from palpate import lab as laboratory
-    from palpate.recordings import write_contact
+    from palpate.recordings.table_files import write_contact
 
     check_outputs([output, picture] if picture else [output])
     check_marked(output, _MADE)

@@ -244,7 +244,7 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     If ``channel`` is a mapping from units to sizes, the number has one of its units; without a unit
     it has the first.
     """
-    from palpate.recordings.recording import UNITS
+    from palpate.recordings.units import UNITS
 
     found = _NUMBER.match(text)
     units = UNITS[channel] if isinstance(channel, str) else channel

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.wrench.payload import Payload
 from palpate.writing import MADE, quote
 

@@ -28,7 +28,8 @@ from palpate.recordings.opening import (
     check_folder,
     first_line,
 )
-from palpate.recordings.recording import UNITS, plain_unit, printable
+from palpate.recordings.recording import printable
+from palpate.recordings.units import UNITS, plain_unit
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, write_bytes, write_text
 

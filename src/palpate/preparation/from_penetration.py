@@ -21,7 +21,7 @@ from palpate.preparation.resolution import deviation_of_mean
 from palpate.preparation.settings import Preparation
 from palpate.preparation.velocity import describe_filter, estimate_velocities, subtract_inertia
 from palpate.recordings import Recording
-from palpate.recordings.recording import UNITS, unit_size
+from palpate.recordings.units import UNITS, unit_size
 from palpate.stages import stage
 from palpate.validation import signals as checked_signals
 

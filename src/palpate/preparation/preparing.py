@@ -24,9 +24,9 @@ from palpate.preparation.from_penetration import (
 from palpate.preparation.options import Option, Options, describe_options
 from palpate.preparation.settings import Preparation
 from palpate.recordings import Recording, open_recording
-from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
 from palpate.recordings.tables_in_memory import recording_of_table
+from palpate.recordings.units import is_wanted
 from palpate.stages import stage
 
 _LOGGER = logging.getLogger(__name__)

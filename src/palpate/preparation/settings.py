@@ -9,7 +9,7 @@ from palpate.channels.roles import Columns
 from palpate.contact import Delay
 from palpate.errors import InvalidParameterError
 from palpate.preparation.options import OPTIONS, Options, SurfaceRule
-from palpate.recordings.recording import UNITS, unit_size
+from palpate.recordings.units import UNITS, unit_size
 from palpate.settings import ForceFrame
 from palpate.validation import check_choice, instance, number_in, pair_in, shown, vector_in
 

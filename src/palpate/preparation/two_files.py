@@ -23,7 +23,7 @@ from palpate.preparation.clock_offset import fine_offset, rough_offset
 from palpate.preparation.delay import LONGEST_FOUND
 from palpate.preparation.settings import Preparation, check_delay
 from palpate.recordings import Recording
-from palpate.recordings.recording import unit_size
+from palpate.recordings.units import unit_size
 from palpate.validation import Floats
 
 Value = TypeVar("Value")

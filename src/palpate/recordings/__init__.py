@@ -1,4 +1,4 @@
-"""Reading recordings from files, and writing contacts as recordings."""
+"""Recordings from files."""
 
 from palpate.recordings.opening import FORMATS as FORMATS
 from palpate.recordings.opening import Format as Format
@@ -6,4 +6,3 @@ from palpate.recordings.opening import Request as Request
 from palpate.recordings.opening import open_recording as open_recording
 from palpate.recordings.recording import Faults as Faults
 from palpate.recordings.recording import Recording as Recording
-from palpate.recordings.table_files import write_contact as write_contact

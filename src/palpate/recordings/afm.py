@@ -13,7 +13,6 @@ from afmformats import errors, load_data
 from afmformats.afm_data import column_units, known_columns
 from afmformats.formats.fmt_jpk.jpk_reader import ArchiveCache, JPKReader
 from afmformats.meta import META_FIELDS, MetaDataMissingError
-from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.opening import (
@@ -26,6 +25,7 @@ from palpate.recordings.opening import (
     regular_size,
 )
 from palpate.recordings.recording import Recording, printable
+from palpate.validation import Values
 
 # afmformats' own errors derive from BaseException.
 _FAULTS = (*FAULTS, errors.AFMFileFormatError, MetaDataMissingError)
@@ -186,7 +186,7 @@ def _chosen(count: int, request: Request) -> int:
 
 def _recording(
     names: list[str],
-    column: Callable[[str], NDArray[Any]],
+    column: Callable[[str], Values],
     metadata: Mapping[str, Any],
     request: Request,
 ) -> Recording:
@@ -233,7 +233,7 @@ def _add_tip(draft: Draft, metadata: Mapping[str, Any]) -> None:
     draft.notes["tip position"] = f"{height} + force / spring constant"
 
 
-def _notes(metadata: Mapping[str, Any], segment: NDArray[Any] | None) -> dict[str, str]:
+def _notes(metadata: Mapping[str, Any], segment: Values | None) -> dict[str, str]:
     notes = {"time": "from the length of each segment: instruments record no time of samples"}
     for name in _NOTES:
         if name in metadata:

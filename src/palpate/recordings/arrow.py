@@ -5,13 +5,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pyarrow as pa
 import pyarrow.compute as compute
 import pyarrow.ipc as ipc
 import pyarrow.parquet as parquet
-from numpy.typing import NDArray
 
 from palpate.errors import RecordingError
 from palpate.recordings.nested import MOST_COLUMNS, UNIT_FIELDS, read_text
@@ -56,12 +54,12 @@ def read(path: Path, request: Request) -> Recording:
             with open_parquet(path) as table:
                 # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
                 # process.
-                rows, schema = table.metadata.num_rows, table.schema_arrow
-                wanted = sum(request.wants(_name(form.name)) for form in schema)
-                if not 0 <= 8 * rows * max(wanted, 1) <= request.max_size:
-                    words = excess("its columns need", 8 * rows * wanted, request.max_size)
-                    raise draft.error(words)
-                return read_columns(schema, _ParquetColumns(table, schema, request).read, draft)
+                columns = _ParquetColumns(table, request)
+                count = sum(request.wants(_name(name)) for name in table.schema_arrow.names)
+                size = 8 * table.metadata.num_rows * max(count, 1)
+                if not 0 <= size <= request.max_size:
+                    raise draft.error(excess("its columns need", size, request.max_size))
+                return read_columns(table.schema_arrow, columns.read, draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -76,23 +74,24 @@ def read(path: Path, request: Request) -> Recording:
 def open_parquet(path: Path) -> parquet.ParquetFile:
     """Open Parquet; repeated words stay in a dictionary until their size is known."""
     table = parquet.ParquetFile(path, page_checksum_verification=True)
-    words = [form.name for form in table.schema_arrow if _is_text(form.type)]
-    if not words:
+    texts = [form.name for form in table.schema_arrow if _is_text(form.type)]
+    if not texts:
         return table
     table.close()
-    return parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=words)
+    return parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=texts)
 
 
 class _ParquetColumns:
     """Reads columns, some at a time: for each call pyarrow looks at all columns of the file."""
 
-    def __init__(self, table: parquet.ParquetFile, schema: pa.Schema, request: Request) -> None:
-        self._table, self._request = table, request
-        several = Counter(schema.names)
+    def __init__(self, table: parquet.ParquetFile, request: Request) -> None:
+        self._table = table
+        self._request = request
+        counts = Counter(table.schema_arrow.names)
         self._plain = [
             form.name
-            for form in schema
-            if request.wants(_name(form.name)) and several[form.name] == 1
+            for form in table.schema_arrow
+            if request.wants(_name(form.name)) and counts[form.name] == 1
             if pa.types.is_primitive(form.type) or pa.types.is_decimal(form.type)
         ]
         self._places = {name: place for place, name in enumerate(self._plain)}
@@ -128,7 +127,8 @@ def read_in_parts(
     table: parquet.ParquetFile, names: list[str], rows: int, request: Request
 ) -> pa.Table:
     """Read columns of Parquet some rows at a time; raise ValueError if they exceed the cap."""
-    batches, size = [], 0
+    batches = []
+    size = 0
     for batch in table.iter_batches(rows, columns=names):
         batches.append(batch)
         size += batch.nbytes
@@ -139,12 +139,14 @@ def read_in_parts(
 
 def _reserve(data: memoryview, request: Request) -> None:
     """Count the stated sizes of an Arrow file's compressed buffers, before unpacking any."""
-    at = len(_BEGIN)
+    position = len(_BEGIN)
     with suppress(struct.error):  # cut off or damaged: the reader of the batches reports it
-        while size := _word("I", data, at):
+        while size := _word("I", data, position):
             if size == _CONTINUED:
-                at, size = at + 4, _word("I", data, at + 4)
-            at = _reserve_message(data, at + 4, at + 4 + size, request)
+                position += 4
+                size = _word("I", data, position)
+            position += 4
+            position = _reserve_message(data, position, position + size, request)
 
 
 def _reserve_message(data: memoryview, metadata: int, body: int, request: Request) -> int:
@@ -159,11 +161,12 @@ def _reserve_message(data: memoryview, metadata: int, body: int, request: Reques
         offset = _word("H", data, virtual + 4 + 2 * number) if inside else 0
         return table + offset if offset else 0
 
-    def follow(at: int) -> int:
-        return at + _word("I", data, at)
+    def follow(position: int) -> int:
+        return position + _word("I", data, position)
 
     message = follow(metadata)
-    kind, length = field(message, 1), field(message, 3)
+    kind = field(message, 1)
+    length = field(message, 3)
     end = body + max(_word("q", data, length) if length else 0, 0)
     if kind and data[kind] in (_DICTIONARY, _BATCH):
         batch = follow(field(message, 2))
@@ -178,8 +181,8 @@ def _reserve_message(data: memoryview, metadata: int, body: int, request: Reques
     return end
 
 
-def _word(form: str, data: memoryview, at: int) -> int:
-    return int(struct.unpack_from(f"<{form}", data, at)[0])
+def _word(form: str, data: memoryview, position: int) -> int:
+    return int(struct.unpack_from(f"<{form}", data, position)[0])
 
 
 def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
@@ -192,92 +195,98 @@ def _batches(file: pa.NativeFile, losses: list[str]) -> pa.Table:
     else:
         return table
     file.seek(len(_BEGIN))
-    reader, found = ipc.open_stream(file), []
-    try:
+    reader = ipc.open_stream(file)
+    batches = []
+    with suppress(*_DAMAGED):
         for batch in reader:
             batch.validate(full=True)
-            found.append(batch)
-    except _DAMAGED:
-        pass
-    losses.append(f"only the first {sum(batch.num_rows for batch in found)} samples are read")
-    return pa.Table.from_batches(found, reader.schema)
+            batches.append(batch)
+    table = pa.Table.from_batches(batches, reader.schema)
+    losses.append(f"only the first {table.num_rows} samples are read")
+    return table
 
 
 def read_columns(schema: pa.Schema, table_of: Callable[[str], pa.Table], draft: Draft) -> Recording:
     """Return the columns of a schema that are requested; ``table_of`` reads one of them."""
     request = draft.request
-    wanted = [form for form in schema if request.wants(_name(form.name))]
-    if not wanted and len(schema):
-        asked, there = ", ".join(request.channels or ()), ", ".join(map(_name, schema.names[:20]))
-        raise draft.error(f"no column {asked}; available: {there}")
-    for k, form in enumerate(wanted):
-        about = form.metadata or {}
-        stated = (about.get(name.encode()) for name in UNIT_FIELDS)
-        unit = read_text(next(filter(None, stated), None))
+    forms = [form for form in schema if request.wants(_name(form.name))]
+    if not forms and len(schema):
+        available = ", ".join(map(_name, schema.names[:20]))
+        raise draft.error(f"no column {', '.join(request.channels or ())}; available: {available}")
+    for k, form in enumerate(forms):
+        name = _name(form.name)
         try:
-            table = table_of(form.name)
-            table.validate(full=True)
-            if table.num_columns != 1:
-                raise ValueError("several columns have its name")
-            for name, values in _leaves(_name(form.name), table.column(0)):
-                if not request.wants(name):
-                    continue
-                if pa.types.is_dictionary(values.type):
-                    request.reserve(_size_of_words(values))
-                request.reserve(8 * len(values))
-                draft.channels[name], own_unit, fault = _values(name, values)
-                if own_unit or unit:
-                    draft.units[name] = str(own_unit or unit)
-                if fault is not None:
-                    draft.faults[name] = fault
+            _add_column(name, table_of(form.name), _stated_unit(form), draft)
         except RecordingError:
             raise
         except _NoChannelError as error:
             draft.omissions.append(str(error))
         except _DAMAGED as error:
-            draft.losses.append(f"column {_name(form.name)!r} cannot be read: {first_line(error)}")
-        request.report((k + 1) / len(wanted))
+            draft.losses.append(f"column {name!r} cannot be read: {first_line(error)}")
+        request.report((k + 1) / len(forms))
     if not draft.channels:
         reasons = [*draft.losses, *draft.omissions, "it has no columns of numbers"]
         raise draft.error(f"no column can be read: {reasons[0]}")
-    for title, words in (schema.metadata or {}).items():
+    for title, text in (schema.metadata or {}).items():
         if title not in _NO_NOTES:
-            draft.note(str(read_text(title)), read_text(words))
+            draft.note(str(read_text(title)), read_text(text))
     return draft.done()
 
 
-def _size_of_words(values: pa.ChunkedArray) -> int:
+def _stated_unit(form: pa.Field) -> str | None:
+    metadata = form.metadata or {}
+    return read_text(next(filter(None, (metadata.get(key.encode()) for key in UNIT_FIELDS)), None))
+
+
+def _add_column(name: str, table: pa.Table, unit: str | None, draft: Draft) -> None:
+    """Add the channels of a column: one, or one for each plain value in it."""
+    table.validate(full=True)
+    if table.num_columns != 1:
+        raise ValueError("several columns have its name")
+    for channel, values in _leaves(name, table.column(0)):
+        if not draft.request.wants(channel):
+            continue
+        if pa.types.is_dictionary(values.type):
+            draft.request.reserve(_size_of_texts(values))
+        draft.request.reserve(8 * len(values))
+        _add_channel(channel, values, unit, draft)
+
+
+def _size_of_texts(values: pa.ChunkedArray) -> int:
     """Size of a dictionary-encoded text column after decoding."""
     if not _is_text(values.type.value_type):
         return 0
-    lengths = (compute.binary_length(each.dictionary).take(each.indices) for each in values.chunks)
-    return sum(compute.sum(each.cast(pa.int64())).as_py() or 0 for each in lengths)
+    lengths = (
+        compute.binary_length(chunk.dictionary).take(chunk.indices) for chunk in values.chunks
+    )
+    return sum(compute.sum(length.cast(pa.int64())).as_py() or 0 for length in lengths)
 
 
 def _is_text(kind: pa.DataType) -> bool:
     return bool(pa.types.is_string(kind) or pa.types.is_large_string(kind))
 
 
-def _values(name: str, values: pa.ChunkedArray) -> tuple[NDArray[Any], str | None, Faults | None]:
-    """Numbers or text, the unit that their type states, and the null values."""
-    kind, unit = values.type, None
-    if pa.types.is_dictionary(kind):
-        kind = kind.value_type
-        values = values.cast(kind)
+def _add_channel(name: str, values: pa.ChunkedArray, unit: str | None, draft: Draft) -> None:
+    """Add numbers or text; null values are faults."""
+    if pa.types.is_dictionary(values.type):
+        values = values.cast(values.type.value_type)
+    kind = values.type
     if _is_text(kind):
-        return values.fill_null("").to_numpy(), None, None
-    if pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
+        values = values.fill_null("")
+    elif pa.types.is_timestamp(kind) or pa.types.is_duration(kind) or pa.types.is_time(kind):
         values, unit = _nanoseconds(values)
     elif pa.types.is_decimal(kind):
         values = values.cast(pa.float64())
     elif not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
         raise _NoChannelError(f"column {name!r} holds {kind}, not numbers")
-    if not values.null_count:
-        return values.to_numpy(), unit, None
-    fault = Faults(values.null_count, compute.index(values.is_null(), True).as_py(), "null")
-    if not pa.types.is_floating(values.type):
-        values = values.cast(pa.float64(), safe=False)
-    return values.to_numpy(), unit, fault
+    if values.null_count:
+        first = compute.index(values.is_null(), True).as_py()
+        draft.faults[name] = Faults(values.null_count, first, "null")
+        if not pa.types.is_floating(values.type):
+            values = values.cast(pa.float64(), safe=False)
+    draft.channels[name] = values.to_numpy()
+    if unit:
+        draft.units[name] = unit
 
 
 class _NoChannelError(ValueError):
@@ -288,16 +297,15 @@ def _leaves(name: str, column: pa.ChunkedArray) -> Iterator[tuple[str, pa.Chunke
     """The columns of plain values in a column of structs or of lists of equal length."""
     kind = column.type
     if pa.types.is_struct(kind):
-        for inner, part in zip(kind, column.flatten(), strict=True):
-            yield from _leaves(f"{name}.{inner.name}", part)
+        for inner, field in zip(kind, column.flatten(), strict=True):
+            yield from _leaves(f"{name}.{inner.name}", field)
         return
     if not (
         pa.types.is_list(kind) or pa.types.is_large_list(kind) or pa.types.is_fixed_size_list(kind)
     ):
         yield name, column
         return
-    ends = compute.min_max(compute.list_value_length(column)).as_py()
-    least, most = ends["min"], ends["max"]
+    least, most = compute.min_max(compute.list_value_length(column)).as_py().values()
     if most is None or least != most:
         raise _NoChannelError(f"column {name!r} holds lists of {least} to {most} values")
     if most > MOST_COLUMNS:
@@ -309,8 +317,8 @@ def _leaves(name: str, column: pa.ChunkedArray) -> Iterator[tuple[str, pa.Chunke
 def _nanoseconds(values: pa.ChunkedArray) -> tuple[pa.ChunkedArray, str]:
     """Times as integer nanoseconds, or in their own unit if these would overflow."""
     unit = values.type.unit
-    whole = pa.int32() if values.type.bit_width == 32 else pa.int64()
-    counts = values.cast(whole).cast(pa.int64())
+    integer = pa.int32() if values.type.bit_width == 32 else pa.int64()
+    counts = values.cast(integer).cast(pa.int64())
     try:
         return compute.multiply_checked(counts, 10**9 // EPOCHS[unit]), "ns"
     except pa.ArrowInvalid:

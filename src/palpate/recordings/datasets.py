@@ -14,15 +14,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from functools import cache, partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, import_extra
-from palpate.recordings.names import is_wanted
-from palpate.recordings.nested import Findings
+from palpate.recordings.nested import Arrays
 from palpate.recordings.opening import (
     FAULTS,
     Draft,
@@ -35,12 +34,12 @@ from palpate.recordings.opening import (
     whole_recording,
 )
 from palpate.recordings.recording import Recording, printable
+from palpate.recordings.units import is_wanted
+from palpate.validation import Values
 
 #: Most episodes that :func:`read` reads together; each is a contact with one object.
 MOST_EPISODES = 100
 
-_HDF5 = (".hdf5", ".h5", ".hdf")
-_ZIP = ".zarr.zip"
 _ENDS = "meta/episode_ends"
 # Columns of LeRobot that count rows, and types of features that are no numbers.
 _COUNTERS = frozenset(("index", "frame_index", "episode_index", "task_index"))
@@ -108,10 +107,8 @@ def open_data_set(path: Path, request: Request) -> Iterator[DataSet]:
             elif _is_replay(path):
                 data = _ReplayBuffer(path, request)
             else:
-                hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
-                data = _Demonstrations(
-                    files.enter_context(hdf5.open_file(path, request.source)), request
-                )
+                file = files.enter_context(_import_hdf5().open_file(path, request.source))
+                data = _Demonstrations(file, request)
         request.release()
         if not data.lengths:
             raise request.error("the data set holds no episodes; copy it again")
@@ -133,26 +130,27 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The data set is damaged, has no episode of this number, or more than 100.
     """
-    source = request.source
     with open_data_set(path, request) as data:
         numbers = list(data.lengths)
         if request.episode is not None:
             if request.episode not in data.lengths:
-                count = f"it has {len(numbers)}, from {numbers[0]} on"
-                raise request.error(f"has no episode {request.episode}; {count}")
+                raise request.error(
+                    f"has no episode {request.episode}; it has {len(numbers)}, from {numbers[0]} on"
+                )
             numbers = [request.episode]
         elif len(numbers) > MOST_EPISODES:
-            words = f"holds {len(numbers)} episodes, more than {MOST_EPISODES} of one object"
-            remedy = "choose one with --episode, or identify each with palpate fleet"
-            raise request.error(f"{words}; {remedy}")
+            raise request.error(
+                f"holds {len(numbers)} episodes, more than {MOST_EPISODES} of one object; "
+                "choose one with --episode, or identify each with palpate fleet"
+            )
         episodes = []
         for k, number in enumerate(numbers):
-            whose = replace(request, source=f"{source}, episode {number}")
-            episodes.append(_episode(data, number, whose))
+            named = replace(request, source=f"{request.source}, episode {number}")
+            episodes.append(_episode(data, number, named))
             request.report((k + 1) / len(numbers))
     if len(episodes) == 1:
         return episodes[0]
-    return replace(episodes[0], source=source, episodes=tuple(episodes))
+    return replace(episodes[0], source=request.source, episodes=tuple(episodes))
 
 
 def read_episodes(
@@ -182,13 +180,14 @@ def read_episodes(
     """
     request = Request(printable(path)).limited(path, max_size)
     with open_data_set(path, request) as data:
-        known = list(data.lengths)
+        episodes = list(data.lengths)
         for place in numbers:
+            number = episodes[place]
             request.release()
             try:
-                yield known[place], _episode(data, known[place], request)
+                yield number, _episode(data, number, request)
             except RecordingError as error:
-                yield known[place], error
+                yield number, error
 
 
 def _episode(data: DataSet, number: int, request: Request) -> Recording:
@@ -196,29 +195,32 @@ def _episode(data: DataSet, number: int, request: Request) -> Recording:
     with request.explain_damage("the episode cannot be read", "copy the data set again"):
         recording = data.channels(number, request)
     channels = _without_repeats(recording.channels)
-    rate = {} if data.rate is None else {"rate": data.rate}
-    clocks = {name: clock for name, clock in recording.clocks.items() if name in channels}
-    notes = {**recording.notes, "data set": data.name}
     return replace(
-        recording, channels=channels, clocks=clocks, settings=rate, notes=notes, episode=number
+        recording,
+        channels=channels,
+        clocks={name: clock for name, clock in recording.clocks.items() if name in channels},
+        settings={} if data.rate is None else {"rate": data.rate},
+        notes={**recording.notes, "data set": data.name},
+        episode=number,
     )
 
 
-def _without_repeats(channels: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+def _without_repeats(channels: Mapping[str, Values]) -> dict[str, Values]:
     """Leave out columns that another array repeats: ``ee_states`` begins with ``ee_pos``.
 
     The smaller array remains, because its name says more. Constant columns do not count, nor do
     commands: a command that was followed exactly repeats what was measured.
     """
     measured = [name for name in channels if not is_wanted(name)]
-    sizes = Counter(_stem(name) for name in measured)
-    first: dict[bytes, str] = {}
+    sizes = Counter(map(_stem, measured))
+    stems: dict[bytes, str] = {}
     repeated = set()
     for name in sorted(measured, key=lambda name: sizes[_stem(name)]):
         values = channels[name]
         if values.dtype.kind == "f" and (values != values[:1]).any():
-            earlier = first.setdefault(values.astype(np.float64).tobytes(), name)
-            repeated |= {name} if _stem(earlier) != _stem(name) else set()
+            content = values.astype(np.float64).tobytes()
+            if stems.setdefault(content, _stem(name)) != _stem(name):
+                repeated.add(name)
     return {name: values for name, values in channels.items() if name not in repeated}
 
 
@@ -232,13 +234,12 @@ def _stem(name: str) -> str:
 
 def root_of(path: Path) -> Path | None:
     """The folder of the LeRobot data set that a path is, or whose file it is."""
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, IndexError):
         if path.is_dir():
             return path if (path / "meta/info.json").is_file() else None
         if path.suffix.lower() == ".parquet":
-            whole = path.absolute().parents
-            if len(whole) > 2 and (whole[2] / "meta/info.json").is_file():
-                return whole[2]
+            root = path.absolute().parents[2]
+            return root if (root / "meta/info.json").is_file() else None
     return None
 
 
@@ -258,101 +259,98 @@ class _LeRobot:
         self._features = dict(info["features"])
         self.name = f"LeRobot {info['codebase_version']}"
         self.rate: float | None = _check_rate("fps", info["fps"])
-        self._root = root
-        self._files: dict[int, Path] = {}  # of an episode each
-        self._rows_of = np.empty((4, 0), np.int64)  # episode, chunk, file, first row there
+        self._places: dict[int, tuple[Path, int]] = {}  # file of each episode, its first row there
         self._decoded: tuple[Path, Any] | None = None  # the last file, with its rows
         if (root / "meta/episodes").is_dir():
             self.lengths = self._from_metadata(root, request)
         else:
             self.lengths = self._from_names(root, request)
         if only is not None:
-            whole = only.absolute()
-            inside = [n for n in self.lengths if self._place(n)[0].absolute() == whole]
-            self.lengths = {number: self.lengths[number] for number in inside}
+            file = only.absolute()
+            inside = {number for number, at in self._places.items() if at[0].absolute() == file}
+            self.lengths = {n: length for n, length in self.lengths.items() if n in inside}
 
     def _from_names(self, root: Path, request: Request) -> dict[int, int]:
         lengths: dict[int, int] = {}
-        described = root / "meta/episodes.jsonl"
-        if described.is_file():
-            with described.open("rb") as lines:
+        description = root / "meta/episodes.jsonl"
+        if description.is_file():
+            with description.open("rb") as lines:
                 while line := lines.readline(_LONGEST_LINE):
-                    each = json.loads(line) if line.strip() else None
-                    if each is not None:
-                        lengths[int(each["episode_index"])] = int(each["length"])
+                    if line.strip():
+                        episode = json.loads(line)
+                        lengths[int(episode["episode_index"])] = int(episode["length"])
                         request.check_count("episodes", len(lengths), _EPISODE)
         for file in sorted(root.glob("data/*/*.parquet")):
-            if found := _NUMBERED.search(file.name):
-                self._files[int(found[1])] = file
+            if match := _NUMBERED.search(file.name):
+                self._places[int(match[1])] = file, 0
         for number in lengths:  # a file that was not copied is an error of its episode
-            self._files.setdefault(number, root / f"data/episode_{number:06d}.parquet")
-        return {number: lengths.get(number, -1) for number in sorted(self._files)}
+            self._places.setdefault(number, (root / f"data/episode_{number:06d}.parquet", 0))
+        return {number: lengths.get(number, -1) for number in sorted(self._places)}
 
     def _from_metadata(self, root: Path, request: Request) -> dict[int, int]:
-        names = ("chunk_index", "file_index")
-        columns = ["episode_index", *(f"data/{n}" for n in names), "dataset_from_index", "length"]
-        parts = [np.empty((len(columns), 0), np.int64)]
+        columns = ["episode_index", "data/chunk_index", "data/file_index", "dataset_from_index"]
+        columns.append("length")
+        rows: list[tuple[int, ...]] = []
         for path in sorted(root.glob("meta/episodes/*/*.parquet")):
             regular_size(path)
             with self._arrow.open_parquet(path) as file:
-                count = sum(part.shape[1] for part in parts) + file.metadata.num_rows
+                count = len(rows) + file.metadata.num_rows
                 request.check_count("episodes", count, _EPISODE)
                 self._arrow.check_integers(file.schema_arrow, columns)
                 table = self._arrow.read_in_parts(file, columns, _MOST_ROWS, request)
-            parts.append(np.array([table[name].to_numpy() for name in columns], np.int64))
-        rows = np.hstack(parts)
-        rows = rows[:, np.argsort(rows[0], kind="stable")]
-        files, which = np.unique(rows[1:3], axis=1, return_inverse=True)
-        begin = np.full(files.shape[1], np.iinfo(np.int64).max)  # row of the set in which it begins
-        np.minimum.at(begin, which.reshape(-1), rows[3])
-        self._rows_of = np.vstack([rows[:3], rows[3] - begin[which.reshape(-1)]])
-        return dict(zip(rows[0].tolist(), rows[4].tolist(), strict=True))
-
-    def _place(self, number: int) -> tuple[Path, int]:
-        """The file of an episode, and its first row there."""
-        if number in self._files:
-            return self._files[number], 0
-        at = np.searchsorted(self._rows_of[0], number, side="right") - 1
-        _, chunk, file, first = self._rows_of[:, at].tolist()
-        return self._root / f"data/chunk-{chunk:03d}/file-{file:03d}.parquet", first
+            rows += zip(*(table[name].to_pylist() for name in columns), strict=True)
+        rows.sort(key=itemgetter(0))
+        places = [
+            (f"data/chunk-{chunk:03d}/file-{number:03d}.parquet", begin)
+            for _, chunk, number, begin, _ in rows
+        ]
+        starts = dict(sorted(places, reverse=True))  # row of the set in which each file begins
+        files = {name: root / name for name in starts}
+        for row, (name, begin) in zip(rows, places, strict=True):
+            self._places[row[0]] = files[name], begin - starts[name]
+        return {row[0]: row[-1] for row in rows}
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the rows of an episode; columns of vectors get the names of the description."""
-        file, first = self._place(number)
-        table = self._rows(file, first, self.lengths[number], request)
+        table = self._rows(number, request)
         if "episode_index" in table.schema.names:
-            inside = sorted(table["episode_index"].unique().to_pylist())
-            if inside != [number]:
-                words = f"{file.name} does not have its rows where the description says"
-                raise request.error(f"{words}; copy the data set again")
+            if table["episode_index"].unique().to_pylist() != [number]:
+                raise request.error(
+                    f"{self._places[number][0].name} does not have its rows where the description "
+                    "says; copy the data set again"
+                )
             table = table.drop_columns(["episode_index"])
-        draft = Draft(request)
-        of_columns: Recording = self._arrow.read_columns(
-            table.schema, lambda name: table.select([name]), draft
+        recording: Recording = self._arrow.read_columns(
+            table.schema, lambda name: table.select([name]), Draft(request)
         )
         named: dict[str, Any] = {
-            part: {self._label(name): each for name, each in getattr(of_columns, part).items()}
+            part: {self._label(name): value for name, value in getattr(recording, part).items()}
             for part in ("channels", "units", "faults")
         }
-        return replace(of_columns, **named)
+        return replace(recording, **named)
 
-    def _rows(self, path: Path, first: int, count: int, request: Request) -> Any:
-        """Read rows of a file; a file with several episodes is decoded once."""
+    def _rows(self, number: int, request: Request) -> Any:
+        """Read the rows of an episode; a file with several episodes is decoded once."""
+        path, start = self._places[number]
         if self._decoded is None or self._decoded[0] != path:
             try:
                 with self._arrow.open_parquet(path) as file:
                     names = [n for n in file.schema_arrow.names if self._is_wanted(n, request)]
                     table = self._arrow.read_in_parts(file, names, _MOST_ROWS, request)
             except FileNotFoundError:
-                words = f"its file {path.name} is missing; copy the whole data set"
-                raise request.error(words) from None
+                raise request.error(
+                    f"its file {path.name} is missing; copy the whole data set"
+                ) from None
             self._decoded = path, table
         table = self._decoded[1]
-        count = table.num_rows - first if count < 0 else count
-        if table.num_rows < first + count:
-            words = f"{path.name} has fewer rows than the description says; copy it again"
-            raise request.error(words)
-        return table.slice(first, count)
+        count = self.lengths[number]
+        if count < 0:
+            return table.slice(start)
+        if table.num_rows < start + count:
+            raise request.error(
+                f"{path.name} has fewer rows than the description says; copy it again"
+            )
+        return table.slice(start, count)
 
     def _is_wanted(self, name: str, request: Request) -> bool:
         if name in _COUNTERS:
@@ -377,10 +375,13 @@ def _leaves(names: Any, above: str = "") -> list[str]:
     ``{"motors": ["x", "y"]}`` gives x and y, ``{"pos": ["x"], "ft": ["x"]}`` pos.x and ft.x.
     """
     if isinstance(names, dict):
-        inner = {f"{above}{key}." if len(names) > 1 else above: each for key, each in names.items()}
-        return [leaf for key, each in inner.items() for leaf in _leaves(each, key)]
+        return [
+            leaf
+            for key, inner in names.items()
+            for leaf in _leaves(inner, f"{above}{key}." if len(names) > 1 else above)
+        ]
     if isinstance(names, list):
-        return [leaf for each in names for leaf in _leaves(each, above)]
+        return [leaf for inner in names for leaf in _leaves(inner, above)]
     return [f"{above}{names}"] if isinstance(names, str) else [above.removesuffix(".")]
 
 
@@ -388,49 +389,55 @@ def _leaves(names: Any, above: str = "") -> list[str]:
 
 
 def _has_demonstrations(path: Path) -> bool:
-    if not path.name.lower().endswith(_HDF5) or not path.is_file():
+    if not path.name.lower().endswith((".hdf5", ".h5", ".hdf")) or not path.is_file():
         return False
     with suppress(Exception):  # opening it raises the error
-        hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+        hdf5 = _import_hdf5()
         with hdf5.open_file(path, "") as file:
             return bool(_demonstrations(hdf5.member_of(file, "data")))
     return False
 
 
+def _import_hdf5() -> Any:
+    return import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+
+
 def _demonstrations(group: Any) -> dict[int, str]:
     """The names of demonstrations by their numbers: ``demo_7``."""
-    names = [(found[1], name) for name in group if (found := re.fullmatch(r"demo_(\d+)", name))]
-    return {int(number): name for number, name in sorted(names, key=lambda each: int(each[0]))}
+    matches = (re.fullmatch(r"demo_(\d+)", name) for name in group)
+    names = {int(match[1]): match[0] for match in matches if match}
+    return dict(sorted(names.items()))
 
 
 class _Demonstrations:
     """A group ``data`` with the groups ``demo_0``, ``demo_1`` …, each with a group ``obs``."""
 
     def __init__(self, file: Any, request: Request) -> None:
-        self._hdf5 = import_extra("palpate.recordings.hdf5", "reading an HDF5 file", "recordings")
+        self._hdf5 = _import_hdf5()
         self._data = self._hdf5.member_of(file, "data")
         self._names = _demonstrations(self._data)
-        walk = self._hdf5.Walk(Findings(request))
-        stated = dict(walk.attributes(self._data))
+        stated = dict(self._hdf5.Walk(Arrays(request)).attributes(self._data))
         self.name = "LIBERO" if {"bddl_file_name", "problem_info"} & stated.keys() else "robomimic"
         arguments = json.loads(stated.get("env_args") or "{}")
-        places = arguments.get("env_kwargs"), arguments
-        rates = (each.get("control_freq") for each in places if each)
-        self.rate = next((_check_rate("control_freq", rate) for rate in rates if rate), None)
-        groups = {k: self._hdf5.member_of(self._data, name) for k, name in self._names.items()}
-        self.lengths = {k: int(each.attrs.get("num_samples", -1)) for k, each in groups.items()}
+        inner = arguments.get("env_kwargs") or {}
+        rate = inner.get("control_freq") or arguments.get("control_freq")
+        self.rate = _check_rate("control_freq", rate) if rate else None
+        self.lengths = {
+            number: int(self._hdf5.member_of(self._data, name).attrs.get("num_samples", -1))
+            for number, name in self._names.items()
+        }
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the observations and the actions, without the observations that follow each."""
         group = self._hdf5.member_of(self._data, self._names[number])
-        walk = self._hdf5.Walk(Findings(request))
+        walk = self._hdf5.Walk(Arrays(request))
         if "obs" in list(group):
-            walk.group(self._hdf5.member_of(group, "obs"), ())
+            walk.group(self._hdf5.member_of(group, "obs"), "")
         for name in group:
             if name not in ("obs", "next_obs"):
-                walk.member(group, (), name)
-        found: Findings = walk.found
-        return found.recording()
+                walk.member(group, "", name)
+        arrays: Arrays = walk.arrays
+        return arrays.recording()
 
 
 # Diffusion policy and UMI: a Zarr group with all episodes after one another.
@@ -440,7 +447,7 @@ def _is_replay(path: Path) -> bool:
     with suppress(*FAULTS):
         if path.is_dir():
             return (path / _ENDS).is_dir()
-        if path.name.lower().endswith(_ZIP):
+        if path.name.lower().endswith(".zarr.zip"):
             with zipfile.ZipFile(path) as archive:
                 return any(name.startswith(f"{_ENDS}/") for name in archive.namelist())
     return False
@@ -466,29 +473,31 @@ class _ReplayBuffer:
         self.name = "Zarr replay buffer"
         self.lengths = dict(enumerate((self._ends - starts).tolist()))
         if path.is_dir():
-            names = [each.name for each in (path / "data").iterdir() if each.is_dir()]
+            members = [
+                f"data/{array.name}/" for array in (path / "data").iterdir() if array.is_dir()
+            ]
         else:
             with zipfile.ZipFile(path) as archive:
-                parts = (name.split("/") for name in archive.namelist())
-                names = [part[1] for part in parts if part[0] == "data" and len(part) > 2]
-        self._names = sorted(set(names))
+                members = archive.namelist()
+        self._names = sorted(set(re.findall(r"^data/([^/\n]*)/", "\n".join(members), re.MULTILINE)))
 
     def channels(self, number: int, request: Request) -> Recording:
         """Read the samples of an episode; pictures are skipped unread."""
-        found, end = Findings(request), int(self._ends[number])
+        arrays = Arrays(request)
+        end = int(self._ends[number])
         rows = slice(end - self.lengths[number], end)
         for name in self._names:
             try:  # the codecs of pictures are mostly unknown
                 array = self._array(f"data/{name}")
                 shape = (rows.stop - rows.start, *array.shape[1:])
             except FAULTS as error:
-                found.omit(name, f"cannot be opened: {first_line(error)}")
+                arrays.omit(name, f"cannot be opened: {first_line(error)}")
                 continue
             chunk = math.prod(array.chunks) * array.dtype.itemsize
-            if chunk > (most := request.largest_block):
-                found.lose(name, excess("a chunk needs", chunk, most))
+            if chunk > request.largest_block:
+                arrays.lose(name, excess("a chunk needs", chunk, request.largest_block))
             elif array.dtype.kind not in "iufb" or array.shape[0] < end:
-                found.omit(name, "holds no number for each sample")
+                arrays.omit(name, "holds no number for each sample")
             else:
-                found.add((), name, shape, partial(array.__getitem__, rows))
-        return found.recording()
+                arrays.add("", name, shape, partial(array.__getitem__, rows))
+        return arrays.recording()

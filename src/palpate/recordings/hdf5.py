@@ -15,7 +15,7 @@ from palpate.recordings.nested import (
     NUMBERS,
     OBJECTS,
     UNIT_FIELDS,
-    Findings,
+    Arrays,
     no_class,
     plain_numbers,
     read_text,
@@ -57,11 +57,11 @@ def read(path: Path, request: Request) -> Recording:
     """
     with open_file(path, request.source) as file:
         if not _is_afm(file):
-            walk = Walk(Findings(request))
-            walk.group(file, ())
-            for name, words in walk.attributes(file):
-                walk.found.note(name, words)
-            return walk.found.recording()
+            walk = Walk(Arrays(request))
+            walk.group(file, "")
+            for name, text in walk.attributes(file):
+                walk.arrays.note(name, text)
+            return walk.arrays.recording()
     return FORCE_CURVES.read(path, request)  # afmformats opens the file itself
 
 
@@ -117,11 +117,13 @@ def member_of(group: Any, path: str | bytes, depth: int = 0) -> Any:
 
 
 def _why(error: BaseException) -> str:
-    words = first_line(error)
-    if "signature not found" in words:
+    reason = first_line(error)
+    if "signature not found" in reason:
         return "this is not an HDF5 file; check its suffix and the program that wrote it"
-    remedy = "copy it again or let the recorder close its file"
-    return f"the file is cut off or damaged, and HDF5 cannot read it ({words}); {remedy}"
+    return (
+        f"the file is cut off or damaged, and HDF5 cannot read it ({reason}); "
+        "copy it again or let the recorder close its file"
+    )
 
 
 def _is_afm(file: h5py.File) -> bool:
@@ -138,34 +140,34 @@ def _leads_elsewhere(group: h5py.Group) -> bool:
     links = (h5py.ExternalLink, h5py.SoftLink)
     if any(isinstance(group.get(name, getlink=True), links) for name in group):
         return True
-    return any(_leads_elsewhere(each) for each in group.values() if isinstance(each, h5py.Group))
+    return any(_leads_elsewhere(part) for part in group.values() if isinstance(part, h5py.Group))
 
 
 class Walk:
     """Lists the arrays of a file, group by group, without reading them."""
 
-    def __init__(self, found: Findings) -> None:
-        self.found = found
+    def __init__(self, arrays: Arrays) -> None:
+        self.arrays = arrays
         self._seen: set[Any] = set()
 
-    def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
+    def group(self, group: h5py.Group, path: str) -> None:
         """Add the arrays of a group and its subgroups."""
         try:
             self._seen.add(h5py.h5o.get_info(group.id).addr)
             names = list(group)
-            for attribute, part in _PLOTTED.items():  # axes are one name or several
+            for attribute, axis in _PLOTTED.items():  # axes are one name or several
                 for name in np.atleast_1d(group.attrs.get(attribute, ())).tolist():
-                    self.found.plots["/".join((*path, read_text(name) or ""))] = part
+                    self.arrays.plots[path + (read_text(name) or "")] = axis
         except FAULTS as error:
-            self.found.lose("/".join(path) or "the file", f"cannot be read: {first_line(error)}")
+            self.arrays.lose(path[:-1] or "the file", f"cannot be read: {first_line(error)}")
             return
         for name in names:
             self.member(group, path, name)
 
-    def member(self, group: h5py.Group, path: tuple[str, ...], link: str | bytes) -> None:
+    def member(self, group: h5py.Group, path: str, link: str | bytes) -> None:
         """Add an array or the arrays of a subgroup."""
         name = read_text(link) or ""  # a name that is not UTF-8 is bytes
-        whole = "/".join((*path, name))
+        channel = path + name
         try:
             item = member_of(group, link)
             address = h5py.h5o.get_info(item.id).addr
@@ -175,90 +177,90 @@ class Walk:
             if isinstance(item, h5py.Dataset):
                 self.dataset(item, path, name)
             elif isinstance(item, h5py.Group):
-                self._notes(item, whole)
-                self.group(item, (*path, name))
+                self._notes(item, channel)
+                self.group(item, f"{channel}/")
         except _ElsewhereError as error:
-            self.found.omit(whole, str(error))
+            self.arrays.omit(channel, str(error))
         except FAULTS as error:
-            self.found.lose(whole, f"cannot be read: {first_line(error)}")
+            self.arrays.lose(channel, f"cannot be read: {first_line(error)}")
 
-    def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
+    def dataset(self, item: h5py.Dataset, path: str, name: str) -> None:
         """Add an array, or report why it cannot be a channel."""
-        whole = "/".join((*path, name))
-        kind, shape = item.dtype.kind, item.shape
+        channel = path + name
+        kind = item.dtype.kind
+        shape = item.shape
         if shape == () and kind in "iufbOS" and item.dtype.itemsize <= _LONGEST_TEXT:
-            self.found.note(whole, read_text(item[()]) or item[()])
+            self.arrays.note(channel, read_text(item[()]) or item[()])
         elif shape is None or not all(shape) or kind not in "iufbV" or item.dtype.subdtype:
-            self.found.omit(whole, _no_numbers(item))
+            self.arrays.omit(channel, _no_numbers(item))
         elif item.external or item.is_virtual:
-            self.found.omit(whole, "is assembled from other files; open those files")
-        elif self._fits(item, whole):
-            self._notes(item, whole)
+            self.arrays.omit(channel, "is assembled from other files; open those files")
+        elif self._fits(item, channel):
+            self._notes(item, channel)
             fields = item.dtype.names
             if not fields:
                 read = lambda: np.asarray(item[()])  # noqa: E731
                 stated = dict(self.attributes(item))
-                unit = next((stated[each] for each in UNIT_FIELDS if stated.get(each)), None)
-                self.found.add(path, name, item.shape, read, unit=unit)
+                unit = next(filter(None, map(stated.get, UNIT_FIELDS)), None)
+                self.arrays.add(path, name, shape, read, unit=unit)
             elif set(fields) == {"real", "imag"}:
-                self.found.omit(whole, "holds complex numbers")
+                self.arrays.omit(channel, "holds complex numbers")
             else:
-                self._fields(item, (*path, name))
+                self._fields(item, channel)
 
-    def _fields(self, item: h5py.Dataset, path: tuple[str, ...]) -> None:
+    def _fields(self, item: h5py.Dataset, name: str) -> None:
         """Add each field of a table with named fields as a channel."""
         for field in item.dtype.names:
             kind = item.dtype[field]
             base, inner = kind.subdtype or (kind, ())
             if base.kind not in "iufb":
-                self.found.omit(f"{'/'.join(path)}.{field}", "holds no numbers")
+                self.arrays.omit(f"{name}.{field}", "holds no numbers")
                 continue
             read = lambda field=field: np.asarray(item.fields(field)[()])  # noqa: E731
-            self.found.add(path, field, (*item.shape, *inner), read, dot=True)
+            self.arrays.add(f"{name}.", field, (*item.shape, *inner), read)
 
-    def _fits(self, item: h5py.Dataset, whole: str) -> bool:
+    def _fits(self, item: h5py.Dataset, name: str) -> bool:
         """Whether an array is stored and small enough to read; report missing parts."""
-        claimed, stored = item.size * item.dtype.itemsize, item.id.get_storage_size()
+        max_size = self.arrays.request.max_size
+        stored = item.id.get_storage_size()
         written, pieces = _pieces(item) if stored else (0, 1)
         piece = math.prod(item.chunks or (0,)) * item.dtype.itemsize
+        most = max(item.size * item.dtype.itemsize, self.arrays.request.largest_block)
         if not stored:
-            self.found.lose(whole, f"none of its {item.size} values was written")
+            self.arrays.lose(name, f"none of its {item.size} values was written")
         elif 2 * written < pieces:  # most of it is missing
-            self.found.lose(whole, f"only {written} of its {pieces} chunks were written")
+            self.arrays.lose(name, f"only {written} of its {pieces} chunks were written")
         elif stored > 1.125 * pieces * piece + 1024 * pieces and item.chunks:
-            self.found.lose(whole, "its chunks are longer than they state")
-        elif piece > (most := max(claimed, self.found.request.largest_block)):
-            self.found.lose(whole, excess("a chunk needs", piece, most))
-        elif (unpacked := _largest_chunk(item, self.found.request.max_size)) > max(
-            piece, self.found.request.max_size
-        ):
-            words = excess("a chunk needs", unpacked, self.found.request.max_size)
-            self.found.lose(whole, words)
+            self.arrays.lose(name, "its chunks are longer than they state")
+        elif piece > most:
+            self.arrays.lose(name, excess("a chunk needs", piece, most))
+        elif (unpacked := _largest_chunk(item, max_size)) > max(piece, max_size):
+            self.arrays.lose(name, excess("a chunk needs", unpacked, max_size))
         else:
             if written < pieces:
                 missing = f"{pieces - written} of its {pieces} chunks were never written"
-                self.found.lose(whole, f"{missing}; they read as {item.fillvalue}")
+                self.arrays.lose(name, f"{missing}; they read as {item.fillvalue}")
             return True
         return False
 
-    def _notes(self, item: Any, whole: str) -> None:
+    def _notes(self, item: Any, name: str) -> None:
         """Keep the sample rate and the frame in the attributes of a group or an array."""
-        for name, words in self.attributes(item):
-            if name in _FRAMES:
-                self.found.group_frames[whole] = words
-            elif _RATE.match(name):
-                self.found.note(f"{whole} {name}", words)
+        for attribute, text in self.attributes(item):
+            if attribute in _FRAMES:
+                self.arrays.group_frames[name] = text
+            elif _RATE.match(attribute):
+                self.arrays.note(f"{name} {attribute}", text)
 
     def attributes(self, item: Any) -> Iterator[tuple[str, str]]:
         """Yield the attributes that are one text or one number."""
         try:
             for name in item.attrs:
                 value = item.attrs[name]
-                words = read_text(value)
-                if words is None and np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iufb":
-                    words = str(value)
-                if words is not None:
-                    yield read_text(name) or "", words
+                text = read_text(value)
+                if text is None and np.ndim(value) == 0 and np.asarray(value).dtype.kind in "iufb":
+                    text = str(value)
+                if text is not None:
+                    yield read_text(name) or "", text
         except FAULTS:  # attributes are optional; reading the arrays reports the damage
             return
 
@@ -309,62 +311,61 @@ def read_matlab(path: Path, request: Request) -> Recording:
         The file is too damaged, or holds no time series.
     """
     with open_file(path, request.source) as file:
-        walk = _Variables(Findings(request))
-        walk.group(file, ())
-        return walk.found.recording()
+        walk = _Variables(Arrays(request))
+        walk.group(file, "")
+        return walk.arrays.recording()
 
 
 class _Variables(Walk):
     """Lists the variables of a file by their MATLAB class."""
 
-    def group(self, group: h5py.Group, path: tuple[str, ...]) -> None:
+    def group(self, group: h5py.Group, path: str) -> None:
         """Add a struct; skip sparse matrices and MATLAB's internal groups, which look like one."""
-        if path and path[0] in ("#refs#", "#subsystem#"):
+        if path.startswith(("#refs#/", "#subsystem#/")):
             return
         if "MATLAB_sparse" in group.attrs:
-            self.found.omit("/".join(path), no_class("sparse"))
+            self.arrays.omit(path[:-1], no_class("sparse"))
         else:
             super().group(group, path)
 
-    def dataset(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
+    def dataset(self, item: h5py.Dataset, path: str, name: str) -> None:
         """Add a variable or a field, depending on the class."""
-        whole = "/".join((*path, name))
+        channel = path + name
         kind = read_text(item.attrs.get("MATLAB_class"))
         if "MATLAB_empty" in item.attrs:
-            self.found.omit(whole, "is empty")
+            self.arrays.omit(channel, "is empty")
         elif item.dtype.kind == "O" and kind is None:
             self._structs(item, path, name)
         elif kind == "char":
-            self.found.note(whole, _char(item) or "")
+            self.arrays.note(channel, _char(item) or "")
         elif kind not in NUMBERS:
-            self.found.omit(whole, no_class(kind or "unknown"))
+            self.arrays.omit(channel, no_class(kind or "unknown"))
         elif item.dtype.names:
-            self.found.omit(whole, no_class("complex"))
+            self.arrays.omit(channel, no_class("complex"))
         elif item.dtype.kind not in "iufb" or item.external or item.is_virtual:
-            self.found.omit(whole, "is not a plain array of numbers")
+            self.arrays.omit(channel, "is not a plain array of numbers")
         elif item.size == 1:
-            self.found.note(whole, item[()].reshape(-1)[0])
-        elif self._fits(item, whole):
+            self.arrays.note(channel, item[()].reshape(-1)[0])
+        elif self._fits(item, channel):
             turned = lambda: plain_numbers(item[()].T)  # noqa: E731
             unit = _unit_beside(item) if path else None
-            self.found.add(path, name, item.shape[::-1], turned, group_unit=unit)
+            self.arrays.add(path, name, item.shape[::-1], turned, group_unit=unit)
 
-    def _structs(self, item: h5py.Dataset, path: tuple[str, ...], name: str) -> None:
+    def _structs(self, item: h5py.Dataset, path: str, name: str) -> None:
         """Add a field of an array of structs: a reference per struct."""
-        whole = "/".join((*path, name))
         if item.size > OBJECTS:
-            self.found.omit(whole, f"holds {item.size} structs, not a time series")
+            self.arrays.omit(path + name, f"holds {item.size} structs, not a time series")
             return
         for k, reference in enumerate(item[()].T.reshape(-1)):
-            own = (*path[:-1], f"{path[-1]}[{k}]") if path else (f"{name}[{k}]",)
+            struct = f"{path[:-1] or name}[{k}]/"
             try:
                 value = item.file[reference]
                 if isinstance(value, h5py.Dataset):
-                    self.dataset(value, own, name)
+                    self.dataset(value, struct, name)
                 else:
-                    self.group(value, (*own, name))
+                    self.group(value, f"{struct}{name}/")
             except FAULTS as error:
-                self.found.lose("/".join((*own, name)), f"cannot be read: {first_line(error)}")
+                self.arrays.lose(struct + name, f"cannot be read: {first_line(error)}")
 
 
 def _char(item: h5py.Dataset) -> str | None:

@@ -16,13 +16,13 @@ from pathlib import Path
 from typing import Any, BinaryIO, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
 from palpate.errors import import_extra
-from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Findings, no_class, plain_numbers
+from palpate.recordings.nested import OBJECTS, UNIT_FIELDS, Arrays, no_class, plain_numbers
 from palpate.recordings.opening import Request
 from palpate.recordings.recording import Recording
+from palpate.validation import Values
 
 Order = Literal["little", "big"]
 
@@ -51,7 +51,7 @@ class Other:
 #: An element: its type, and where its data begin and end.
 Element = tuple[int, int, int]
 #: The value of a variable; of an array of structs the fields of each.
-Value = NDArray[Any] | list[dict[str, Any]] | Other | str
+Value = Values | list[dict[str, Any]] | Other | str
 
 
 class _WrongError(ValueError):
@@ -81,48 +81,44 @@ def read(path: Path, request: Request) -> Recording:
         recording: Recording = hdf5.read_matlab(path, request)
         return recording
     if not begin.startswith(b"MATLAB 5.0"):
-        what = "this is not a MATLAB file of version 5 to 7.3"
-        raise request.error(f"{what}; save it again with save(name, '-v7') or '-v7.3'")
-    found = Findings(request)
-    for name, value in _variables(path, found):
+        raise request.error(
+            "this is not a MATLAB file of version 5 to 7.3; "
+            "save it again with save(name, '-v7') or '-v7.3'"
+        )
+    arrays = Arrays(request)
+    for name, value in _variables(path, arrays):
         if name:  # MATLAB stores the data of its objects in a variable without a name
-            _take(value, (), name, found)
-    return found.recording()
+            _take(value, "", name, arrays)
+    return arrays.recording()
 
 
-def _take(
-    value: Value, group: tuple[str, ...], name: str, found: Findings, unit: str | None = None
-) -> None:
+def _take(value: Value, group: str, name: str, arrays: Arrays, unit: str | None = None) -> None:
     """Add a value: numbers or a struct of numbers; report anything else."""
-    whole = "/".join((*group, name))
     if isinstance(value, str):
-        found.note(whole, value)
+        arrays.note(group + name, value)
     elif isinstance(value, Other):
-        found.omit(whole, no_class(value.kind))
+        arrays.omit(group + name, no_class(value.kind))
     elif isinstance(value, list):
-        _take_structs(value, group, name, found)
+        _take_structs(value, group, name, arrays)
     elif value.size == 1:
-        found.note(whole, value.reshape(-1)[0])
+        arrays.note(group + name, value.reshape(-1)[0])
     else:
         numbers = np.asarray(value)
-        found.add(group, name, numbers.shape, lambda: plain_numbers(numbers), group_unit=unit)
+        arrays.add(group, name, numbers.shape, lambda: plain_numbers(numbers), group_unit=unit)
 
 
-def _take_structs(
-    structs: list[dict[str, Any]], group: tuple[str, ...], name: str, found: Findings
-) -> None:
+def _take_structs(structs: list[dict[str, Any]], group: str, name: str, arrays: Arrays) -> None:
     if len(structs) > OBJECTS:
-        whole = "/".join((*group, name))
-        found.omit(whole, f"holds {len(structs)} structs, not a time series")
+        arrays.omit(group + name, f"holds {len(structs)} structs, not a time series")
         return
     for k, fields in enumerate(structs):
-        own = (*group, name if len(structs) == 1 else f"{name}[{k}]")
+        struct = f"{group}{name}/" if len(structs) == 1 else f"{group}{name}[{k}]/"
         texts = [fields[u] for u in UNIT_FIELDS if isinstance(fields.get(u), str)]
         for field, inner in fields.items():
-            _take(inner, own, field, found, texts[0].strip() if texts else None)
+            _take(inner, struct, field, arrays, texts[0].strip() if texts else None)
 
 
-def _variables(path: Path, found: Findings) -> Iterator[tuple[str, Value]]:
+def _variables(path: Path, arrays: Arrays) -> Iterator[tuple[str, Value]]:
     """The complete variables of a file; report the others."""
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -132,19 +128,20 @@ def _variables(path: Path, found: Findings) -> Iterator[tuple[str, Value]]:
             tag = file.read(8)
             if not tag:
                 return
-            kind, length = (int.from_bytes(part, order) for part in (tag[:4], tag[4:]))
+            kind = int.from_bytes(tag[:4], order)
+            length = int.from_bytes(tag[4:], order)
             if len(tag) < 8 or kind not in (_MATRIX, _COMPRESSED):
-                found.lose(name, "the file is cut off or damaged here; the rest is not read")
+                arrays.lose(name, "the file is cut off or damaged here; the rest is not read")
                 return
-            there = size - file.tell()
-            if length > there:
-                share = f"{format_bytes(there)} of {format_bytes(length)}"
-                found.lose(name, f"the file is cut off here: it holds {share}")
+            stored = size - file.tell()
+            if length > stored:
+                share = f"{format_bytes(stored)} of {format_bytes(length)}"
+                arrays.lose(name, f"the file is cut off here: it holds {share}")
                 return
             try:
-                yield _Matrix(_content(file, tag, kind, length, found.request), order).variable()
+                yield _Matrix(_content(file, tag, kind, length, arrays.request), order).variable()
             except (_WrongError, zlib.error) as error:
-                found.lose(name, f"cannot be read: {error}")
+                arrays.lose(name, f"cannot be read: {error}")
 
 
 def _content(file: BinaryIO, tag: bytes, kind: int, length: int, request: Request) -> bytes:

@@ -1,16 +1,15 @@
 """Arrays in groups: their channels and their clocks."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.recordings.opening import FAULTS, Draft, first_line, within
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import clock_rank, detect_epoch_unit
+from palpate.validation import Values
 
 #: An array with more columns than this is an image or another kind of table.
 MOST_COLUMNS = 256
@@ -55,12 +54,10 @@ class Leaf:
 
     Attributes
     ----------
-    group : tuple of str
-        Its groups, from the outermost.
+    group : str
+        The begin of its full name: its groups, from the outermost, each with a separator.
     name : str
-        Its own name.
-    channel : str
-        Its full name.
+        The rest of its full name.
     shape : tuple of int
         One or two lengths; if two, neither is 1.
     read : callable
@@ -69,12 +66,16 @@ class Leaf:
         Its unit, if the file states it.
     """
 
-    group: tuple[str, ...]
+    group: str
     name: str
-    channel: str
     shape: tuple[int, ...]
-    read: Callable[[], NDArray[Any]]
+    read: Callable[[], Values]
     unit: str | None = None
+
+    @property
+    def channel(self) -> str:
+        """Its full name."""
+        return self.group + self.name
 
     @property
     def rank(self) -> int | None:
@@ -83,27 +84,27 @@ class Leaf:
 
 
 @dataclass(slots=True)
-class Findings(Draft):
+class Arrays(Draft):
     """The arrays and notes of a file of groups, listed before any array is read."""
 
-    leaves: dict[tuple[tuple[str, ...], str], Leaf] = field(default_factory=dict)
+    leaves: dict[str, Leaf] = field(default_factory=dict)
     group_frames: dict[str, str] = field(default_factory=dict)
 
     def add(
         self,
-        group: tuple[str, ...],
+        group: str,
         name: str,
         shape: tuple[int, ...],
-        read: Callable[[], NDArray[Any]],
+        read: Callable[[], Values],
         *,
         unit: str | None = None,
         group_unit: str | None = None,
-        dot: bool = False,
     ) -> None:
         """Add an array, or report why it cannot be a channel."""
-        channel = "/".join(group) + ("." if dot else "/") * bool(group) + name
+        channel = group + name
         self.check_names(len(self.leaves))
-        lengths, sides = tuple(each for each in shape if each != 1), " by ".join(map(str, shape))
+        lengths = tuple(length for length in shape if length != 1)
+        sides = " by ".join(map(str, shape))
         if not all(shape):
             self.omit(channel, "holds no samples")
         elif len(lengths) > 2:
@@ -115,7 +116,7 @@ class Findings(Draft):
             squeezed = lambda: _plain(read()).reshape(lengths)  # noqa: E731
             if len(lengths) == 2 or clock_rank(name) is None:  # a clock has no such unit
                 unit = unit or group_unit
-            self.leaves[group, name] = Leaf(group, name, channel, lengths, squeezed, unit)
+            self.leaves[channel] = Leaf(group, name, lengths, squeezed, unit)
 
     def recording(self) -> Recording:
         """Read the requested channels, each with its clock.
@@ -125,35 +126,36 @@ class Findings(Draft):
         RecordingError
             There is nothing to read, or the file is damaged and the request is strict.
         """
-        ranked: dict[tuple[str, ...], list[Leaf]] = {}
+        ranked: dict[str, list[Leaf]] = {}
         for leaf in self.leaves.values():
             if leaf.rank is not None:
                 ranked.setdefault(leaf.group, []).append(leaf)
-        request, every = self.request, self.leaves.values()
-        asked = [leaf for leaf in every if request.wants(leaf.channel)]
-        wanted = {leaf.channel: self._find_clock(leaf, ranked) for leaf in asked}
-        needed = {*wanted, *(clock.channel for clock in wanted.values() if clock is not None)}
-        chosen = [leaf for leaf in every if leaf.channel in needed]
-        for k, leaf in enumerate(chosen):
-            self._read(leaf, wanted.get(leaf.channel))
-            request.report((k + 1) / len(chosen))
+        clocks = {
+            name: self._find_clock(leaf, ranked)
+            for name, leaf in self.leaves.items()
+            if self.request.wants(name)
+        }
+        needed = {*clocks, *(clock.channel for clock in clocks.values() if clock is not None)}
+        for k, name in enumerate(filter(needed.__contains__, self.leaves)):
+            self._read(self.leaves[name], clocks.get(name))
+            self.request.report((k + 1) / len(needed))
         if not self.channels:
             raise self.error(self._nothing())
         self.clocks = {name: clock for name, clock in self.clocks.items() if clock in self.channels}
-        for name, frame in self.group_frames.items():
-            self.frames |= {each: frame for each in self.channels if within(each, name)}
+        for group, frame in self.group_frames.items():
+            self.frames |= {name: frame for name in self.channels if within(name, group)}
         return self.done()
 
-    def _find_clock(self, leaf: Leaf, ranked: Mapping[tuple[str, ...], list[Leaf]]) -> Leaf | None:
+    def _find_clock(self, leaf: Leaf, ranked: Mapping[str, list[Leaf]]) -> Leaf | None:
         """Return the clock named after an array, else the one in its group or in a group above."""
         for form in _OWN_CLOCKS:
-            own = self.leaves.get((leaf.group, form.format(leaf.name)))
-            if own is not None and _fits(own, leaf):
-                return own
-        for depth in range(len(leaf.group), -1, -1):
-            fitting = [each for each in ranked.get(leaf.group[:depth], ()) if _fits(each, leaf)]
+            clock = self.leaves.get(leaf.group + form.format(leaf.name))
+            if clock is not None and _fits(clock, leaf):
+                return clock
+        for group in _enclosing_groups(leaf.group):
+            fitting = [clock for clock in ranked.get(group, ()) if _fits(clock, leaf)]
             if fitting:
-                best = min(fitting, key=lambda each: each.rank or 0)
+                best = min(fitting, key=lambda clock: clock.rank or 0)
                 return None if best is leaf else best
         return None
 
@@ -184,7 +186,7 @@ class Findings(Draft):
         if self.losses:
             return f"no array can be read: {self.losses[0]}"
         if self.request.channels is not None and self.leaves:
-            names = ", ".join([leaf.channel for leaf in self.leaves.values()][:20])
+            names = ", ".join([*self.leaves][:20])
             return f"no channel {', '.join(self.request.channels)}; available: {names}"
         why = f" ({self.omissions[0]})" if self.omissions else ""
         return f"the file holds no arrays of numbers{why}; check the program that wrote it"
@@ -199,13 +201,19 @@ def read_text(value: object) -> str | None:
     return str(value).strip() if isinstance(value, str) else None
 
 
+def _enclosing_groups(group: str) -> Iterator[str]:
+    """A group, the groups above it, and the file, which is empty text."""
+    yield group
+    while group:
+        group = group[: group.rfind("/", 0, -1) + 1]
+        yield group
+
+
 def _fits(clock: Leaf, leaf: Leaf) -> bool:
     return len(clock.shape) == 1 and clock.shape[0] in leaf.shape
 
 
-def _columns(
-    leaf: Leaf, values: NDArray[Any], clock: Leaf | None
-) -> Iterable[tuple[str, NDArray[Any]]]:
+def _columns(leaf: Leaf, values: Values, clock: Leaf | None) -> Iterable[tuple[str, Values]]:
     """Yield the channels of an array: one, or one per column if it has two dimensions.
 
     Samples run along the dimension that is as long as the clock; without a clock, along the longer
@@ -221,7 +229,7 @@ def _columns(
         yield f"{leaf.channel}[{k}]", table[:, k]
 
 
-def _plain(values: NDArray[Any]) -> NDArray[Any]:
+def _plain(values: Values) -> Values:
     """The values in native byte order, as numbers that NumPy computes with."""
     values = np.asarray(values)
     if values.dtype.kind == "f" and values.dtype.itemsize > 8:  # long double
@@ -229,7 +237,7 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     return values.astype(values.dtype.newbyteorder("="), copy=False)
 
 
-def _whole_times(values: NDArray[Any]) -> NDArray[Any]:
+def _whole_times(values: Values) -> Values:
     """Integer times with a sign: differences of unsigned ones wrap around."""
     if values.dtype.kind in "iu":
         fits = values.dtype.itemsize < 8 or values.dtype.kind == "i" or not (values >> 63).any()
@@ -245,7 +253,7 @@ def no_class(name: str) -> str:
     return f"has the class {name}, which only MATLAB can read; save {cure} instead"
 
 
-def plain_numbers(values: NDArray[Any]) -> NDArray[Any]:
+def plain_numbers(values: Values) -> Values:
     """Return integers of up to 32 bits as floats, which represent them exactly.
 
     MATLAB saves integers of class double in as few bytes as possible, and differences of small or

@@ -4,14 +4,13 @@ import zipfile
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.recordings.nested import Findings
+from palpate.recordings.nested import Arrays
 from palpate.recordings.opening import FAULTS, Request, first_line
 from palpate.recordings.recording import Recording
+from palpate.validation import Values
 
 #: The name of the array in a .npy, which has none.
 COLUMN = "column"
@@ -35,19 +34,18 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is damaged or holds no arrays of numbers.
     """
-    found = Findings(request)
-    what = "the file is no archive of arrays, or is cut off"
-    with request.explain_damage(what, "copy it again"):
-        for name, load in _arrays(path, found):
+    arrays = Arrays(request)
+    with request.explain_damage("the file is no archive of arrays, or is cut off", "copy it again"):
+        for name, load in _arrays(path, arrays):
             try:
-                _add(found, name, load())
+                _add(arrays, name, load())
             except FAULTS as error:
-                found.lose(name, _why(error))
+                arrays.lose(name, _why(error))
     request.release()
-    return found.recording()
+    return arrays.recording()
 
 
-def _arrays(path: Path, found: Findings) -> Iterator[tuple[str, Callable[[], NDArray[Any]]]]:
+def _arrays(path: Path, arrays: Arrays) -> Iterator[tuple[str, Callable[[], Values]]]:
     """Names and loaders of the arrays; a file unpacks no more than it states, or is refused."""
     with path.open("rb") as file:
         if file.read(len(_MAGIC)) == _MAGIC:
@@ -56,50 +54,52 @@ def _arrays(path: Path, found: Findings) -> Iterator[tuple[str, Callable[[], NDA
         archive = zipfile.ZipFile(file)
         for member in archive.infolist():
             name = member.filename.removesuffix(".npy")
-            if found.request.wants(name):
-                found.request.reserve(member.file_size)
+            if arrays.request.wants(name):
+                arrays.request.reserve(member.file_size)
                 yield name, partial(_read_array, archive, member)
 
 
-def _map_array(path: Path) -> NDArray[Any]:
+def _map_array(path: Path) -> Values:
     """Map the array of a .npy. Only further arrays may follow it."""
-    array: NDArray[Any] = np.load(path, mmap_mode="r", allow_pickle=False)
+    array: Values = np.load(path, mmap_mode="r", allow_pickle=False)
     with path.open("rb") as file:
         file.seek(array.offset + array.nbytes)  # type: ignore[attr-defined]
         _check_end(file.read(len(_MAGIC)))
     return array
 
 
-def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> NDArray[Any]:
+def _read_array(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> Values:
     """Read an array of a .npz up to the end of its part, where zipfile checks the checksum."""
     with archive.open(member) as content:
-        array: NDArray[Any] = np.lib.format.read_array(content, allow_pickle=False)
+        array: Values = np.lib.format.read_array(content, allow_pickle=False)
         _check_end(content.read(len(_MAGIC)))
     return array
 
 
-def _check_end(rest: bytes) -> None:
-    if rest not in (b"", _MAGIC):
+def _check_end(content: bytes) -> None:
+    if content not in (b"", _MAGIC):
         raise ValueError("the file is longer than its array: bytes were inserted; copy it again")
 
 
-def _add(found: Findings, name: str, array: NDArray[Any]) -> None:
+def _add(arrays: Arrays, name: str, array: Values) -> None:
     unit = None
-    if array.dtype.kind in "mM":
-        array = array.astype(f"{array.dtype.kind}8[ns]", copy=False).view(np.int64)
+    kind = array.dtype.kind
+    if kind in "mM":
+        array = array.astype(f"{kind}8[ns]", copy=False).view(np.int64)
         unit = "ns"
     if array.dtype.names:
         for field in array.dtype.names:
-            _add(found, field if name == COLUMN else f"{name}.{field}", array[field])
+            _add(arrays, field if name == COLUMN else f"{name}.{field}", array[field])
     elif array.dtype.kind not in "iufb" and array.ndim:
-        found.omit(name, "holds text or complex numbers")
+        arrays.omit(name, "holds text or complex numbers")
     elif not array.ndim:
-        found.note(name, array[()])
+        arrays.note(name, array[()])
     else:
-        found.add((), name, array.shape, lambda: np.array(array), unit=unit)
+        arrays.add("", name, array.shape, lambda: np.array(array), unit=unit)
 
 
 def _why(error: BaseException) -> str:
-    if "allow_pickle" in (words := first_line(error)) or "Python objects" in words:
+    reason = first_line(error)
+    if "allow_pickle" in reason or "Python objects" in reason:
         return "holds Python objects, which palpate does not unpickle; save plain arrays of numbers"
-    return f"cannot be read: {words}"
+    return f"cannot be read: {reason}"

@@ -16,12 +16,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 
-from numpy.typing import NDArray
 from rich.filesize import decimal as format_bytes
 
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
+from palpate.validation import Values
 from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)
@@ -42,8 +42,10 @@ _OBJECTS_OF_TEXT = 24  # bytes of Python objects per byte of JSON: {} takes 64
 
 def excess(what: str, size: int, most: int) -> str:
     """Say that something exceeds a cap, and which option raises the cap."""
-    there, cap = format_bytes(size), format_bytes(most)
-    return f"{what} {there} of memory, more than {cap}; if that is right, pass a larger --max-size"
+    return (
+        f"{what} {format_bytes(size)} of memory, more than {format_bytes(most)}; "
+        "if that is right, pass a larger --max-size"
+    )
 
 
 def size_of_deflate(packed: bytes, most: int) -> int:
@@ -97,9 +99,9 @@ class Request:
     episode: int | None = None
     _reserved: list[int] = field(default_factory=lambda: [0], compare=False, repr=False)
 
-    def error(self, words: str) -> RecordingError:
+    def error(self, message: str) -> RecordingError:
         """Return an error that names the file."""
-        return RecordingError(f"{self.source}: {words}")
+        return RecordingError(f"{self.source}: {message}")
 
     @contextmanager
     def explain_damage(
@@ -135,15 +137,16 @@ class Request:
         if size > self.largest_block:
             raise ValueError(excess("it needs", size, self.largest_block))
 
-    def check_count(self, what: str, count: int, each: int) -> None:
-        """Raise ValueError for more descriptions, of ``each`` bytes, than fit in a block."""
-        if count * each > self.largest_block:
-            raise ValueError(excess(f"its {count} {what} need", count * each, self.largest_block))
+    def check_count(self, what: str, count: int, size: int) -> None:
+        """Raise ValueError for more descriptions, of ``size`` bytes each, than fit in a block."""
+        if count * size > self.largest_block:
+            raise ValueError(excess(f"its {count} {what} need", count * size, self.largest_block))
 
     def wants(self, name: str) -> bool:
         """Whether a channel, or any channel of a topic or group, is requested."""
-        wanted = self.channels
-        return wanted is None or any(within(name, n) or within(n, name) for n in wanted)
+        if self.channels is None:
+            return True
+        return any(within(name, channel) or within(channel, name) for channel in self.channels)
 
     def report(self, fraction: float) -> None:
         """Report the fraction read so far to ``progress``."""
@@ -167,6 +170,8 @@ class Format:
         First bytes of its files; they take precedence over the suffix.
     extra : str, optional
         The extra in ``pyproject.toml`` that installs the packages it needs.
+    remedy : str
+        How to save the file in another format, if palpate does not read this one.
     """
 
     name: str
@@ -174,6 +179,7 @@ class Format:
     module: str
     marks: tuple[bytes, ...] = ()
     extra: str | None = None
+    remedy: str = ""
 
     def read(self, path: Path, request: Request) -> Recording:
         """Read a file.
@@ -182,7 +188,11 @@ class Format:
         ------
         MissingExtraError
             A package that the format needs is not installed.
+        RecordingError
+            The file cannot be read.
         """
+        if self.remedy:
+            raise request.error(f"this is {self.name}, which palpate does not read; {self.remedy}")
         recording: Recording = self.reader().read(path, request)
         return recording
 
@@ -224,10 +234,26 @@ FORMATS: list[Format] = [
     Format("spreadsheet", (".xlsx", ".xlsm", ".xltx"), f"{_HERE}.spreadsheet", (), "recordings"),
     Format("NumPy", (".npz", ".npy"), f"{_HERE}.numpy_files", (b"\x93NUMPY",)),
     Format("JSON", (".json", ".jsonl", ".ndjson"), f"{_HERE}.json_tables"),
-    Format("unread", (), f"{_HERE}.no_reader", (b"TDSm", b"\xd0\xcf\x11\xe0")),
+    Format(
+        "a TDMS file of LabVIEW",
+        (),
+        "",
+        (b"TDSm",),
+        remedy="save it as CSV, by python -c "
+        '\'from nptdms import TdmsFile; TdmsFile("IN.tdms").as_dataframe().to_csv("OUT.csv")\'',
+    ),
+    Format(
+        "an Excel file before .xlsx, or one with a password",
+        (),
+        "",
+        (b"\xd0\xcf\x11\xe0",),
+        remedy="open it in a spreadsheet program and save it as .xlsx or CSV",
+    ),
 ]
-#: Data sets of robot learning; their files are of several of these formats.
-DATA_SETS = Format("data set", (), f"{_HERE}.datasets")
+#: Data sets of robot learning: folders, or files of several of these formats.
+DATA_SETS = Format(
+    "data set", (".parquet", ".hdf5", ".h5", ".hdf", ".zarr.zip"), f"{_HERE}.datasets"
+)
 
 
 def open_recording(
@@ -278,7 +304,7 @@ def open_recording(
     """
     try:
         file = Path(path)
-        wanted = None if channels is None else tuple(channels)
+        requested = None if channels is None else tuple(channels)
     except TypeError:
         raise InvalidParameterError(f"path must be a path, not {path!r}") from None
     if curve is not None and curve < 0:
@@ -288,12 +314,16 @@ def open_recording(
     if max_size is not None and not 1.0 <= max_size <= 1e18:
         raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
     begun = time.perf_counter()
-    source = "standard input" if str(file) == "-" else printable(file)
-    named = None if sheet is None else str(sheet)
     request = Request(
-        source, wanted, strict, curve, progress,
-        sheet=named, header_row=header_row, episode=episode,
-    )  # fmt: skip
+        "standard input" if str(file) == "-" else printable(file),
+        requested,
+        strict,
+        curve,
+        progress,
+        sheet=None if sheet is None else str(sheet),
+        header_row=header_row,
+        episode=episode,
+    )
     # Readers name what they find damaged; this is for what none of them foresees.
     with request.explain_damage("the file is damaged", "copy it again", (Exception,)):
         recording = _read(file, request, max_size)
@@ -302,8 +332,7 @@ def open_recording(
 
 
 def _read(file: Path, request: Request, max_size: float | None) -> Recording:
-    standard = str(file) == "-"
-    if not standard and not _is(stat.S_ISFIFO, file):
+    if str(file) != "-" and not _is(stat.S_ISFIFO, file):
         if _is(stat.S_ISDIR, file):  # a ROS 2 bag is a folder, and so is a data set
             check_folder(file)
         else:
@@ -314,9 +343,9 @@ def _read(file: Path, request: Request, max_size: float | None) -> Recording:
         return form.read(file, request.limited(file, max_size))
     # Keep the suffix: some formats are recognised only by it.
     with scratch_file(f"recording{file.suffix}") as (copy, content):
-        _copy_stream(
-            file, content, request if max_size is None else request.limited(copy, max_size)
-        )
+        # The default cap follows from the size of the whole.
+        limited = request if max_size is None else request.limited(copy, max_size)
+        _copy_stream(file, content, limited)
         regular_size(copy, request.source)
         return detect_format(copy).read(copy, request.limited(copy, max_size))
 
@@ -338,9 +367,10 @@ def _copy_stream(file: Path, content: IO[bytes], request: Request) -> None:
             while chunk := stream.read(1 << 20):
                 content.write(chunk)
                 if content.tell() > request.max_size:
-                    size = format_bytes(request.max_size)
-                    remedy = "pass a larger --max-size, or write the data to a file and name that"
-                    raise request.error(f"more than {size} arrived; {remedy}")
+                    raise request.error(
+                        f"more than {format_bytes(request.max_size)} arrived; pass a larger "
+                        "--max-size, or write the data to a file and name that"
+                    )
         content.flush()
     except OSError as error:
         raise unreadable(request.source, error) from None
@@ -352,8 +382,9 @@ def _log(recording: Recording, seconds: float) -> None:
         return
     sizes = {len(values) for values in recording.channels.values()}
     samples = " or ".join(map(str, sorted(sizes)[:3])) or "no"
-    words = f"{len(recording.channels)} channels of {samples} samples"
-    _LOGGER.info("read %s: %s, %.4f s", recording.source, words, seconds)
+    count = len(recording.channels)
+    message = "read %s: %d channels of %s samples, %.4f s"
+    _LOGGER.info(message, recording.source, count, samples, seconds)
     for name, values in recording.channels.items():
         unit = recording.units.get(name) or "unit unknown"
         _LOGGER.debug("channel %s: %s, %d samples, %s", name, values.dtype, len(values), unit)
@@ -362,7 +393,7 @@ def _log(recording: Recording, seconds: float) -> None:
 def detect_format(path: Path) -> Format:
     """Return the format of a file or a folder; text if palpate does not recognise it."""
     begin = b""
-    if DATA_SETS.reader().is_dataset(path):
+    if _may_be_data_set(path) and DATA_SETS.reader().is_dataset(path):
         return DATA_SETS
     if _is(stat.S_ISDIR, path):
         path = path / METADATA  # a ROS 2 bag is a folder
@@ -370,20 +401,26 @@ def detect_format(path: Path) -> Format:
         with path.open("rb") as file:
             begin = file.read(64)
     name = path.name.lower()
-    marked = (each for each in FORMATS if begin.startswith(each.marks))
-    named = (each for each in FORMATS if name.endswith(each.suffixes))
+    marked = (form for form in FORMATS if begin.startswith(form.marks))
+    named = (form for form in FORMATS if name.endswith(form.suffixes))
     return next(marked, None) or next(named, TEXT)
+
+
+def _may_be_data_set(path: Path) -> bool:
+    return path.name.lower().endswith(DATA_SETS.suffixes) or _is(stat.S_ISDIR, path)
 
 
 def whole_recording(path: Path) -> Path:
     """Return the folder of the bag or the data set that a file is part of, else the file."""
-    whole: Path | None = path.parent if path.name == METADATA else DATA_SETS.reader().root_of(path)
-    return whole or path
+    if path.name == METADATA:
+        return path.parent
+    root: Path | None = DATA_SETS.reader().root_of(path) if _may_be_data_set(path) else None
+    return root or path
 
 
-def within(name: str, whole: str) -> bool:
-    """Whether a name is ``whole``, or a field or an element of it."""
-    return name == whole or (name.startswith(whole) and name[len(whole)] in "./[")
+def within(name: str, group: str) -> bool:
+    """Whether a name is ``group``, or a field or an element of it."""
+    return name == group or (name.startswith(group) and name[len(group)] in "./[")
 
 
 def check_folder(folder: Path) -> None:
@@ -392,8 +429,9 @@ def check_folder(folder: Path) -> None:
         for name in names:
             path = Path(place, name)
             if not path.is_file() and path.exists():
-                words = "this is a pipe or a device; remove it from the folder"
-                raise RecordingError(f"{printable(path)}: {words}")
+                raise RecordingError(
+                    f"{printable(path)}: this is a pipe or a device; remove it from the folder"
+                )
 
 
 def regular_size(path: Path, source: str = "") -> int:
@@ -410,8 +448,10 @@ def regular_size(path: Path, source: str = "") -> int:
         if stat.S_ISDIR(status.st_mode):
             raise RecordingError(f"{source}: this is a folder; name a file in it instead")
         if not stat.S_ISREG(status.st_mode):
-            words = "palpate cannot read a recording from a device or socket; write it to a file"
-            raise RecordingError(f"{source}: {words}")
+            raise RecordingError(
+                f"{source}: palpate cannot read a recording from a device or socket; "
+                "write it to a file"
+            )
         with path.open("rb"):
             pass
     except (OSError, ValueError) as error:
@@ -423,9 +463,9 @@ def regular_size(path: Path, source: str = "") -> int:
 
 def _stored_size(path: Path) -> int:
     """Return the size of a file with its journal, or of a folder; no more than the caps need."""
-    whole = path.parent if path.name == "metadata.yaml" else path
-    folders: Iterable[tuple[str, Any, list[str]]] = os.walk(whole)
-    if not _is(stat.S_ISDIR, whole):
+    root = path.parent if path.name == METADATA else path
+    folders: Iterable[tuple[str, Any, list[str]]] = os.walk(root)
+    if not _is(stat.S_ISDIR, root):
         folders = [(str(path.parent), [], [path.name, f"{path.name}-wal"])]
     stored = 0
     for folder, _, names in folders:
@@ -476,8 +516,13 @@ def unreadable(source: str, error: Exception) -> Exception:
 def first_line(error: BaseException) -> str:
     """Return the first line of a library's error message, at most 160 characters."""
     lines = str(error).strip().splitlines()
-    words = " ".join((lines[0] if lines else type(error).__name__).split())
-    return words if len(words) <= 160 else f"{words[:159]}…"
+    return _shorten(lines[0] if lines else type(error).__name__, 160)
+
+
+def _shorten(text: str, most: int) -> str:
+    """Return a text on one line, cut after some characters."""
+    line = " ".join(text.split())
+    return line if len(line) <= most else f"{line[: most - 1]}…"
 
 
 _MOST_NOTES = 60
@@ -496,7 +541,7 @@ class Draft:
     """
 
     request: Request
-    channels: dict[str, NDArray[Any]] = field(default_factory=dict)
+    channels: dict[str, Values] = field(default_factory=dict)
     units: dict[str, str] = field(default_factory=dict)
     notes: dict[str, str] = field(default_factory=dict)
     clocks: dict[str, str] = field(default_factory=dict)
@@ -507,15 +552,14 @@ class Draft:
     losses: list[str] = field(default_factory=list)
     omissions: list[str] = field(default_factory=list)
 
-    def error(self, words: str) -> RecordingError:
+    def error(self, message: str) -> RecordingError:
         """Return an error that names the file."""
-        return self.request.error(words)
+        return self.request.error(message)
 
-    def note(self, name: str, words: object) -> None:
+    def note(self, name: str, text: object) -> None:
         """Keep a note of the file, cut after 200 characters."""
         if len(self.notes) < _MOST_NOTES:
-            text = " ".join(str(words).split())
-            self.notes[name] = text if len(text) <= 200 else f"{text[:199]}…"
+            self.notes[name] = _shorten(str(text), 200)
 
     def check_names(self, count: int) -> None:
         """Raise RecordingError for more names than a table has; each takes work in every step."""
@@ -543,11 +587,18 @@ class Draft:
         """
         if self.request.strict and self.losses:
             more = f" (and {len(self.losses) - 1} more)" if len(self.losses) > 1 else ""
-            rest = "drop --strict to use the rest of the file"
-            raise self.error(f"{self.losses[0]}{more}; {rest}")
-        mappings = ("units", "notes", "clocks", "frames", "types", "faults", "plots")
-        own: dict[str, Any] = {name: getattr(self, name) for name in mappings}
-        lost = [Check.FILE.finding(words, _USED, severity="with-care") for words in self.losses]
-        findings = (*lost, *(Check.FILE.finding(words) for words in self.omissions))
-        source = self.request.source
-        return Recording(self.channels, source=source, rows=rows, findings=findings, **own)
+            raise self.error(f"{self.losses[0]}{more}; drop --strict to use the rest of the file")
+        losses = [Check.FILE.finding(loss, _USED, severity="with-care") for loss in self.losses]
+        return Recording(
+            self.channels,
+            self.units,
+            self.request.source,
+            self.notes,
+            rows,
+            self.clocks,
+            self.frames,
+            self.types,
+            self.faults,
+            self.plots,
+            (*losses, *map(Check.FILE.finding, self.omissions)),
+        )

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 from openpyxl import load_workbook
 
 from palpate.errors import list_names
 from palpate.recordings.opening import TEXT, Draft, Request, check_members
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import SECONDS, clock_rank
+from palpate.validation import Values
 from palpate.writing import temporary_file
 
 _MOST_ROWS = 1 << 20  # limit of Excel; a row may state a number far beyond it
@@ -177,7 +177,7 @@ def _find_clock(table: Recording) -> str | None:
     return min(ranks, key=ranks.__getitem__) if ranks else next(iter(timed), None)
 
 
-def _is_filled(values: NDArray[Any]) -> bool:
+def _is_filled(values: Values) -> bool:
     """Whether a column belongs to the table, not to a list of results next to it."""
     count = np.count_nonzero(values != "" if values.dtype == object else values == values)
     return bool(count >= min(_FEWEST_ROWS, 0.1 * len(values)) and count)

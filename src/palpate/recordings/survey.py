@@ -2,15 +2,13 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import SECONDS, clock_rank, clock_unit
 from palpate.stages import log_stage
-from palpate.validation import Floats
+from palpate.validation import Floats, Values
 
 #: Least length of a gap in median steps; shorter ones are single missed samples and jitter.
 GAP = 10.0
@@ -170,7 +168,7 @@ def unit_of_clock(recording: Recording, clock: str) -> tuple[str, float]:
     return unit, SECONDS.get(unit, 1.0)
 
 
-def _since(values: NDArray[Any]) -> Floats:
+def _since(values: Values) -> Floats:
     """Return times relative to the first, subtracted before rounding to a float."""
     if values.dtype.kind == "u":
         values = values.astype(np.int64)

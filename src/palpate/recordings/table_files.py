@@ -4,20 +4,20 @@ import io
 from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, import_extra
+from palpate.validation import Values
 from palpate.writing import write_bytes, write_text
 
 _ROWS = 100_000  # rows in a batch of formatted text
 
 
 def write_columns(
-    columns: Mapping[str, NDArray[Any]],
+    columns: Mapping[str, Values],
     path: Path,
     *,
     units: Mapping[str, str] | None = None,
@@ -64,7 +64,7 @@ def has_pyarrow() -> bool:
 
 
 def _as_parquet(
-    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
+    columns: Mapping[str, Values], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> bytes:
     pa = import_extra("pyarrow", "writing Parquet (instead of .csv)", "recordings")
     parquet = import_extra("pyarrow.parquet", "writing Parquet", "recordings")
@@ -91,7 +91,7 @@ def _as_parquet(
 
 
 def _as_csv(
-    columns: Mapping[str, NDArray[Any]], units: Mapping[str, str], notes: Mapping[str, str]
+    columns: Mapping[str, Values], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> str:
     listed = ", ".join(f"{name} {unit}" for name, unit in units.items())
     text = _head({**notes, **({"units": listed} if units else {})}, columns)

@@ -4,10 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.recordings.recording import Recording
 from palpate.recordings.times import iso_nanoseconds, past_midnight
+from palpate.validation import Values
 
 # A table with these names is palpate's own, or as clear: its other columns are results.
 _OWN = ("time", "penetration", "velocity", "force")
@@ -81,8 +81,8 @@ def _without_unit(column: Any) -> tuple[Any, str | None]:
     return column, None
 
 
-def _array(column: Any) -> NDArray[Any]:
-    values: NDArray[Any] = np.asanyarray(column)
+def _array(column: Any) -> Values:
+    values: Values = np.asanyarray(column)
     if values.dtype.kind in "OU" and len(values) and isinstance(values[0], str):
         times = [iso_nanoseconds(str(each)) for each in values]
         if None not in times:

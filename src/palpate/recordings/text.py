@@ -2,29 +2,27 @@
 
 import bz2
 import codecs
-import csv
 import gzip
-import io
 import itertools
 import lzma
 import re
 import sys
 import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import nullcontext, suppress
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.errors import MissingChannelError, RecordingError
+from palpate.errors import MissingChannelError
 from palpate.recordings.opening import Draft, Request, excess, first_line
 from palpate.recordings.recording import Faults, Recording
-from palpate.recordings.table_files import has_pyarrow
 from palpate.recordings.text_layout import (
     SPACES,
     WHOLE_THOUSANDS,
@@ -33,10 +31,9 @@ from palpate.recordings.text_layout import (
     detect_layout,
     has_open_quote,
     is_other_table,
-    pad_cells,
     parse_number,
+    parse_vector,
     split_cells,
-    vector_in,
 )
 from palpate.recordings.times import (
     detect_epoch,
@@ -48,6 +45,7 @@ from palpate.recordings.times import (
     plain_iso_times,
     whole_time,
 )
+from palpate.validation import Values
 
 CHUNK = 1 << 20
 BLOCK = 4 << 20  # bytes in a parsed block
@@ -80,6 +78,7 @@ _PACKED: dict[bytes, Callable[[IO[bytes]], Any]] = {
 # Bytes of a block of plain numbers, besides the delimiter; nan and inf too. The parsers reject any
 # other word of these letters.
 _PLAIN = b"0123456789+-.eE nNaAfFiI"
+_PLAIN_KINDS = ("numbers", "nanoseconds", "nothing")
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -129,7 +128,8 @@ class _Text:
     """
 
     def __init__(self, path: Path, request: Request) -> None:
-        self.path, self.request = path, request
+        self.path = path
+        self.request = request
         self.size = path.stat().st_size
         self.encoding = "utf-8"
         self.losses: list[str] = []
@@ -138,22 +138,24 @@ class _Text:
 
     def blocks(self) -> Iterator[bytes]:
         r"""Yield whole lines, each with its ``\n``, without empty lines at the end."""
-        rest = b""
+        text = b""
         for chunk in self._convert_to_utf8():
-            rest += chunk
-            if len(rest) < BLOCK:
+            text += chunk
+            if len(text) < BLOCK:
                 continue
-            cut = self._end_of_text(rest, rest.rfind(b"\n") + 1)
+            cut = self._end_of_text(text, text.rfind(b"\n") + 1)
             if cut:
-                yield _strip_returns(rest[:cut])
-            rest = rest[cut:]
-            if len(rest) > LONGEST_LINE:
-                what = f"a line, or a run of empty lines, exceeds {LONGEST_LINE >> 20} MiB"
-                raise self.request.error(f"{what}; this is not a table")
-        self.cut_off = bool(rest[rest.rfind(b"\n") + 1 :].strip())
-        rest += b"\n"
-        if cut := self._end_of_text(rest, len(rest)):
-            yield _strip_returns(rest[:cut])
+                yield _strip_returns(text[:cut])
+            text = text[cut:]
+            if len(text) > LONGEST_LINE:
+                raise self.request.error(
+                    "a line, or a run of empty lines, exceeds "
+                    f"{LONGEST_LINE >> 20} MiB; this is not a table"
+                )
+        self.cut_off = bool(text[text.rfind(b"\n") + 1 :].strip())
+        text += b"\n"
+        if cut := self._end_of_text(text, len(text)):
+            yield _strip_returns(text[:cut])
 
     @staticmethod
     def _end_of_text(lines: bytes, end: int) -> int:
@@ -193,34 +195,36 @@ class _Text:
                 "nor in another known format; expected a table, such as CSV"
             )
         if b"\r" in begin and b"\n" not in begin:
-            what = "its lines end in carriage returns alone, which palpate does not read"
-            raise self.request.error(f"{what}; convert the file: tr '\\r' '\\n'")
+            raise self.request.error(
+                "its lines end in carriage returns alone, which palpate does not read; "
+                "convert the file: tr '\\r' '\\n'"
+            )
         yield head.removeprefix(codecs.BOM_UTF8)
         yield from chunks
 
     def _chunks(self) -> Iterator[bytes]:
         with self.path.open("rb") as raw:
             begin = raw.peek(8)
-            unpack = next((each for mark, each in _PACKED.items() if begin.startswith(mark)), None)
+            unpack = next((_PACKED[mark] for mark in _PACKED if begin.startswith(mark)), None)
             self.compressed = unpack is not None
-            made = 0
+            size = 0
             with unpack(raw) if unpack else nullcontext(raw) as file:
                 try:
                     while chunk := file.read1(CHUNK):
-                        made += len(chunk)
+                        size += len(chunk)
                         self.fraction = min(raw.tell() / self.size, 1.0)
                         yield chunk
-                        if made > self.request.max_size:
-                            most = self.request.max_size
-                            raise self.request.error(excess("its text takes", made, most))
-                except RecordingError:
-                    raise
+                        if size > self.request.max_size:
+                            message = excess("its text takes", size, self.request.max_size)
+                            raise self.request.error(message)
                 except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
-                    if not made:
-                        words = f"the compressed file cannot be read ({first_line(error)})"
-                        raise self.request.error(f"{words}; copy it again") from None
+                    if not size:
+                        raise self.request.error(
+                            f"the compressed file cannot be read ({first_line(error)}); "
+                            "copy it again"
+                        ) from None
                     self.losses.append(
-                        f"the compressed data end early or are damaged, after {made} bytes of text"
+                        f"the compressed data end early or are damaged, after {size} bytes of text"
                     )
 
 
@@ -241,19 +245,22 @@ class _Column:
 
     Attributes
     ----------
-    dtype : dtype, optional
-        Type of the array into which NumPy can parse all cells together; None if it cannot.
+    dtype : type
+        Type of its numbers.
     """
 
     def __init__(self, name: str, decimal: str, kind: str, width: int = 1) -> None:
-        self.name, self.decimal, self.kind, self.width = name, decimal, kind, width
-        at_once = {"numbers": np.float64, "nothing": np.float64, "nanoseconds": np.int64}
-        self.dtype: Any = np.dtype(at_once[kind]) if kind in at_once else None
+        self.name = name
+        self.decimal = decimal
+        self.kind = kind
+        self.width = width
+        self.dtype: Any = np.int64 if kind in ("dates", "nanoseconds") else np.float64
         self.size = self.good = self.filled = 0
-        self.pieces: list[NDArray[Any]] = []
+        self.pieces: list[Values] = []
         self.wrong: tuple[int, str] | None = None
-        remembered = lru_cache(maxsize=10_000)
-        self._is_number = remembered(lambda cell: parse_number(cell, decimal) is not None)
+        self.is_number = lru_cache(maxsize=10_000)(
+            lambda cell: parse_number(cell, decimal) is not None
+        )
         self.has_thousands = False
 
     def rows_to_skip(self, cells: Sequence[str]) -> list[int]:
@@ -262,10 +269,9 @@ class _Column:
             return []
         return [k for k, cell in enumerate(cells) if self._value(cell) is None]
 
-    def extend(self, values: NDArray[Any], wrong: int = 0, blank: int = 0) -> None:
+    def extend(self, values: Values, wrong: int = 0, blank: int = 0) -> None:
         """Add parsed values; ``wrong`` of them are not numbers, and ``blank`` are empty."""
-        if self.kind != "nothing":
-            self.pieces.append(values)
+        self.pieces.append(values)
         self.size += len(values)
         self.good += len(values) - wrong
         self.filled += len(values) - blank
@@ -277,26 +283,33 @@ class _Column:
         if self.kind == "text":
             # Python objects, because one long cell would widen all others of an array of text, and
             # equal labels share memory.
-            words = np.array(list(map(sys.intern, cells)), dtype=object)
-            wrong = len(cells) - sum(map(self._is_number, cells))
-            self.extend(words, wrong, sum(not cell.strip() for cell in cells))
-        elif (values := self._convert_at_once(cells)) is not None:
-            self.extend(values)
-        else:
-            unknown = [np.nan] * self.width if self.kind == "vectors" else np.nan
-            found = list(map(self._value, cells))
-            unread = [k for k, value in enumerate(found) if value is None]
-            if unread and self.wrong is None:
-                self.wrong = self.size + unread[0], cells[unread[0]]
-            dtype = np.int64 if self.kind in ("dates", "nanoseconds") else np.float64
-            values = np.array([unknown if each is None else each for each in found], dtype)
-            self.extend(values, len(unread), sum(not cells[k].strip() for k in unread))
+            labels = np.array(list(map(sys.intern, cells)), dtype=object)
+            wrong = len(cells) - sum(map(self.is_number, cells))
+            self.extend(labels, wrong, sum(not cell.strip() for cell in cells))
+            return
+        plain = self._convert_at_once(cells)
+        if plain is not None:
+            self.extend(plain)
+            return
+        values = list(map(self._value, cells))
+        unread = [k for k, value in enumerate(values) if value is None]
+        if unread and self.wrong is None:
+            self.wrong = self.size + unread[0], cells[unread[0]]
+        unknown = [np.nan] * self.width if self.kind == "vectors" else np.nan
+        numbers = [unknown if value is None else value for value in values]
+        blank = sum(not cells[k].strip() for k in unread)
+        self.extend(np.array(numbers, self.dtype), len(unread), blank)
 
-    def _convert_at_once(self, cells: Sequence[str]) -> NDArray[Any] | None:
+    def _convert_at_once(self, cells: Sequence[str]) -> Values | None:
         if self.kind == "dates":
             return plain_iso_times(cells)
-        if self.kind != "numbers" or self.decimal == "," or "_" in "".join(cells):
+        text = "".join(cells)
+        if self.kind != "numbers" or "_" in text:
             return None
+        if self.decimal == ",":
+            if "." in text:
+                return None
+            cells = [cell.replace(",", ".") for cell in cells]
         try:
             return np.array(list(map(float, cells)), dtype=np.float64)
         except ValueError:
@@ -304,8 +317,8 @@ class _Column:
 
     def _value(self, cell: str) -> float | list[float] | None:
         if self.kind == "vectors":
-            found = vector_in(cell, self.decimal)
-            return found if found is not None and len(found) == self.width else None
+            vector = parse_vector(cell, self.decimal)
+            return vector if vector is not None and len(vector) == self.width else None
         if self.kind == "dates":
             return iso_nanoseconds(cell)
         if self.kind == "nanoseconds":
@@ -320,20 +333,20 @@ class _Column:
             return "numbers" if self.filled and 2 * self.good >= self.filled else None
         return "text" if 2 * self.good < self.filled else None
 
-    def channels(self) -> dict[str, NDArray[Any]]:
+    def channels(self) -> dict[str, Values]:
         """Return the channels of the column, and empty it."""
         if self.kind == "nothing":
             return {}
         if self.kind == "numbers" and self.size and not self.filled:  # all cells are empty
             return {self.name: np.full(self.size, "", dtype=object)}
-        empty = np.empty((0, self.width) if self.kind == "vectors" else 0, self.dtype or float)
-        whole = np.concatenate(self.pieces or [empty])
+        empty = np.empty((0, self.width) if self.kind == "vectors" else 0, self.dtype)
+        values = np.concatenate(self.pieces or [empty])
         self.pieces.clear()
         if self.kind == "vectors":
-            return {f"{self.name}[{k}]": whole[:, k].copy() for k in range(self.width)}
+            return {f"{self.name}[{k}]": values[:, k].copy() for k in range(self.width)}
         if self.kind == "dates":
-            whole = past_midnight(whole)
-        return {self.name: whole}
+            values = past_midnight(values)
+        return {self.name: values}
 
     def fault(self) -> Faults | None:
         """The cells without a number; None if all have one."""
@@ -345,29 +358,38 @@ class _Column:
 def _column_for(name: str, cells: Sequence[str], decimal: str, kind: str | None) -> _Column:
     """An empty column of the given kind, or of the kind that its first cells indicate."""
     filled = [cell for cell in cells if cell.strip()]
-    most = 0.5 * len(filled)
-    if kind is None and filled:
-        numbers = sum(
-            parse_number(cell, decimal) is not None or bool(WHOLE_THOUSANDS.fullmatch(cell.strip()))
-            for cell in filled
-        )
-        if is_timelike(name) and sum(map(is_nanoseconds, filled)) > most:
-            return _Column(name, ".", "nanoseconds")
-        kind = "numbers"
-        if numbers < most:
-            if sum(iso_nanoseconds(cell) is not None for cell in filled) > most:
-                return _Column(name, ".", "dates")
-            vectors = [len(found) for cell in filled if (found := vector_in(cell, decimal))]
-            if len(vectors) > most:
-                return _Column(name, decimal, "vectors", max(set(vectors), key=vectors.count))
-            kind = "text"
-    column = _Column(name, decimal, kind or "numbers")
-    commas = [cell for cell in filled if "," in cell and parse_number(cell, ".") is None]
-    # If some numbers have no comma, a comma before three digits is not the decimal mark.
-    plain = sum(parse_number(cell, ".") is not None for cell in filled)
-    whole = all(WHOLE_THOUSANDS.fullmatch(each.strip()) for each in commas)
-    column.has_thousands = decimal == "." and plain > 0 and whole
+    width = 1
+    if kind is None:
+        kind = _detect_kind(name, filled, decimal) if filled else "numbers"
+    if kind == "vectors":
+        widths = Counter(len(parse_vector(cell, decimal) or ()) for cell in filled)
+        del widths[0]
+        width = max(widths, key=widths.__getitem__)
+    column = _Column(name, decimal, kind, width)
+    if decimal == ".":
+        # If some numbers have no comma, a comma before three digits is not the decimal mark.
+        commas = [cell for cell in filled if "," in cell and parse_number(cell, ".") is None]
+        are_thousands = all(WHOLE_THOUSANDS.fullmatch(cell.strip()) for cell in commas)
+        column.has_thousands = are_thousands and any(map(column.is_number, filled))
     return column
+
+
+def _detect_kind(name: str, filled: Sequence[str], decimal: str) -> str:
+    """The kind of more than half of the filled cells of a column."""
+
+    def are_mostly(test: Callable[[str], object]) -> bool:
+        return sum(map(bool, map(test, filled))) > 0.5 * len(filled)
+
+    def is_text(cell: str) -> bool:
+        return parse_number(cell, decimal) is None and not WHOLE_THOUSANDS.fullmatch(cell.strip())
+
+    if is_timelike(name) and are_mostly(is_nanoseconds):
+        return "nanoseconds"
+    if not are_mostly(is_text):
+        return "numbers"
+    if are_mostly(lambda cell: iso_nanoseconds(cell) is not None):
+        return "dates"
+    return "vectors" if are_mostly(lambda cell: parse_vector(cell, decimal)) else "text"
 
 
 class _Table:
@@ -395,26 +417,12 @@ class _Table:
         blocks = self.text.blocks()
         first = next(blocks, b"")
         self._begin(first, kinds)
-        row, counted = self.layout.first + 1, 0
+        row = self.layout.first + 1
         rows = first.split(b"\n", self.layout.first)[-1]
         self.is_numeric = self.columns[0].kind != "text" and not _WORDS.match(b"\n" + rows[:TAIL])
         for block in itertools.chain([rows], blocks):
-            last = b""
-            if self.text.cut_off and block:
-                begin = block.rfind(b"\n", 0, -1) + 1
-                block, last = block[:begin], block[begin:]
-            self._add(block, row)
-            row += block.count(b"\n")
-            words = self.is_numeric and _WORDS.match(b"\n" + last)
-            if last and (words or not self._is_cut_off(last, row, block)):
-                self._add(last, row)
-                row += 1
+            row = self._add_block(block, row)
             request.report(self.text.fraction)
-            made = sum(column.size * column.width for column in self.columns if column.pieces)
-            # Texts take memory in addition to the pointers to them; equal texts are kept only once.
-            has_text = any(column.kind == "text" for column in self.columns)
-            request.reserve(8 * (made - counted) + has_text * len(block))
-            counted = made
         if self.words:
             self._add_last_words(row - self.words.count(b"\n"))
 
@@ -422,60 +430,97 @@ class _Table:
         """Find the layout and the kinds of the columns."""
         head = first[: first.rfind(b"\n", 0, HEAD) + 1]
         lines = self.text.decode(head).split("\n")[:-1]
-        source, named = self.request.source, self.request.header_row
-        layout = detect_layout(lines, source, named) if len(lines) > (named or 0) else None
+        source = self.request.source
+        header_row = self.request.header_row
+        layout = None
+        if len(lines) > (header_row or 0):
+            layout = detect_layout(lines, source, header_row)
         # The notes are long, no rows follow them, or a later table may have more rows.
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
-            layout = detect_layout(lines, source, named)
+            layout = detect_layout(lines, source, header_row)
         self.layout: TextLayout = layout
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
         units = b"|".join(re.escape(line + b"\n") for line in [*below, b""])
-        again = rb"^(" + re.escape(self.title) + rb"\n(?:" + units + rb")*)"
-        self.header = re.compile(again, re.MULTILINE)
-        some = lines[layout.first : layout.first + PROBED]
-        probed = list(self._records(some, 0, lambda *_: None))
-        cells = _transpose([found for _, found in probed], len(layout.header))
-        for name, found in zip(layout.header, cells, strict=True):
+        header = rb"^(" + re.escape(self.title) + rb"\n(?:" + units + rb")*)"
+        self.header = re.compile(header, re.MULTILINE)
+        probed = lines[layout.first : layout.first + PROBED]
+        records = [cells for _, cells in self._records(probed, 0, lambda *_: None)]
+        for name, cells in zip(layout.header, self._transpose(records), strict=True):
             kind = kinds.get(name) if self.request.wants(name) else "nothing"
-            self.columns.append(_column_for(name, found, layout.decimal, kind))
+            self.columns.append(_column_for(name, cells, layout.decimal, kind))
+
+    def _transpose(self, records: Sequence[list[str]]) -> list[Sequence[str]]:
+        """The columns of records."""
+        return list(zip(*records, strict=True)) if records else [()] * len(self.layout.header)
+
+    def _add_block(self, block: bytes, row: int) -> int:
+        """Add lines, within the cap on memory; return the number of the line below."""
+        before = self._count_numbers()
+        begin = len(block)
+        if self.text.cut_off:
+            begin = block.rfind(b"\n", 0, -1) + 1
+        lines = block[:begin]
+        last = block[begin:]
+        self._add(lines, row)
+        row += lines.count(b"\n")
+        is_text = self.is_numeric and _WORDS.match(b"\n" + last)
+        if last and (is_text or not self._is_cut_off(last, row, lines)):
+            self._add(last, row)
+            row += 1
+        self.request.reserve(8 * (self._count_numbers() - before))
+        # Texts take memory in addition to the pointers to them; equal texts are kept only once.
+        if any(column.kind == "text" for column in self.columns):
+            self.request.reserve(len(lines))
+        return row
+
+    def _count_numbers(self) -> int:
+        return sum(column.size * column.width for column in self.columns if column.pieces)
 
     def _lose(self, what: str, row: int, cell: str = "") -> None:
         """Count a skipped row, with a reason such as "has more cells than the header"."""
-        place = f"row {row}" + f" ({cell[:40]!r})" * bool(cell)
+        place = f"row {row} ({cell[:40]!r})" if cell else f"row {row}"
         if self.request.strict:
             raise self.request.error(f"{place} {what}; drop --strict to skip such rows")
-        count, first = self.lost.get(what, (0, place))
-        self.lost[what] = count + 1, first
+        count, first_place = self.lost.get(what, (0, place))
+        self.lost[what] = count + 1, first_place
 
     def _add(self, block: bytes, row: int) -> None:
         arrays = self._parse_at_once(block) if block and not self.words else None
         if arrays is not None:
             for column, values in zip(self.columns, arrays, strict=True):
-                column.extend(values)
+                if column.kind != "nothing":
+                    column.extend(values)
             self.rows.append(range(row, row + len(arrays[0])))
             return
         row -= self.words.count(b"\n")
-        block, self.words = self.words + block, b""
+        block = self.words + block
+        self.words = b""
         # Blocks of rows between repeated headers.
-        parts = self.header.split(block) if self.title and self.title in block else [block]
-        if len(parts) > 1 and not parts[-1]:  # units may follow in the next block
-            self.words = parts[-2]
-            parts = parts[:-2]
-        for k in range(0, len(parts), 2):
+        tables = self.header.split(block) if self.title and self.title in block else [block]
+        if len(tables) > 1 and not tables[-1]:  # units may follow in the next block
+            self.words = tables[-2]
+            tables = tables[:-2]
+        for k in range(0, len(tables), 2):
             if k:
-                row += parts[k - 1].count(b"\n")
+                row += tables[k - 1].count(b"\n")
                 self.begins.append(len(self.rows))
-            rows, words = self._divide_words(parts[k], row)
-            self._add_rows(rows, row)
-            row += parts[k].count(b"\n")
-            if (k < len(parts) - 1 or self.words) and words.strip():
-                self.skipped.setdefault("text between tables", row - words.count(b"\n"))
-            elif len(words) > TAIL:  # a column of words
-                self._add_rows(words, row - words.count(b"\n"))
-            elif k == len(parts) - 1 and not self.words:
-                self.words = words
+            is_last = k == len(tables) - 1 and not self.words
+            self._add_table(tables[k], row, is_last=is_last)
+            row += tables[k].count(b"\n")
+
+    def _add_table(self, lines: bytes, row: int, *, is_last: bool) -> None:
+        """Add lines up to the next header, or, if they are the last ones, up to the block's end."""
+        rows, words = self._divide_words(lines, row)
+        self._add_rows(rows, row)
+        row += lines.count(b"\n") - words.count(b"\n")
+        if not is_last and words.strip():
+            self.skipped.setdefault("text between tables", row)
+        elif len(words) > TAIL:  # a column of words
+            self._add_rows(words, row)
+        elif is_last:
+            self.words = words
 
     def _divide_words(self, lines: bytes, row: int) -> tuple[bytes, bytes]:
         """The rows of the table, and the lines of words below them; skip another table."""
@@ -486,28 +531,31 @@ class _Table:
         end = len(lines)
         # A line with half of the quotation marks is the end of a cell of several lines.
         while end and _WORDS.match(text, begin) and text.count(b'"', begin, end) % 2 == 0:
-            end, begin = begin, text.rfind(b"\n", 0, begin)
+            end = begin
+            begin = text.rfind(b"\n", 0, begin)
         begin = stop = 0
-        for found in _WORDS.finditer(text, 0, end + 1):
-            begin, stop = begin if found.start() == stop else found.start(), found.end()
-            below = lines[stop : lines.find(b"\n", stop) + 1]
-            if not below or _WORDS.match(text, stop):
+        for line in _WORDS.finditer(text, 0, end + 1):
+            if line.start() != stop:
+                begin = line.start()
+            stop = line.end()
+            row_below = lines[stop : lines.find(b"\n", stop) + 1]
+            if not row_below or _WORDS.match(text, stop):
                 continue
-            words = self.text.decode(lines[begin:stop] + below).split("\n")[:-1]
-            if is_other_table(words):
-                self.skipped.setdefault(
-                    "another table; palpate reads the largest", row + lines.count(b"\n", 0, begin)
-                )
+            if is_other_table(self.text.decode(lines[begin:stop] + row_below).split("\n")[:-1]):
+                self._skip_table(row + lines.count(b"\n", 0, begin))
                 return lines[:begin], b""
         return lines[:end], lines[end:]
+
+    def _skip_table(self, row: int) -> None:
+        self.skipped.setdefault("another table; palpate reads the largest", row)
 
     def _add_last_words(self, row: int) -> None:
         """Add the last lines if they have the cells of rows; else they are text below the table."""
         lines = self.text.decode(self.words).split("\n")[:-1]
-        cells = [split_cells(line, self.layout.delimiter) for line in lines if line.strip(" ,;|\t")]
-        if cells and all(len(each) == len(self.columns) for each in cells):
+        rows = [split_cells(line, self.layout.delimiter) for line in lines if line.strip(" ,;|\t")]
+        if rows and all(len(cells) == len(self.columns) for cells in rows):
             self._add_rows(self.words, row)
-        elif cells:
+        elif rows:
             self.skipped.setdefault("text below the table", row)
 
     def _add_rows(self, block: bytes, row: int) -> None:
@@ -518,67 +566,67 @@ class _Table:
                 if block.count(b'"', 0, cut) % 2 == 0:
                     break
                 cut = block.find(b"\n", cut) + 1 or len(block)
-            piece, block = block[:cut], block[cut:]
-            cells = self._divide_at_once(piece)
-            if cells is not None:
-                self._add_cells(range(row, row + len(cells[0])), cells)
+            piece = block[:cut]
+            block = block[cut:]
+            columns = self._divide_at_once(piece)
+            if columns is not None:
+                self._add_cells(range(row, row + len(columns[0])), columns)
             else:
                 lines = self.text.decode(piece).split("\n")[:-1]
                 records = list(self._records(lines, row, self._lose))
                 if records:
-                    rows, found = zip(*records, strict=True)
-                    self._add_cells(rows, _transpose(found, len(self.columns)))
+                    rows, cells = zip(*records, strict=True)
+                    self._add_cells(rows, self._transpose(cells))
             row += piece.count(b"\n")
 
     def _add_cells(self, rows: Sequence[int], columns: Sequence[Sequence[str]]) -> None:
         keep = np.ones(len(rows), dtype=bool)
-        for column, found in zip(self.columns, columns, strict=True):
-            for k in column.rows_to_skip(found):
+        for column, cells in zip(self.columns, columns, strict=True):
+            for k in column.rows_to_skip(cells):
                 if keep[k]:
-                    self._lose(f"has no valid time in column {column.name!r}", rows[k], found[k])
+                    self._lose(f"has no valid time in column {column.name!r}", rows[k], cells[k])
                 keep[k] = False
         if not keep.all():
-            columns = [list(itertools.compress(found, keep)) for found in columns]
+            columns = [list(itertools.compress(cells, keep)) for cells in columns]
             rows = list(itertools.compress(rows, keep))
-        for column, found in zip(self.columns, columns, strict=True):
-            column.take(found)
+        for column, cells in zip(self.columns, columns, strict=True):
+            column.take(cells)
         self.rows.append(rows)
 
     def _records(
         self, lines: Sequence[str], row: int, lose: Callable[[str, int], None]
     ) -> Iterator[tuple[int, list[str]]]:
         """Return row in the file and cells of each record; the first line is row ``row``."""
-        width, delimiter = len(self.layout.header), self.layout.delimiter
-        k = 0
-        while k < len(lines):
-            line, at = lines[k], row + k
-            k += 1
+        width = len(self.layout.header)
+        delimiter = self.layout.delimiter
+        stop = 0
+        for k, line in enumerate(lines):
+            if k < stop:  # within a quoted cell
+                continue
             if "\0" in line:
-                lose("contains zero bytes", at)
+                lose("contains zero bytes", row + k)
                 continue
             if has_open_quote(line):
-                end = next((j for j in range(k, min(k + MOST_LINES, len(lines)))
-                            if has_open_quote(lines[j])), None)  # fmt: skip
-                line = "" if end is None else "\n".join(lines[k - 1 : end + 1])
+                below = range(k + 1, min(k + 1 + MOST_LINES, len(lines)))
+                end = next(filter(lambda j: has_open_quote(lines[j]), below), k)
+                line = "\n".join(lines[k : end + 1])
                 # Two stray marks far apart do not enclose the rows between them.
-                if end is None or len(split_cells(line, delimiter)) != width:
-                    lose("has a quotation mark that is never closed", at)
+                if end == k or len(split_cells(line, delimiter)) != width:
+                    lose("has a quotation mark that is never closed", row + k)
                     continue
-                k = end + 1
+                stop = end + 1
             cells = split_cells(line, delimiter)
-            fitting = cells if len(cells) == width else pad_cells(cells, width)
             # Padding an almost empty row of a wide table would invent many cells.
             if width > WIDE and 2 * len(cells) < width:
-                lose("has less than half as many cells as the header", at)
-            elif fitting is None:
-                lose("has more cells than the header", at)
+                lose("has less than half as many cells as the header", row + k)
+            elif any(map(str.strip, cells[width:])):
+                lose("has more cells than the header", row + k)
             else:
-                yield at, fitting
+                yield row + k, [*cells[:width], *[""] * (width - len(cells))]
 
-    def _parse_at_once(self, block: bytes) -> list[NDArray[Any]] | None:
-        """The columns of lines of plain numbers; None if they hold anything else."""
-        dtypes = [column.dtype for column in self.columns]
-        if any(dtype is None for dtype in dtypes):
+    def _parse_at_once(self, block: bytes) -> list[Values] | None:
+        """The columns of many lines of plain numbers; None if they hold anything else."""
+        if self.text.size < (HEAD if self.text.compressed else LARGE) or not find_spec("pyarrow"):
             return None
         delimiter = self.layout.delimiter
         if self.layout.decimal == ",":
@@ -586,148 +634,161 @@ class _Table:
                 return None
             block = block.replace(b",", b".")
         if delimiter == SPACES:
-            lines = block.split(b"\n")[:-1]
-            block = b"".join([b",".join(line.split()) + b"\n" for line in lines])
+            block = b"".join(b",".join(line.split()) + b"\n" for line in block.splitlines())
             delimiter = ","
+        row = delimiter.encode() * (len(self.columns) - 1) + b"\n"
         rows = block.count(b"\n")
-        pattern = delimiter.encode() * (len(dtypes) - 1) + b"\n"
-        if block.translate(None, _PLAIN) != pattern * rows:
+        if any(column.kind not in _PLAIN_KINDS for column in self.columns):
             return None
-        large = self.text.size > (HEAD if self.text.compressed else LARGE)
-        parse = _parse_with_arrow if large and has_pyarrow() else _parse_with_numpy
+        if block.translate(None, _PLAIN) != row * rows:
+            return None
         try:
-            arrays = parse(block, delimiter, dtypes)
+            arrays = _parse_with_arrow(block, delimiter, [column.dtype for column in self.columns])
         except ValueError:  # pyarrow's own is one
             return None
-        return arrays if len(arrays[0]) == rows else None  # both parsers skip blank lines
+        return arrays if len(arrays[0]) == rows else None  # pyarrow skips blank lines
 
-    def _divide_at_once(self, lines: bytes) -> list[list[str]] | None:
+    def _divide_at_once(self, lines: bytes) -> list[Sequence[str]] | None:
         """The cells of each column; None if a row is incomplete or a cell is quoted."""
-        delimiter, width = self.layout.delimiter, len(self.columns)
-        if delimiter == SPACES or b'"' in lines or b"\0" in lines or b"\r" in lines:
+        if b'"' in lines or b"\0" in lines or b"\r" in lines:
             return None
+        delimiter = self.layout.delimiter
+        width = len(self.columns)
+        if delimiter == SPACES:
+            records = [line.split() for line in self.text.decode(lines).split("\n")[:-1]]
+            return self._transpose(records) if {*map(len, records)} == {width} else None
         rows = lines.count(b"\n")
-        others = bytes(set(range(256)) - {*delimiter.encode(), *b"\n"})
-        if lines.translate(None, others) != (delimiter.encode() * (width - 1) + b"\n") * rows:
+        if (
+            lines.translate(None, bytes({*range(256)} - {*delimiter.encode(), 10}))
+            != (delimiter.encode() * (width - 1) + b"\n") * rows
+        ):
             return None
         cells = self.text.decode(lines).replace("\n", delimiter).split(delimiter)
         return [cells[k : rows * width : width] for k in range(width)]
 
-    def _is_cut_off(self, line: bytes, row: int, before: bytes) -> bool:
+    def _is_cut_off(self, line: bytes, row: int, above: bytes) -> bool:
         """Whether the last line, without a line end, is incomplete; if so, count it as skipped."""
+        delimiter = self.layout.delimiter
         text = self.text.decode(line)
         cells = list[str]()
-        with suppress(csv.Error):  # a line end within a cell
-            cells = [] if has_open_quote(text) else split_cells(text[:-1], self.layout.delimiter)
-        killed = self.text.size % BUFFER == 0 and not self.text.compressed
-        cut = len(cells) < len(self.columns) or killed or bool(self.text.losses)
+        if not has_open_quote(text):
+            cells = split_cells(text[:-1], delimiter)
+        is_killed = self.text.size % BUFFER == 0 and not self.text.compressed
+        is_cut = len(cells) < len(self.columns) or is_killed or bool(self.text.losses)
         # Its last number may lack digits; compare its length with the numbers above.
-        above = before[-TAIL:].split(b"\n")[1:-1]
-        if not cut and len(above) > FEW:
-            mark = None if self.layout.delimiter == SPACES else self.layout.delimiter.encode()
-            ends = [len((each.rsplit(mark, 1) or [b""])[-1]) for each in above]
-            cut = len((line[:-1].rsplit(mark, 1) or [b""])[-1]) < min(ends)
-        if cut:
+        rows = above[-TAIL:].split(b"\n")[1:-1]
+        if not is_cut and len(rows) > FEW:
+            mark = None if delimiter == SPACES else delimiter.encode()
+            *ends, end = (len((cells.rsplit(mark, 1) or [b""])[-1]) for cells in [*rows, line[:-1]])
+            is_cut = end < min(ends)
+        if is_cut:
             self._lose("is cut off by the end of the file", row)
-        return cut
+        return is_cut
 
     def recording(self) -> Recording:
-        """Return the recording."""
+        """Return the recording.
+
+        Raises
+        ------
+        RecordingError
+            No row could be read.
+        MissingChannelError
+            There is no requested column.
+        """
         draft = Draft(self.request, notes=dict(self.layout.notes))
-        channels, units = draft.channels, draft.units
-        for column in self.columns:
-            fault, made = column.fault(), column.channels()
-            channels |= made
-            if fault is not None:
-                draft.faults |= dict.fromkeys(made, fault)
-            if column.name in self.layout.units:
-                units |= dict.fromkeys(made, self.layout.units[column.name])
-            elif column.kind in ("dates", "nanoseconds"):
-                units[column.name] = "ns"
-        for name, values in channels.items():
-            found = detect_epoch(values) if is_timelike(name) else None
-            if found is not None and units.setdefault(name, found[0]) == found[0]:
-                channels[name] = found[1]
-        joined = join_stamps(channels)
-        channels |= joined
-        units |= dict.fromkeys(joined, "ns")
-        for name in [each for each in channels if not self.request.wants(each)]:
-            del channels[name]
-            units.pop(name, None)
-        has_numbers = any(values.dtype != object for values in channels.values())
-        if len(self.begins) > 1 and has_numbers and "segment" not in channels:
-            ends = [*self.begins[1:], len(self.rows)]
-            parts = (self.rows[a:b] for a, b in zip(self.begins, ends, strict=True))
-            lengths = [sum(map(len, part)) for part in parts]
-            channels["segment"] = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
-        if self.request.channels and not channels:
+        self._add_channels(draft)
+        if self.request.channels and not draft.channels:
             source = self.request.source
             raise MissingChannelError(self.request.channels[0], self.layout.header, source)
-        draft.losses = [
-            f"{first} {what}; palpate skipped it"
-            if count == 1
-            else f"palpate skipped {count} rows, each of which {what}; the first is {first}"
-            for what, (count, first) in self.lost.items()
-        ]
-        draft.losses += self.text.losses
-        for line in self.layout.table.others:
-            self.skipped.setdefault("another table; palpate reads the largest", line)
-        for what, line in self.skipped.items():
-            draft.omit(f"lines from {line} on", what)
-        if ignored := ", ".join(each.name for each in self.columns if each.kind == "nothing"):
-            draft.omit("columns not requested", ignored)
+        self._report_losses(draft)
         if self.text.encoding != "utf-8":
             encoding = self.text.encoding.upper().replace("WINDOWS", "Windows")
             draft.notes["encoding"] = encoding
-        rows = _concatenate_numbers(self.rows)
-        settings, place = self.layout.settings, self.layout.place
-        recording = replace(draft.done(rows), settings=settings, table=place)
+        rows = _join_ranges(self.rows)
+        place = self.layout.place
+        recording = replace(draft.done(rows), settings=self.layout.settings, table=place)
         if draft.losses and not len(rows):
-            where = f"; {place}" * bool(place)
+            where = f"; {place}" if place else ""
             raise draft.error(f"no row can be read: {draft.losses[0]}{where}")
         return recording
+
+    def _add_channels(self, draft: Draft) -> None:
+        """Add the requested columns, their units and faults, and times in whole nanoseconds."""
+        channels = draft.channels
+        for column in self.columns:
+            fault = column.fault()
+            arrays = column.channels()
+            channels |= arrays
+            if fault is not None:
+                draft.faults |= dict.fromkeys(arrays, fault)
+            unit = self.layout.units.get(column.name)
+            if unit is None and column.kind in ("dates", "nanoseconds"):
+                unit = "ns"
+            if unit is not None:
+                draft.units |= dict.fromkeys(arrays, unit)
+        for name in filter(is_timelike, channels):
+            epoch = detect_epoch(channels[name])
+            if epoch is not None and draft.units.setdefault(name, epoch[0]) == epoch[0]:
+                channels[name] = epoch[1]
+        stamps = join_stamps(channels)
+        channels |= stamps
+        draft.units |= dict.fromkeys(stamps, "ns")
+        for name in [name for name in channels if not self.request.wants(name)]:
+            del channels[name]
+            draft.units.pop(name, None)
+        has_numbers = any(values.dtype != object for values in channels.values())
+        if len(self.begins) > 1 and has_numbers:
+            ends = [*self.begins[1:], len(self.rows)]
+            blocks = [self.rows[a:b] for a, b in zip(self.begins, ends, strict=True)]
+            lengths = [sum(map(len, block)) for block in blocks]
+            segments = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
+            channels.setdefault("segment", segments)
+
+    def _report_losses(self, draft: Draft) -> None:
+        """Report the rows, lines and columns that are not in the recording."""
+        for what, (count, place) in self.lost.items():
+            if count == 1:
+                draft.losses.append(f"{place} {what}; palpate skipped it")
+            else:
+                draft.losses.append(
+                    f"palpate skipped {count} rows, each of which {what}; the first is {place}"
+                )
+        draft.losses += self.text.losses
+        for line in self.layout.table.others:
+            self._skip_table(line)
+        for what, line in self.skipped.items():
+            draft.omit(f"lines from {line} on", what)
+        ignored = ", ".join(column.name for column in self.columns if column.kind == "nothing")
+        if ignored:
+            draft.omit("columns not requested", ignored)
 
 
 def _strip_returns(lines: bytes) -> bytes:
     return re.sub(rb"\r+\n", b"\n", lines) if b"\r" in lines else lines
 
 
-def _transpose(cells: Sequence[list[str]], width: int) -> list[Sequence[str]]:
-    """The columns of rows."""
-    return list(zip(*cells, strict=True)) if cells else [()] * width
-
-
-def _concatenate_numbers(rows: Sequence[Sequence[int]]) -> Sequence[int]:
+def _join_ranges(rows: Iterable[Sequence[int]]) -> Sequence[int]:
     """All row numbers in one sequence; a range if they are consecutive."""
-    rows = [each for each in rows if len(each)]
-    if not rows:
+    filled = [numbers for numbers in rows if len(numbers)]
+    if not filled:
         return range(0)
-    first, count = rows[0][0], sum(map(len, rows))
-    if rows[-1][-1] - first + 1 == count:
-        return range(first, first + count)
-    joined: Any = np.concatenate([np.array(each, np.int64) for each in rows])
+    start = filled[0][0]
+    count = sum(map(len, filled))
+    if filled[-1][-1] - start + 1 == count:
+        return range(start, start + count)
+    joined: Any = np.concatenate([np.array(numbers, np.int64) for numbers in filled])
     return joined  # type: ignore[no-any-return]
 
 
-def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
-    arrow, csv = import_module("pyarrow"), import_module("pyarrow.csv")
+def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[Values]:
+    arrow = import_module("pyarrow")
+    csv = import_module("pyarrow.csv")
     names = [str(k) for k in range(len(dtypes))]
-    types = [arrow.float64() if dtype.kind == "f" else arrow.int64() for dtype in dtypes]
+    types = {name: arrow.from_numpy_dtype(dtype) for name, dtype in zip(names, dtypes, strict=True)}
     table = csv.read_csv(
         arrow.BufferReader(block),
         csv.ReadOptions(column_names=names, block_size=len(block) + 1, use_threads=False),
         csv.ParseOptions(delimiter=delimiter, quote_char=False),
-        csv.ConvertOptions(column_types=dict(zip(names, types, strict=True)), null_values=[]),
+        csv.ConvertOptions(column_types=types, null_values=[]),
     )
     return [column.to_numpy() for column in table.columns]
-
-
-def _parse_with_numpy(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[NDArray[Any]]:
-    table = np.loadtxt(
-        io.TextIOWrapper(io.BytesIO(block), "ascii"),
-        delimiter=delimiter,
-        dtype=[(f"f{k}", dtype) for k, dtype in enumerate(dtypes)],
-        ndmin=1,
-        comments=None,
-    )
-    return [table[name].copy() for name in table.dtype.names or ()]

@@ -3,12 +3,10 @@
 import re
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Whole = NDArray[np.int64]
+from palpate.validation import Integers, Values
 
 _ISO = re.compile(
     r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?"
@@ -62,14 +60,14 @@ def _since_midnight(cell: str) -> int | None:
     return (3600 * hour + 60 * minute + second) * 10**9 + int((found[4] or "").ljust(9, "0"))
 
 
-def past_midnight(times: Whole) -> Whole:
+def past_midnight(times: Integers) -> Integers:
     """Times of day, with a day more after each midnight; other times are unchanged."""
     if not times.size or times.max() >= DAY or times.min() < 0:
         return times
     return times + DAY * np.cumsum(np.diff(times, prepend=times[0]) < -DAY // 2)
 
 
-def plain_iso_times(cells: Sequence[str]) -> Whole | None:
+def plain_iso_times(cells: Sequence[str]) -> Integers | None:
     """Convert many cells together, as :func:`iso_nanoseconds` does for one.
 
     None if a cell is not in UTC or not in the usual form.
@@ -108,7 +106,7 @@ def epoch_unit(value: float) -> str | None:
     return next(fitting, None)
 
 
-def detect_epoch(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
+def detect_epoch(values: Values) -> tuple[str, Values] | None:
     """Return the unit of times since 1970, and the times, as integers if all are whole.
 
     None if they are not such times.
@@ -123,12 +121,12 @@ def detect_epoch(values: NDArray[Any]) -> tuple[str, NDArray[Any]] | None:
     return unit, values.astype(np.int64) if whole else values
 
 
-def join_stamps(channels: Mapping[str, NDArray[Any]]) -> dict[str, Whole]:
+def join_stamps(channels: Mapping[str, Values]) -> dict[str, Integers]:
     """Join pairs of columns with seconds and nanoseconds, as ROS names them.
 
     ``header.stamp.secs`` and ``header.stamp.nsecs`` give ``header.stamp``, in integer nanoseconds.
     """
-    found: dict[str, Whole] = {}
+    found: dict[str, Integers] = {}
     for name, seconds in channels.items():
         if not (parts := _LAST.fullmatch(name)):
             continue
@@ -143,7 +141,7 @@ def join_stamps(channels: Mapping[str, NDArray[Any]]) -> dict[str, Whole]:
     return found
 
 
-def _whole_below(values: NDArray[Any], limit: float) -> bool:
+def _whole_below(values: Values, limit: float) -> bool:
     if values.dtype.kind not in "fi" or not values.size:
         return False
     with np.errstate(invalid="ignore"):
@@ -185,7 +183,7 @@ def clock_unit(name: str) -> str | None:
     return _SHORT.get(found["unit"].lower()) if found and found["unit"] else None
 
 
-def detect_epoch_unit(values: NDArray[Any]) -> str | None:
+def detect_epoch_unit(values: Values) -> str | None:
     """Return the unit of times since 1970 from the first one; None for seconds and other times."""
     known = values[np.isfinite(values)]
     unit = epoch_unit(float(known[0])) if known.size else None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate._core import noise_of
 from palpate.contact import Delay
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 from palpate.wrench.motion import FlangeMotion
 from palpate.wrench.payload import Payload

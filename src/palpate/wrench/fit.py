@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.contact import Delay, run_slices
 from palpate.estimators.least_squares import long_run_covariance
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 from palpate.wrench.consensus import LONGEST_DELAY, Blocks, Mask, largest_consensus
 from palpate.wrench.payload import TENSOR, Payload

@@ -7,7 +7,7 @@ import numpy as np
 
 from palpate.digits import percent
 from palpate.findings import MARKS, Check, Finding, Mark, worst
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.wrench.fit import PayloadFit
 
 MASS_ERRORS = 0.01, 0.05  # relative standard errors: trust, with care

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from palpate._core import noise_of
 from palpate.channels.frames import INVERSE, align_signs, interpolate_columns, multiply, rotate
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of

@@ -13,7 +13,7 @@ import numpy as np
 from palpate.contact import Delay
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.settings import ForceFrame
 from palpate.validation import Floats
 from palpate.wrench.consensus import (

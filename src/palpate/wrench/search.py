@@ -9,7 +9,7 @@ import numpy as np
 from palpate.contact import Delay
 from palpate.digits import with_error
 from palpate.errors import RecordingError
-from palpate.recordings.recording import GRAVITY
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 from palpate.wrench.consensus import Blocks, blocks_of
 from palpate.wrench.fit import (

@@ -33,10 +33,11 @@ from ruamel.yaml.error import YAMLError
 
 from palpate.errors import RecordingError
 from palpate.recordings.messages.collection import Collection
-from palpate.recordings.messages.layout import Block, Bytes, Starts, gather, one_line
+from palpate.recordings.messages.layout import Block, Bytes, gather, one_line
 from palpate.recordings.messages.topic import Topic
 from palpate.recordings.opening import METADATA, Request, excess, first_line, regular_size
 from palpate.recordings.recording import Recording, printable
+from palpate.validation import Integers
 from palpate.writing import scratch_file
 
 _LZ4 = b"\x04\x22\x4d\x18"
@@ -352,7 +353,7 @@ class _Mcap:
         is_message = (kinds == Opcode.MESSAGE) & (sizes >= _HEAD.itemsize)
         self._messages(view, begins[is_message], sizes[is_message])
 
-    def _messages(self, view: Bytes, begins: Starts, sizes: Starts) -> None:
+    def _messages(self, view: Bytes, begins: Integers, sizes: Integers) -> None:
         if not len(begins):
             return
         heads = gather(view, begins, _HEAD.itemsize).view(_HEAD)[:, 0]

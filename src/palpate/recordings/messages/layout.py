@@ -20,6 +20,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from rosbags.typesys import get_typestore as typestore
 
 from palpate.errors import PalpateError
+from palpate.validation import Integers, Values
 
 # A list of more elements is a scan or an image, not a vector, a matrix or a set of joints.
 LONGEST_LIST = 64
@@ -212,7 +213,6 @@ class _Builder:
 
 
 Bytes: TypeAlias = NDArray[np.uint8]
-Starts: TypeAlias = NDArray[np.int64]
 #: Messages of one length, a row each.
 Matrix: TypeAlias = NDArray[np.uint8]
 
@@ -224,7 +224,7 @@ class NumberAt:
     offset: int
     dtype: str
 
-    def read(self, messages: Matrix) -> NDArray[Any]:
+    def read(self, messages: Matrix) -> Values:
         """Return the number in each message, in native byte order."""
         dtype = np.dtype(self.dtype)
         rows, width = messages.shape
@@ -232,7 +232,7 @@ class NumberAt:
         if dtype.kind == "b":  # any byte but 0 means true, but NumPy expects 1
             truths: NDArray[np.bool_] = column.view(np.uint8) != 0
             return truths
-        found: NDArray[Any] = column.astype(dtype.newbyteorder("="))
+        found: Values = column.astype(dtype.newbyteorder("="))
         return found
 
 
@@ -243,7 +243,7 @@ class TimeAt:
     seconds: NumberAt
     nanoseconds: NumberAt
 
-    def read(self, messages: Matrix) -> NDArray[Any]:
+    def read(self, messages: Matrix) -> Values:
         """Return the time in each message."""
         seconds = self.seconds.read(messages).astype(np.int64)
         return seconds * 1_000_000_000 + self.nanoseconds.read(messages).astype(np.int64)
@@ -328,9 +328,9 @@ class Block:
     """
 
     data: Bytes
-    starts: NDArray[np.int64]
-    lengths: NDArray[np.int64]
-    times: NDArray[np.int64]
+    starts: Integers
+    lengths: Integers
+    times: Integers
 
     def message(self, k: int) -> bytes:
         """Return one message."""
@@ -344,7 +344,7 @@ class Block:
         return cls(data, np.cumsum(lengths) - lengths, lengths, np.array(times, np.int64))
 
 
-def gather(data: Bytes, starts: NDArray[np.int64], length: int) -> Matrix:
+def gather(data: Bytes, starts: Integers, length: int) -> Matrix:
     """Return messages of equal length, at any positions in a block, as rows of a matrix."""
     if length == 0 or not len(starts):
         return np.empty((len(starts), length), np.uint8)

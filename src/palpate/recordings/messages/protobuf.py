@@ -9,11 +9,11 @@ import numpy as np
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError
-from numpy.typing import NDArray
 
-from palpate.recordings.messages.layout import LONGEST_LIST, Starts, UndecodableError, one_line
+from palpate.recordings.messages.layout import LONGEST_LIST, UndecodableError, one_line
 from palpate.recordings.messages.topic import Found, ObjectTopic
 from palpate.recordings.opening import Request, first_line
+from palpate.validation import Integers, Values
 
 _DEEPEST = 32
 _SECONDS = ("sec", "secs", "seconds")
@@ -44,7 +44,7 @@ class JsonTopic(ObjectTopic):
             raise UndecodableError(f"it must be a JSON object, not {type(found).__name__}")
         return found
 
-    def take_objects(self, messages: list[Any], times: Starts) -> None:
+    def take_objects(self, messages: list[Any], times: Integers) -> None:
         """Read decoded messages with their log times, ns."""
         values: dict[str, list[Any]] = defaultdict(list)
         rows: dict[str, list[int]] = defaultdict(list)
@@ -96,7 +96,7 @@ def _time(value: dict[str, Any]) -> int | None:
     return time if abs(time) < _LARGEST else None
 
 
-def _column(numbers: list[Any]) -> NDArray[Any]:
+def _column(numbers: list[Any]) -> Values:
     kinds = set(map(type, numbers))
     if kinds == {bool}:
         return np.array(numbers, bool)
@@ -160,7 +160,7 @@ class ProtobufTopic(ObjectTopic):
         except DecodeError as error:
             raise UndecodableError(f"{error}"[:100]) from None
 
-    def take_objects(self, messages: list[Any], times: Starts) -> None:
+    def take_objects(self, messages: list[Any], times: Integers) -> None:
         """Read decoded messages with their log times, ns."""
         if not self.found and self.request.channels is None and _is_long(messages[0]):
             self.omitted = "most of it is in long lists"
@@ -177,15 +177,15 @@ class ProtobufTopic(ObjectTopic):
             self._extend(name, items, times[list(which)], None)
         self._extend("", messages, times, apart if pairs else None)
 
-    def _extend(self, name: str, messages: Sequence[Any], times: Starts, without: Any) -> None:
+    def _extend(self, name: str, messages: Sequence[Any], times: Integers, without: Any) -> None:
         found = self.found.get(name, Found())
         rows = found.count + np.arange(len(messages))
         columns = self._columns(messages, rows, "", found, without)
         self.keep(name, found, [each for each in columns if self.wants(name, each[0])], times)
 
     def _columns(
-        self, messages: Sequence[Any], rows: Starts, path: str, found: Found, without: Any = None
-    ) -> Iterator[tuple[str, Starts, NDArray[Any]]]:
+        self, messages: Sequence[Any], rows: Integers, path: str, found: Found, without: Any = None
+    ) -> Iterator[tuple[str, Integers, Values]]:
         """Each number of some messages: its path, the rows that have it, and the values."""
         kind = messages[0].DESCRIPTOR
         for field in kind.fields:
@@ -213,8 +213,8 @@ class ProtobufTopic(ObjectTopic):
             yield from self._values(field, values, here, below, found)
 
     def _values(
-        self, field: Any, values: Sequence[Any], rows: Starts, path: str, found: Found
-    ) -> Iterator[tuple[str, Starts, NDArray[Any]]]:
+        self, field: Any, values: Sequence[Any], rows: Integers, path: str, found: Found
+    ) -> Iterator[tuple[str, Integers, Values]]:
         if not values:
             return
         if field.cpp_type in _DTYPES:

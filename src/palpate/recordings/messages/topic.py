@@ -7,20 +7,19 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import zstandard
-from numpy.typing import NDArray
 
 from palpate.recordings.messages.layout import (
     Block,
     Entity,
     Layout,
     Matrix,
-    Starts,
     TimeAt,
     UndecodableError,
     gather,
 )
 from palpate.recordings.opening import Request
 from palpate.recordings.recording import Faults
+from palpate.validation import Integers, Values
 
 # Undecodable messages after which palpate gives up on a topic: some 0.1 s per topic.
 PATIENCE = 1000
@@ -34,8 +33,8 @@ LOG_TIME = "log time"
 STAMPS = ("header.stamp", "timestamp", "stamp")
 
 Walk: TypeAlias = Callable[[bytes], Layout]
-_Rows: TypeAlias = slice | NDArray[np.int64]
-_Pieces: TypeAlias = list[tuple[_Rows, NDArray[Any]]]
+_Rows: TypeAlias = slice | Integers
+_Pieces: TypeAlias = list[tuple[_Rows, Values]]
 
 
 def find_stamp(paths: Iterable[str]) -> str | None:
@@ -67,7 +66,7 @@ class Found:
         if len(self.frames[path]) < 2 and frame not in self.frames[path]:
             self.frames[path].append(frame)
 
-    def finish(self, path: str) -> tuple[NDArray[Any], Faults | None]:
+    def finish(self, path: str) -> tuple[Values, Faults | None]:
         """Return and clear a column; a row without the field is NaN and counted as a fault."""
         pieces = self.columns.pop(path)
         dtype = np.result_type(*(column.dtype for _, column in pieces))
@@ -86,8 +85,8 @@ class Found:
 
 
 #: A column of numbers: its path, the rows that have it, and the values.
-PathColumn: TypeAlias = tuple[str, _Rows, NDArray[Any]]
-_Part: TypeAlias = tuple[Starts, Layout, Matrix]
+PathColumn: TypeAlias = tuple[str, _Rows, Values]
+_Part: TypeAlias = tuple[Integers, Layout, Matrix]
 
 
 class Topic:
@@ -140,7 +139,7 @@ class Topic:
         """Whether a column is requested, or is the time of measurement."""
         return path in STAMPS or self.request.wants(f"{self.name}{name}.{path}")
 
-    def keep(self, name: str, found: Found, columns: Sequence[PathColumn], times: Starts) -> None:
+    def keep(self, name: str, found: Found, columns: Sequence[PathColumn], times: Integers) -> None:
         """Add columns of some messages, unless they hold nothing but the time stamp."""
         paths = {path for path, _, _ in columns}
         if paths <= {find_stamp(paths)}:
@@ -160,7 +159,7 @@ class ObjectTopic(Topic):
         """Return a message as an object; raise UndecodableError if it is invalid."""
         raise NotImplementedError
 
-    def take_objects(self, messages: list[Any], times: Starts) -> None:
+    def take_objects(self, messages: list[Any], times: Integers) -> None:
         """Read decoded messages with their log times, ns."""
         raise NotImplementedError
 
@@ -224,7 +223,7 @@ class BinaryTopic(Topic):
             times.append(time)
         return Block.joined(messages, times)
 
-    def _match(self, block: Block, which: Starts, length: int, parts: list[_Part]) -> None:
+    def _match(self, block: Block, which: Integers, length: int, parts: list[_Part]) -> None:
         """Group messages of one length by layout: their indices, the layout, the bytes."""
         known = self._layouts.setdefault(length, [])
         # Parse the first message before copying, so that images are skipped without a copy.
@@ -282,7 +281,7 @@ class BinaryTopic(Topic):
             if set(entity.leaves) <= {stamp}:
                 entity.leaves.clear()
 
-    def _extend(self, parts: list[_Part], times: NDArray[np.int64]) -> None:
+    def _extend(self, parts: list[_Part], times: Integers) -> None:
         by_name: dict[str, list[tuple[_Part, Entity]]] = defaultdict(list)
         for part in parts:
             for entity in part[1].entities:
