@@ -12,6 +12,7 @@ from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import judge_evidence
 from palpate.findings import Check, Finding, Mark, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.remedies import Remedy
 from palpate.validation import Plain
 
 
@@ -283,7 +284,7 @@ class Diagnosis(Plain):
         return "no problem found that would change the result" if found is None else found.message
 
     @property
-    def remedy(self) -> str | None:
+    def remedy(self) -> Remedy | None:
         """The remedy of the deciding finding."""
         return None if self.deciding is None else self.deciding.remedy
 
@@ -295,9 +296,6 @@ class Diagnosis(Plain):
             "limits": {name: found and found.as_dict() for name, found in limits},
             "working_depth": self.working_depth.as_dict(),
         }
-
-
-SELECT_LAW = "let palpate select the law: run again without --law and --method"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
