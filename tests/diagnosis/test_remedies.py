@@ -18,10 +18,19 @@ AS_WIDE = 1.02
 FOLDERS = (BESIDE, BESIDE.parent / "cases")
 FILES = [path for folder in FOLDERS if folder.is_dir() for path in sorted(folder.glob("*.csv"))]
 FAULTS = {**CAUSES, **INPUTS}
+#: Answers by file and options: the advice of both numbers begins with the same one.
+ANSWERED = {}
 
 
 def identified(run, path, options):
     """By number: mark, relative bar and next step; None if palpate refuses the file."""
+    key = path, *options.items()
+    if key not in ANSWERED:
+        ANSWERED[key] = _identified(run, path, options)
+    return ANSWERED[key]
+
+
+def _identified(run, path, options):
     given = [word for option in options.items() for word in option if word]
     code, out, _ = run("identify", path, *given, "--json")
     if code != 0:

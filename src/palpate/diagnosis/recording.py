@@ -56,6 +56,9 @@ class Data:
     def __len__(self) -> int:
         return len(self.time)
 
+    def __repr__(self) -> str:
+        return f"<Data of {self.contact.source or 'a contact'}: {len(self)} samples>"
+
     def samples(self, *, rejecting: bool) -> "Data":
         """Return the data without load transfer if outliers are rejected, else the data itself."""
         return self._without_load_transfer if rejecting else self

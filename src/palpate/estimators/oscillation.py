@@ -49,6 +49,9 @@ class Oscillation:
     delay: float
     _columns: "_Columns"
 
+    def __repr__(self) -> str:
+        return f"<Oscillation by {len(self.laws)} laws that fit as well, the first {self.laws[0]}>"
+
     @classmethod
     def of(
         cls,
