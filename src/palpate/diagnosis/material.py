@@ -183,7 +183,7 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
-    remedy = _or_deeper_half(fit, Step.STAY_IN_CONTACT)
+    remedy = Remedy(Step.STAY_IN_CONTACT, otherwise=deeper_half_remedy(fit))
     return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
 
 
@@ -263,11 +263,6 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     ]
 
 
-def _or_deeper_half(fit: Fit, step: Step) -> Remedy:
-    """Return a remedy, and after *or* the deeper half if that is predicted to help."""
-    return Remedy(step, otherwise=deeper_half_remedy(fit))
-
-
 # Any other cause explains at most the first fraction of what a leading cause does, and a memory at
 # least the second fraction of the residual.
 SECOND, ALONE = 0.8, 0.25
@@ -311,7 +306,7 @@ def check_unknown_law(
         return None
     return Check.UNKNOWN_LAW.finding(
         f"{what}: the stiffness may be that of another law",
-        _or_deeper_half(fit, Step.SPRING_CHECK),
+        Remedy(Step.SPRING_CHECK),
         stiffness="with-care",
         brief=what,
     )
