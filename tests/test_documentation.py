@@ -120,7 +120,10 @@ def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threade
 
 
 #: Libraries without types of their own; everything else in a snippet has them.
-UNTYPED = ["afmformats", "fsspec", "h5py", "mujoco", "openpyxl", "pandas", "pyarrow", "pyspark", "ray", "scipy"]
+UNTYPED = (
+    "afmformats", "fsspec", "h5py", "mujoco", "openpyxl", "pandas", "pyarrow", "pyspark", "ray",
+    "scipy",
+)  # fmt: skip
 
 
 @pytest.mark.long

@@ -68,6 +68,7 @@ from palpate.quantities.derived import (
     compute_oscillation,
     compute_relaxation_time,
     compute_relaxed_stiffness,
+    compute_stiffness_after,
     elastic_modulus_from,
     energy_from,
     passivity_from,
@@ -368,6 +369,7 @@ class Identified:
     dynamic_stiffness = compute_oscillation
     relaxed_stiffness = compute_relaxed_stiffness
     instantaneous_stiffness = compute_instantaneous_stiffness
+    stiffness_after = compute_stiffness_after
     relaxation_time = property(compute_relaxation_time)
     restitution = restitution_from
     energy = cached_property(energy_from)
