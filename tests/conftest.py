@@ -19,6 +19,7 @@ from recordings import recording
 
 import palpate
 from palpate import cli
+from palpate.spelling import options_in_advice
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
 UNDRAWN = "palpate.reports.identification.drawing", lambda *_: iter(())
@@ -50,6 +51,13 @@ def pytest_configure(config):
 
 def pytest_report_header(config):
     return f"seed: {config.option.hypothesis_seed or 'the same in every run'}"
+
+
+@pytest.fixture(autouse=True)
+def _options_in_advice():
+    """Tests compare sentences as the command line writes them; ``test_spelling`` has the others."""
+    with options_in_advice():
+        yield
 
 
 @pytest.fixture

@@ -119,6 +119,37 @@ def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threade
     assert capsys.readouterr().err == ""
 
 
+#: Libraries without types of their own; everything else in a snippet has them.
+UNTYPED = (
+    "afmformats", "fsspec", "h5py", "mujoco", "openpyxl", "pandas", "pyarrow", "pyspark", "ray",
+    "scipy",
+)  # fmt: skip
+
+
+@pytest.mark.long
+def test_the_snippets_of_readme_and_docs_have_types(tmp_path):
+    """Those of a page are one script, as they run, whose lines are those of the page."""
+    api = pytest.importorskip("mypy.api")
+    pages = [ROOT / "README.md", *(page for page in PAGES if page.is_relative_to(ROOT / "docs"))]
+    files = []
+    for page in pages:
+        lines = []
+        for snippet in SNIPPETS[page]:
+            if snippet.language == "python":
+                lines += [""] * (snippet.line - 1 - len(lines)) + snippet.text.splitlines()
+        if lines:
+            name = re.sub(r"\W", "_", str(page.relative_to(ROOT)))
+            files.append(tmp_path / f"{name}.py")
+            files[-1].write_text("\n".join(lines) + "\n", encoding="utf-8")
+    config = tmp_path / "mypy.ini"
+    ignored = "".join(f"[mypy-{name}.*]\nignore_missing_imports = true\n" for name in UNTYPED)
+    config.write_text(f"[mypy]\nstrict = true\n{ignored}")
+    options = ["--config-file", str(config), "--cache-dir", str(tmp_path / "cache")]
+    found, complaint, _ = api.run([*options, *map(str, files)])
+    assert len(files) > 20
+    assert found.startswith("Success"), found + complaint
+
+
 LINK = re.compile(r"\]\(([^)\s]+)\)|src(?:set)?=\"([^\"]+)\"")
 
 

@@ -2,6 +2,8 @@
 
 from importlib import import_module
 
+from palpate.spelling import spell_advice
+
 TYPE_CHECKING = False  # as in palpate/__init__.py
 if TYPE_CHECKING:
     from typing import Any
@@ -14,6 +16,9 @@ def printable(words: str) -> str:
 
 class PalpateError(Exception):
     """Base class of palpate's errors."""
+
+    def __str__(self) -> str:
+        return spell_advice(super().__str__())
 
 
 class InvalidParameterError(PalpateError, ValueError):
@@ -76,7 +81,7 @@ class MissingChannelError(RecordingError):
     def __str__(self) -> str:
         where = f"{self.source}: " if self.source else ""
         missing = self.missing or f"no column {self.channel!r}"
-        return f"{where}{missing}; available: {list_names(self.available)}"
+        return f"{where}{spell_advice(missing)}; available: {list_names(self.available)}"
 
 
 def list_names(names: list[str]) -> str:

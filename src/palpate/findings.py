@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from enum import Flag, StrEnum, auto
 from typing import Any, Literal, TypeAlias
 
+from palpate.remedies import Remedy, stated
+from palpate.spelling import spell_advice
 from palpate.validation import Plain, or_nan
 
 Mark: TypeAlias = Literal["trust", "with-care", "do-not-trust"]
@@ -157,7 +159,7 @@ class Check(StrEnum):
     def finding(
         self,
         message: str,
-        remedy: str | None = None,
+        remedy: Remedy | str | None = None,
         z: float = math.nan,
         *,
         severity: Severity = "note",
@@ -177,7 +179,8 @@ class Check(StrEnum):
             Change of stiffness and damping, in per cent of their size.
         """
         marks: tuple[Mark, Mark] = stiffness or mark, damping or mark
-        return Finding(self, message, remedy, severity, z, *marks, *moves_percent, brief)
+        step = remedy if remedy is None or isinstance(remedy, Remedy) else stated(remedy)
+        return Finding(self, message, step, severity, z, *marks, *moves_percent, brief)
 
     def __repr__(self) -> str:
         return repr(self.value)
@@ -210,8 +213,8 @@ class Finding(Plain):
         The id of the :class:`Check`, such as ``"delay"``, or of a check of your own.
     message : str
         One sentence about what happened.
-    remedy : str or None
-        The next step: one sentence, perhaps with options of ``palpate identify``.
+    remedy : Remedy or None
+        The next step: one sentence, perhaps with arguments, or on the command line options.
     severity : str
         ``"note"``, ``"with-care"`` or ``"do-not-trust"``: the overall verdict is at least this. It
         follows the marks: the mark of the stiffness counts in full, an untrusted damping calls for
@@ -229,7 +232,7 @@ class Finding(Plain):
 
     check: str
     message: str
-    remedy: str | None = None
+    remedy: Remedy | None = None
     severity: Severity = "note"
     z: float = math.nan
     stiffness: Mark = "trust"
@@ -239,6 +242,10 @@ class Finding(Plain):
     brief: str = ""
 
     def __post_init__(self) -> None:
+        if self.remedy is not None and not isinstance(self.remedy, Remedy):
+            object.__setattr__(self, "remedy", stated(self.remedy))
+        for name in ("message", "brief"):
+            object.__setattr__(self, name, spell_advice(getattr(self, name)))
         least = worst(self.stiffness, "with-care" if self.damping != "trust" else "trust")
         k = max(MARKS.index(least), SEVERITIES.index(self.severity))
         object.__setattr__(self, "severity", SEVERITIES[k])

@@ -273,6 +273,13 @@ def diagnose(
     return (result if depth is None else result.at_depth(depth)).diagnosis
 
 
+class Comparison(dict[str, Identification]):
+    """The identification of a contact by each method; it prints one on each line."""
+
+    def __repr__(self) -> str:
+        return "\n".join(f"{name}: {result!r}" for name, result in self.items())
+
+
 def compare(
     source: "Contact | Recorded",
     *,
@@ -282,7 +289,7 @@ def compare(
     trace: Traced = 2000,
     watch: Callable[[Sequence[str]], Iterable[str]] = iter,
     known: Identification | None = None,
-) -> dict[str, Identification]:
+) -> Comparison:
     """Identify a contact with every method.
 
     Parameters
@@ -306,8 +313,8 @@ def compare(
 
     Returns
     -------
-    dict
-        An :class:`Identification` for each method's name, in the order of ``ESTIMATORS``.
+    Comparison
+        A dict: an :class:`Identification` for each method's name, in the order of ``ESTIMATORS``.
     """
     traced = check_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
@@ -320,7 +327,7 @@ def compare(
         data = known.data
     data = data.samples(rejecting=rejecting)  # checked once for all methods
     chosen = choose_gate(data.contact) if gate is None else gate
-    results = {}
+    results = Comparison()
     kept = check_exponent(exponent)
     able = [
         name

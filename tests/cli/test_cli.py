@@ -181,6 +181,18 @@ def test_a_file_of_options_may_say_that_a_flag_is_off(run, good, tmp_path):
     assert run("identify", good, "--config", path) == run("identify", good)
 
 
+def test_options_of_any_command_stand_anywhere_though_a_command_takes_any_keyword(run, tmp_path):
+    options = written(tmp_path / "run.toml", "seconds = 2.5\nseed = 3")
+    words = ["lab", "kelvin-voigt", "--K", "900", "--B", "9", "--probe", "ideal", "-o"]
+    first = run("--config", options, *words, tmp_path / "first.csv")
+    assert "seed 3" in first[1]
+    for k, more in enumerate((["--config", options], [f"--config={options}", "--no-color"])):
+        file = tmp_path / f"{k}.csv"
+        assert run(*words, file, *more)[0] == 0
+        assert file.read_bytes() == (tmp_path / "first.csv").read_bytes()
+    assert "seconds" in run("lab", "--verbose", *words[1:], tmp_path / "v.csv", "--seconds")[2]
+
+
 COMPLETED = {
     "palpate i": ["identify", "info"],
     "palpate identify --me": ["--method"],

@@ -22,8 +22,7 @@ FOLDERS = {"identify", "fleet", "export"}  # their -o
 
 def _options(command):
     """The options of a command that name an input, and those that name an output."""
-    # The lab takes any option for a parameter of a law, --config too, and refuses its value.
-    inputs, outputs = [*TEXTS.get(command, []), *["--config"] * (command != "lab")], []
+    inputs, outputs = [*TEXTS.get(command, []), "--config"], []
     for each in application.application([command])[command].assemble_argument_collection():
         if "pathlib.Path" in str(each.hint) or each.hint is Path:
             found = outputs if each.field_info.name in application.OUTPUTS else inputs

@@ -8,12 +8,12 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
-from palpate.diagnosis.bars import BarPart, _best_remedy
-from palpate.diagnosis.clock import IN_STEP
+from palpate.diagnosis.bars import BarPart, best_remedy
 from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
 from palpate.findings import Check
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
+from palpate.remedies import Remedy, Step
 
 LAW = faults.LAW
 Floats = np.ndarray
@@ -177,11 +177,19 @@ def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_bet
 
 def test_the_next_step_is_the_one_that_lowers_the_bar_most():
     """Two parts of 0.8 with one remedy are more than one of 1; of what is detected one counts."""
-    parts = [BarPart(np.array([1.0, 0.0]), "a", "first")]
-    parts += [BarPart(np.array([0.8, 0.0]), "b", "second")] * 2
-    assert _best_remedy(parts, 0) == "second"
+    first, second = Remedy(Step.MOVE_MORE), Remedy(Step.OTHER_SPEEDS)
+    parts = [BarPart(np.array([1.0, 0.0]), "a", first)]
+    parts += [BarPart(np.array([0.8, 0.0]), "b", second)] * 2
+    assert best_remedy(None, parts, 0) is second
     parts[1:] = [part._replace(detected=True) for part in parts[1:]]
-    assert _best_remedy(parts, 0) == "first"
+    assert best_remedy(None, parts, 0) is first
+
+
+def test_a_step_that_is_not_predicted_to_lower_the_bar_is_not_advised():
+    """Half of the recording costs more by noise than the drift did."""
+    parts = [BarPart(np.array([1.0, 0.0]), "a", None)]
+    parts += [BarPart(np.array([0.8, 0.0]), "b", Remedy(Step.TWO_HALVES, 3), detected=True)]
+    assert best_remedy(None, parts, 0) is None
 
 
 def saturates(force: Floats, x: Floats, v: Floats) -> Floats:
@@ -334,7 +342,7 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
     assert usual.reason.startswith(
         "the damping is known to ± 8 %, if force and position were recorded within"
     )
-    assert usual.remedy == IN_STEP
+    assert usual.remedy.step is Step.IN_STEP
     assert known.verdict.damping == "trust"
 
 

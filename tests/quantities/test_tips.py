@@ -177,8 +177,7 @@ def test_the_table_ends_with_a_line_each_and_those_of_a_tip_and_a_speed(run, tmp
     out = printed("--tip", "sphere:radius=100mm", "--poisson", "0.45", *speed)
     assert re.search(r"restitution 0\.7\S+ ± \S+ at 0\.5 m/s", out)
     assert "extrapolated" in out
-    for name in ("Hunt–Crossley 0.6", "Lankarani–Nikravesh 0.5", "Gonthier", "Flores", "Martins"):
-        assert name in out
+    assert not re.search("Lankarani|Gonthier|Flores|Martins", out)  # one restitution
     assert re.search(
         r"Young's modulus 40\S+ ± \S+ kPa \(trust\) for a sphere of 100 mm radius", out
     )

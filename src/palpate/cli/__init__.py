@@ -30,6 +30,7 @@ import warnings
 from contextlib import suppress
 
 from palpate.errors import PalpateError, printable
+from palpate.spelling import options_in_advice
 
 sys.excepthook = sys.__excepthook__  # from here on main() catches it
 
@@ -50,6 +51,7 @@ _PLAIN = {
 _SUPERSCRIPTS = dict(zip("ⁿᵖ⁺⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "np+-0123456789", strict=True))
 
 
+@options_in_advice()
 def main() -> None:
     """Run the command line; an error is one line on standard error and exit status 2.
 

@@ -157,10 +157,28 @@ def run(arguments: Sequence[str]) -> int:
     if "--no-color" in words:  # before help is printed
         os.environ["NO_COLOR"] = "1"
     try:
-        status = application(words).meta(words)
+        status = application(words).meta(move_common_options_first(words))
     except CycloptsError as error:
         raise InvalidParameterError(str(error)) from None
     return status if isinstance(status, int) else 0
+
+
+def move_common_options_first(words: Sequence[str]) -> list[str]:
+    """Return the words with the options of any command before the command.
+
+    A command that takes any keyword, such as ``lab`` with the parameters of a law, would claim
+    those that stand behind it.
+    """
+    end = words.index("--") if "--" in words else len(words)
+    common, rest = list[str](), list[str]()
+    k = 0
+    while k < end:
+        takes_next = words[k] == "--config" and k + 1 < end
+        one_word = words[k] in ("--no-color", "--verbose") or words[k].startswith("--config=")
+        size = 2 if takes_next else 1
+        (common if takes_next or one_word else rest).extend(words[k : k + size])
+        k += size
+    return [*common, *rest, *words[end:]]
 
 
 class OptionsFile(Toml):

@@ -50,6 +50,10 @@ class Design(PlannedMeasurement, Plain):
     better: PredictedPrecision | None
     reason: str
 
+    def __repr__(self) -> str:
+        better = "" if self.better is None else f"\n better: {self.better}"
+        return f"<Design for {self.law}\n planned: {self.planned}{better}\n {self.reason}>"
+
     @property
     def chosen(self) -> tuple[str, PredictedPrecision]:
         """The motion to play, as "better" or "planned", and its precision.

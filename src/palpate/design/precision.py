@@ -481,6 +481,10 @@ class PredictedPrecision:
     peak_force: float
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        errors = ", ".join(map(percent, self.expected_errors[-1]))
+        return f"<PredictedPrecision after {self.durations[-1]:g} s: K, B, n to {errors}>"
+
     @property
     def leaves_contact(self) -> bool:
         """Whether the probe reaches the surface or leaves it within the longest duration."""

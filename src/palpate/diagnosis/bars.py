@@ -10,21 +10,26 @@ import numpy as np
 from palpate.contact import VelocityFilter
 from palpate.diagnosis.causes import CauseAssessment
 from palpate.diagnosis.clock import Clock, clock_of, shows_skew
+from palpate.diagnosis.excitation import presses_once
 from palpate.diagnosis.fit import (
     SIGNIFICANT,
     Fit,
-    deeper_half_remedy,
     distance_to_least_squares,
     fit_with_column,
     standard_errors,
 )
-from palpate.diagnosis.material import TASK_SPEED
-from palpate.diagnosis.misfit import exact_remedy, smooth_misfit
+from palpate.diagnosis.misfit import (
+    deeper_half_remedy,
+    exact_remedy,
+    predict_deeper_half,
+    smooth_misfit,
+)
 from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
+from palpate.remedies import Remedy, Step
 from palpate.validation import Floats
 
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
@@ -48,7 +53,7 @@ class BarPart(NamedTuple):
         Errors of stiffness and damping, SI.
     reason : str
         End of the sentence *the stiffness is known to ± 20 %, …*.
-    remedy : str or None
+    remedy : Remedy or None
         The next step.
     is_factor : bool
         Whether it multiplies the number, and so cannot turn its sign.
@@ -58,7 +63,7 @@ class BarPart(NamedTuple):
 
     errors: Floats
     reason: str
-    remedy: str | None
+    remedy: Remedy | None
     is_factor: bool = False
     detected: bool = False
 
@@ -108,24 +113,21 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(spread, "since other laws fit as well", OTHER_SPEEDS)
+        yield BarPart(spread, "since other laws fit as well", Remedy(Step.OTHER_SPEEDS))
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
             reason = "by the choice of the relaxation times"
-            yield BarPart(SPECTRUM * by_noise, reason, OTHER_SPEEDS)
+            yield BarPart(SPECTRUM * by_noise, reason, Remedy(Step.OTHER_SPEEDS))
     distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
-    yield BarPart(steps, "by the steps of the position", FINER)
+    yield BarPart(steps, "by the steps of the position", Remedy(Step.FINER_POSITION))
     if not fit.with_offset:
         yield BarPart(_offset_sensitivity(fit)[1:], "since the method has no offset", remedy)
 
 
 # Steps of an encoder shift whole touches, which no longer recording averages out.
 ROUNDING = 0.5
-OTHER_SPEEDS = "press and release several times, at different speeds"
-FINER = "record the position in finer steps"
-MOVE_MORE = "move faster and over a wider range of depths"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
 
@@ -170,12 +172,12 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
         yield BarPart(errors, reason, deeper_half_remedy(fit))
     if presses_once(fit):
         reason = "since one press does not show how far the next one differs"
-        yield BarPart(ONE_PRESS * values, reason, "press several times", is_factor=True)
+        yield BarPart(ONE_PRESS * values, reason, Remedy(Step.SEVERAL_PRESSES), is_factor=True)
     # If the law shows the skew of known clocks, it is among the causes.
     counted = any(cause.check is Check.DELAY for cause, _ in known.causes.counted)
     if known.clock.error and not (known.clock.is_known and shows_skew(fit) and counted):
         errors = np.array([0.0, stiffness * known.clock.error])
-        yield BarPart(errors, known.clock.reason, known.clock.remedy)
+        yield BarPart(errors, known.clock.reason, Remedy(known.clock.remedy))
     for finding in known.findings:
         changes = finding.moves_stiffness_percent, finding.moves_damping_percent
         relative = 0.01 * np.abs(np.nan_to_num(changes, posinf=0.0))
@@ -188,13 +190,6 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
         # Twice the window loses four times as much, and has an eighth of the noise.
         wider = fit.data.wider_window if noise > 4.0 * lost else None
         yield BarPart(np.array([0.0, (lost + noise) * damping]), reason, wider)
-
-
-def presses_once(fit: Fit) -> bool:
-    """Whether the probe turns at most once while it moves at more than 0.3 of its rms speed."""
-    speed = fit.windows.mean(fit.v)
-    fast = np.sign(speed[np.abs(speed) > 0.3 * float(np.sqrt(np.mean(speed**2)))])
-    return int(np.count_nonzero(np.diff(fast))) <= 1
 
 
 def _velocity_errors(fit: Fit, used: VelocityFilter) -> tuple[float, float]:
@@ -290,7 +285,7 @@ TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
     """Report the numbers whose error bars are too wide to trust, with the main reason."""
     noise = np.array([at.stiffness.standard_error, at.damping.standard_error])
-    statistical = BarPart(noise, "by the noise and the motion", MOVE_MORE)
+    statistical = BarPart(noise, "by the noise and the motion", Remedy(Step.MOVE_MORE))
     parts = [statistical, *systematic.all_parts(fit)]
     largest = np.argmax([part.errors for part in parts], axis=0)
     turning = _combined(part for part in parts if not part.is_factor)
@@ -310,15 +305,15 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
         elif quantity.value < 0.0:  # passive materials have none
             mark, sign = "do-not-trust", "it is negative, "
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
-        reason, remedy = parts[largest[number]].reason, _best_remedy(parts, number)
+        reason, remedy = parts[largest[number]].reason, best_remedy(fit, parts, number)
         if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
-            mark, remedy = "with-care", TASK_SPEED
+            mark, remedy = "with-care", Remedy(Step.TASK_SPEED)
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
         elif mark == "trust":
             clock = systematic.clock
             if not number or clock.is_known or shows_skew(fit):
                 continue
-            mark, remedy = "with-care", clock.remedy
+            mark, remedy = "with-care", Remedy(clock.remedy)
             step = format_quantity(clock.error, "s", digits=1)
             reason = (
                 f"if force and position were recorded within {step} of each other, which palpate "
@@ -340,11 +335,36 @@ def _differs_at_rest(fit: Fit, systematic: SystematicErrors, damping: Quantity) 
     return False
 
 
-def _best_remedy(parts: Sequence[BarPart], number: int) -> str | None:
-    """Return the next step that is predicted to lower the bar of stiffness (0) or damping most."""
-    remedies = dict.fromkeys(part.remedy for part in parts if part.remedy is not None)
-    return min(
-        remedies,
-        key=lambda each: float(_combined(p for p in parts if p.remedy != each)[number]),
-        default=None,
-    )
+HELPS = 0.95  # largest ratio of the predicted bar to the present one
+#: Factor of the statistical error by steps that identify a part of the recording alone.
+OF_A_PART = {Step.TWO_HALVES: math.sqrt(2.0), Step.TWO_PARTS: math.sqrt(2.0)}
+
+
+def best_remedy(fit: Fit, parts: Sequence[BarPart], number: int) -> Remedy | None:
+    """Return the next step that is predicted to lower the bar of stiffness (0) or damping most.
+
+    The first part is the statistical one. None if no step is predicted to lower it.
+    """
+    remedies = {part.remedy.step: part.remedy for part in parts if part.remedy is not None}
+    bars = {step: float(_predict_parts(fit, parts, step)[number]) for step in remedies}
+    best = min(bars, key=bars.__getitem__, default=None)
+    if best is None or not bars[best] < HELPS * float(_combined(parts)[number]):
+        return None
+    return remedies[best]
+
+
+def _predict_parts(fit: Fit, parts: Sequence[BarPart], step: Step) -> Floats:
+    """Return the bars of stiffness and damping that are predicted after a step."""
+    by_noise: Floats | float = OF_A_PART.get(step, 1.0)
+    after = 0.0
+    if step is Step.DEEPER_HALF and (predicted := predict_deeper_half(fit)) is not None:
+        by_noise, after = predicted.errors, predicted.misfit
+    left = [
+        part._replace(errors=after * part.errors)
+        if part.remedy is not None and part.remedy.step is step
+        else part
+        for part in parts
+    ]
+    if parts[0].remedy is None or parts[0].remedy.step is not step:
+        left[0] = parts[0]._replace(errors=by_noise * parts[0].errors)
+    return _combined(left)

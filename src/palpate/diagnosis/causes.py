@@ -12,6 +12,7 @@ from palpate.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_colum
 from palpate.diagnosis.nuisances import NUISANCES, remaining_part
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
+from palpate.remedies import Remedy
 from palpate.validation import Floats
 
 # Changes of stiffness and damping due to a cause. They are frozen values, so that the change can be
@@ -87,7 +88,7 @@ class MisfitHypothesis:
         Relative change of the law's stiffness parameter.
     sentence : str
         Description of the cause.
-    remedy : str, optional
+    remedy : Remedy, optional
         The next step.
     change : LawChange
         Its change of the law.
@@ -102,7 +103,7 @@ class MisfitHypothesis:
     explained_fraction: float
     parameter: float
     sentence: str
-    remedy: str | None
+    remedy: Remedy | None
     change: LawChange
     stiffness: float
     damping: float
@@ -133,7 +134,7 @@ def cause_from_column(
     check: Check,
     result: AugmentedFit,
     sentence: str,
-    remedy: str | None,
+    remedy: Remedy | None,
     change: LawChange | None = None,
 ) -> MisfitHypothesis:
     """Return the cause that a column describes.
@@ -155,7 +156,7 @@ def cause_from_column(
 def causes_from_columns(
     fit: Fit,
     columns: Mapping[Check, Floats],
-    explain: Callable[[Fit, Check, float], tuple[str, str | None] | None],
+    explain: Callable[[Fit, Check, float], tuple[str, Remedy | None] | None],
 ) -> list[MisfitHypothesis]:
     """Fit columns one at a time together with the law's columns.
 

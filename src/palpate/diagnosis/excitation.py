@@ -6,6 +6,7 @@ from palpate.diagnosis.fit import Fit
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.law_verdicts import ONE_WAY, one_speed, one_way
 from palpate.findings import Check, Finding, Mark
+from palpate.remedies import Remedy, Step
 
 FEWEST_SAMPLES = 60
 # A probe is held below the first fraction of its rms speed and beyond the second of its depth, for
@@ -23,7 +24,7 @@ def explain_no_check(fit: Fit) -> Finding:
     """Report why the law cannot be checked: too few samples, or too little motion."""
     return check_excitation(fit) or Check.EXCITATION.finding(
         "the motion varies too little to check the law",
-        "move the probe in and out at several speeds",
+        Remedy(Step.SEVERAL_SPEEDS),
         mark="do-not-trust",
     )
 
@@ -31,7 +32,7 @@ def explain_no_check(fit: Fit) -> Finding:
 def few_samples(count: int, mark: Mark = "trust") -> Finding:
     """Report the number of samples in contact as too small."""
     words = f"only {count} sample{'s' * (count != 1)} in contact"
-    return Check.EXCITATION.finding(words, "record longer", mark=mark)
+    return Check.EXCITATION.finding(words, Remedy(Step.LONGER), mark=mark)
 
 
 def check_extrapolation(fit: Fit) -> Finding | None:
@@ -42,7 +43,7 @@ def check_extrapolation(fit: Fit) -> Finding | None:
     return Check.DEPTH.finding(
         f"the working depth, {format_quantity(fit.depth, 'm')}, is outside the recorded depths, "
         f"{format_quantity(least, 'm')} to {format_quantity(peak, 'm')}: the law is extrapolated",
-        f"choose a recorded depth: --at {1e3 * fit.reference:.2g}mm",
+        Remedy(Step.RECORDED_DEPTH, f"{1e3 * fit.reference:.2g}"),
         mark="with-care",
     )
 
@@ -61,7 +62,7 @@ def check_one_way(fit: Fit) -> Finding | None:
             return None
         return Check.LOADING_ALONE.finding(
             "the probe never withdraws: the law that relaxes is only known while it presses",
-            "press and release",
+            Remedy(Step.RELEASE),
             damping="do-not-trust",
             brief="the probe never withdraws",
         )
@@ -69,6 +70,13 @@ def check_one_way(fit: Fit) -> Finding | None:
         return one_speed(format_quantity(fit.steady_speed, "m/s", digits=2))
     known = "n" in fit.estimate.fixed
     return one_way("trust" if known else "do-not-trust", "do-not-trust")
+
+
+def presses_once(fit: Fit) -> bool:
+    """Whether the probe turns at most once while it moves at more than 0.3 of its rms speed."""
+    speed = fit.windows.mean(fit.v)
+    fast = np.sign(speed[np.abs(speed) > 0.3 * float(np.sqrt(np.mean(speed**2)))])
+    return int(np.count_nonzero(np.diff(fast))) <= 1
 
 
 def check_peaks(fit: Fit) -> Finding:

@@ -209,10 +209,15 @@ class Fit:
         scaled = self.reference, self.speed
         self.units = Units(*scaled) if estimate.law.power_law else Units(1.0, 1.0)
         self.windows: WindowedSamples = self._windows_in_contact()
-        self.x = self.penetration[self.windows.samples] / self.units.depth
-        self.v = data.velocity[self.windows.samples] / self.units.speed
-        self.time = self.windows.mean(data.time[self.windows.samples])
-        self.force = self.windows.mean(data.force[self.windows.samples])
+        self._take_windows()
+
+    def _take_windows(self) -> None:
+        """Take motion, time and force of the samples of the windows."""
+        data, samples = self.data, self.windows.samples
+        self.x = self.penetration[samples] / self.units.depth
+        self.v = data.velocity[samples] / self.units.speed
+        self.time = self.windows.mean(data.time[samples])
+        self.force = self.windows.mean(data.force[samples])
 
     def _windows_in_contact(self) -> WindowedSamples:
         """Return windows over the samples in contact; an excluded outlier does not end a window."""
@@ -231,8 +236,24 @@ class Fit:
             return Fit(self.given, depth, self._force)
         other = copy(self)
         other.depth = depth
-        for of_depth in ("gradients", "reference_scales"):
+        for of_depth in ("gradients", "reference_scales", "deeper_half"):
             other.__dict__.pop(of_depth, None)
+        return other
+
+    @cached_property
+    def deeper_half(self) -> "Fit | None":
+        """The same fit to the windows beyond half of the working depth; None if they are few."""
+        deep = self.windows.mean(self.x) * self.units.depth >= 0.5 * self.depth
+        if np.count_nonzero(deep) < FEWEST_ROWS // 2:
+            return None
+        samples, places = self.windows.samples, self.windows.places[:, deep]
+        other = copy(self)
+        for kept in ("solution", "law", "covariance", "gradients", "reference_scales"):
+            other.__dict__.pop(kept, None)
+        for kept in ("noise_floor", "correlated_windows", "acceleration", "free_air"):
+            other.__dict__.pop(kept, None)
+        other.windows = WindowedSamples.from_indices(samples[places])
+        other._take_windows()
         return other
 
     def equivalent_law_fit(self) -> "Fit":
@@ -502,17 +523,6 @@ def fit_with_column(
         rows = (1.0 + len(fit.windows.shared)) * fit.correlated_windows
         z = min(z, math.sqrt(max(gain, 0.0) * fit.solution.energy / rows) / fit.noise_floor)
     return AugmentedFit(-amount * shares, amount, *((z, gain) if math.isfinite(z) else (0.0, 0.0)))
-
-
-HALVED = 0.25  # shallowest sample over the working depth: of the deeper half it is 0.3 to 0.5
-
-
-def deeper_half_remedy(fit: Fit) -> str | None:
-    """Remedy for a law that fails over a wide range of depths; None if it was followed."""
-    from_here = 0.5 * fit.depth + fit.estimate.surface
-    if fit.range[0] >= HALVED * fit.depth:
-        return None
-    return f"identify the deeper half alone: --min-penetration {1e3 * from_here:.2g}mm"
 
 
 def standard_errors(fit: Fit) -> Floats:

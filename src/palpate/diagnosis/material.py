@@ -19,12 +19,15 @@ from palpate.diagnosis.causes import (
     relative_time,
 )
 from palpate.diagnosis.change import find_changes
-from palpate.diagnosis.fit import SIGNIFICANT, Fit, deeper_half_remedy, fit_with_column
-from palpate.diagnosis.outcome import SELECT_LAW, ModelSelection
+from palpate.diagnosis.excitation import presses_once
+from palpate.diagnosis.fit import SIGNIFICANT, Fit, fit_with_column
+from palpate.diagnosis.misfit import deeper_half_remedy
+from palpate.diagnosis.outcome import ModelSelection
 from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rounded
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Check, Finding
+from palpate.remedies import Remedy, Step
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
@@ -52,7 +55,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     return causes_from_columns(fit, columns, _explain_column)
 
 
-def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | None]:
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy | None]:
     """Return the sentence and the next step for an amount of a column."""
     part = percent(abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300))
     # The line through a change that is not even may fall below zero.
@@ -62,20 +65,20 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | N
     return {
         Check.GAIN_DRIFT: (
             f"the material {change} during the recording",
-            f"identify the two halves separately: --stop {half}, then --start {half}",
+            None if presses_once(fit) else Remedy(Step.TWO_HALVES, half),
         ),
         Check.FRICTION: (
             f"friction of {part} of the force: it depends on the direction of motion, not on "
             "the speed",
-            ALONG_NORMAL if _knows_directions(fit) else None,
+            Remedy(Step.ALONG_NORMAL) if _knows_directions(fit) else None,
         ),
         Check.DAMPING_FORM: (
             "the damping grows with depth differently than in the law",
-            "use the damping at the working depth only",
+            Remedy(Step.WORKING_DEPTH),
         ),
         Check.DAMPING_WITH_DEPTH: (
             "the damping grows with depth, but not in this law",
-            "run again with --method variable-projection, whose damping grows with depth",
+            Remedy(Step.GROWING_DAMPING),
         ),
         Check.SHAPE: (
             "the force does not grow with depth by the exponent that was passed"
@@ -86,12 +89,9 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | N
         Check.SQUARE_SPEED: (
             "the damping force is not proportional to the speed: the damping holds at "
             f"{format_quantity(fit.speed, 'm/s', digits=2)}",
-            TASK_SPEED,
+            Remedy(Step.TASK_SPEED),
         ),
     }[check]
-
-
-ALONG_NORMAL = "press along the surface normal"
 
 
 def _knows_directions(fit: Fit) -> bool:
@@ -135,9 +135,9 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     return [MisfitHypothesis(Check.MEMORY, *numbers, *words, change, *change.relative(fit))]
 
 
-def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
+def _describe_relaxation(fit: Fit, time: float) -> tuple[str, Remedy]:
     """Return the sentence and the next step for relaxation in the residual."""
-    over, tare = f"about {rounded(time, 2)} s", "tare the sensor before each touch"
+    over = f"about {rounded(time, 2)} s"
     remedy, relaxing = relaxation_remedy(fit.laws, time), fit.equivalent
     if relaxing is None:
         frequency = f"{rounded(1.0 / fit.period, 2)} Hz"
@@ -148,7 +148,7 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, str]:
         other = ", longer than the law does: sensor drift, or a material that softens"
     else:
         return f"the force relaxes over {over} differently than the law", remedy
-    return f"the force relaxes over {over}{other}", tare
+    return f"the force relaxes over {over}{other}", Remedy(Step.TARE_EACH_TOUCH)
 
 
 # Depth range over the working depth in which adhesion is searched for, and its number of pieces.
@@ -183,7 +183,7 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
-    remedy = _or_deeper_half(fit, "record a motion that stays in contact")
+    remedy = Remedy(Step.STAY_IN_CONTACT, otherwise=deeper_half_remedy(fit))
     return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
 
 
@@ -239,7 +239,7 @@ def check_relaxed_stiffness(fit: Fit) -> Finding | None:
     return Check.RELAXED_STIFFNESS.finding(
         "the relaxed stiffness is extrapolated: no hold as long as three relaxation times was "
         "recorded; K′ and B′ at the motion's frequency do not need it",
-        f"press, and hold for {rounded(HOLD * relaxation.longest_time, 2)} s",
+        Remedy(Step.HOLD, rounded(HOLD * relaxation.longest_time, 2)),
     )
 
 
@@ -261,11 +261,6 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
         for each, most in causes
         if (1.0 - each.explained_fraction) * plain.solution.energy < most
     ]
-
-
-def _or_deeper_half(fit: Fit, remedy: str) -> str:
-    """Return a remedy, and after *or* the deeper half unless it is identified already."""
-    return ", or ".join(filter(None, (remedy, deeper_half_remedy(fit))))
 
 
 # Any other cause explains at most the first fraction of what a leading cause does, and a memory at
@@ -311,7 +306,7 @@ def check_unknown_law(
         return None
     return Check.UNKNOWN_LAW.finding(
         f"{what}: the stiffness may be that of another law",
-        _or_deeper_half(fit, "check the force sensor with a spring up to the same force"),
+        Remedy(Step.SPRING_CHECK),
         stiffness="with-care",
         brief=what,
     )
@@ -332,10 +327,7 @@ def local_slope(fit: Fit) -> float:
     return abs(float(solved[0])) / stiffness if abs(solved[0]) > SLOPE_Z * error else 0.0
 
 
-TASK_SPEED = "record at the speed of the task"
-
-
-def relaxation_remedy(laws: ModelSelection | None, time: float) -> str:
+def relaxation_remedy(laws: ModelSelection | None, time: float) -> Remedy:
     """Return the next step for relaxation in the residual.
 
     Parameters
@@ -346,7 +338,7 @@ def relaxation_remedy(laws: ModelSelection | None, time: float) -> str:
         Relaxation time in the residual, s.
     """
     if laws is None:
-        return SELECT_LAW
+        return Remedy(Step.SELECT_LAW)
     if time > laws.longest:  # sensor drift is as likely
-        return "tare the sensor before each touch"
-    return TASK_SPEED
+        return Remedy(Step.TARE_EACH_TOUCH)
+    return Remedy(Step.TASK_SPEED)

@@ -1,27 +1,29 @@
 """Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.diagnosis.causes import CARE
 from palpate.diagnosis.fit import (
     Fit,
-    deeper_half_remedy,
     distance_to_least_squares,
     standard_errors,
 )
-from palpate.diagnosis.outcome import SELECT_LAW
 from palpate.digits import percent, rounded
 from palpate.estimators.least_squares import robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
+from palpate.remedies import Remedy, Step
+from palpate.validation import Floats
 
 # Chosen by hand.
 UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # fractions of the force
 # Residual over noise; 2 of 1053 trusted stiffnesses of ``benchmarks.diagnosis.mix`` exceed it, and
 # none of the 18 of recordings of others.
 FAR_ABOVE_NOISE = 30.0
+HALVED = 0.25  # shallowest sample over the working depth: of the deeper half it is 0.3 to 0.5
 METHOD_Z = 5.0  # standard errors; a larger distance is at least a note
 
 
@@ -68,12 +70,57 @@ def smooth_misfit(fit: Fit) -> float:
     return math.sqrt(square) / (float(np.percentile(np.abs(fit.force), 95.0)) or 1.0)
 
 
+# Largest ratio of the smooth misfits of the deeper half and the whole. Its unexplained force may be
+# at most that of the whole, or this fraction. Of 26 recordings of others those in which the deeper
+# half was worse have ratios from 0.96, or more unexplained force.
+LESS_MISFIT, WELL_EXPLAINED = 0.7, 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class DeeperHalf:
+    """What the deeper half alone is predicted to change, as ratios to the whole contact.
+
+    Attributes
+    ----------
+    misfit : float
+        Ratio of the force that the law does not follow.
+    errors : numpy.ndarray, shape (2,)
+        Ratios of the statistical errors of stiffness and damping.
+    """
+
+    misfit: float
+    errors: Floats
+
+
+def predict_deeper_half(fit: Fit) -> DeeperHalf | None:
+    """Fit the law to the deeper half of the contact; None if it follows the force no better."""
+    half, misfit = fit.deeper_half, smooth_misfit(fit)
+    if half is None or not misfit > 0.0:
+        return None
+    ratio = smooth_misfit(half) / misfit
+    most_unexplained = max(fraction_unexplained(fit), WELL_EXPLAINED)
+    if ratio > LESS_MISFIT or fraction_unexplained(half) > most_unexplained:
+        return None
+    return DeeperHalf(ratio, (standard_errors(half) / standard_errors(fit))[1:])
+
+
+def deeper_half_remedy(fit: Fit) -> Remedy | None:
+    """Remedy for a law that fails over a wide range of depths; None if it is not predicted to help.
+
+    If the deeper half was identified alone, there is hardly a shallower half.
+    """
+    if fit.range[0] >= HALVED * fit.depth or predict_deeper_half(fit) is None:
+        return None
+    from_here = 0.5 * fit.depth + fit.estimate.surface
+    return Remedy(Step.DEEPER_HALF, f"{1e3 * from_here:.2g}")
+
+
 def check_misfit(fit: Fit) -> Finding | None:
     """The law leaves more than 5 % of the force unexplained, or more than three times the noise."""
     unexplained, times = fraction_unexplained(fit), fit.residual_to_noise
     if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
-    remedy = SELECT_LAW if fit.laws is None else deeper_half_remedy(fit)
+    remedy = Remedy(Step.SELECT_LAW) if fit.laws is None else deeper_half_remedy(fit)
     mark: Mark = "trust"
     if unexplained > TOO_MUCH_UNEXPLAINED:
         mark = "do-not-trust"
@@ -92,7 +139,7 @@ def misfit_without_time(stiffness: Mark) -> Finding:
     """Report a misfit whose cause cannot be found without time."""
     return Check.MISFIT.finding(
         "the force differs from that of a spring, and without time palpate cannot say why",
-        "record the time of each sample",
+        Remedy(Step.SAMPLE_TIMES),
         stiffness=stiffness,
     )
 
@@ -104,15 +151,15 @@ def check_other_laws(fit: Fit) -> Finding | None:
     return Check.REQUESTED_LAW.finding(
         "the law was requested: the error bars do not include how far other laws that fit as well "
         "differ",
-        SELECT_LAW,
+        Remedy(Step.SELECT_LAW),
     )
 
 
-def exact_remedy(fit: Fit) -> str | None:
+def exact_remedy(fit: Fit) -> Remedy | None:
     """Remedy for a method that is off the least squares of its law."""
     if fit.method in ("variable-projection", "viscoelastic"):
         return deeper_half_remedy(fit)
-    return "run again with --method variable-projection"
+    return Remedy(Step.EXACT_METHOD)
 
 
 def check_method(fit: Fit) -> Finding | None:

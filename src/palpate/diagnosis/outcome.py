@@ -12,6 +12,7 @@ from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import judge_evidence
 from palpate.findings import Check, Finding, Mark, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.remedies import Remedy
 from palpate.validation import Plain
 
 
@@ -155,6 +156,22 @@ class WorkingDepth(Plain):
     damping: Quantity
     speed: float = field(default=0.0, kw_only=True)
 
+    def __repr__(self) -> str:
+        if np.ndim(self.depth):
+            return f"<WorkingDepth: numbers at {np.size(self.depth)} depths>"
+        return f"<WorkingDepth at {format_quantity(self.depth, 'm')}: {self.numbers}>"
+
+    @property
+    def numbers(self) -> str:
+        """Force, stiffness and damping with their marks, as text."""
+        units = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
+        parts = []
+        for name, unit in units.items():
+            number: Quantity = getattr(self, name)
+            mark = "" if number.mark is None else f" ({spoken(number.mark)})"
+            parts.append(f"{name} {number.combined.format(unit)}{mark}")
+        return ", ".join(parts)
+
 
 def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> WorkingDepth:
     """Combine the numbers at several depths into arrays of a shape; floats for ()."""
@@ -230,12 +247,8 @@ class Diagnosis(Plain):
 
     def __repr__(self) -> str:
         at = self.working_depth
-        numbers = ("stiffness", at.stiffness, "N/m"), ("damping", at.damping, "N·s/m")
-        words = (
-            f"{name} {each.combined.format(unit)} ({each.mark})" for name, each, unit in numbers
-        )
         return (
-            f"<Diagnosis at {format_quantity(at.depth, 'm')}: {', '.join(words)}\n"
+            f"<Diagnosis at {format_quantity(at.depth, 'm')}: {at.numbers}\n"
             f" {len(self.findings)} findings>"
         )
 
@@ -283,7 +296,7 @@ class Diagnosis(Plain):
         return "no problem found that would change the result" if found is None else found.message
 
     @property
-    def remedy(self) -> str | None:
+    def remedy(self) -> Remedy | None:
         """The remedy of the deciding finding."""
         return None if self.deciding is None else self.deciding.remedy
 
@@ -295,9 +308,6 @@ class Diagnosis(Plain):
             "limits": {name: found and found.as_dict() for name, found in limits},
             "working_depth": self.working_depth.as_dict(),
         }
-
-
-SELECT_LAW = "let palpate select the law: run again without --law and --method"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

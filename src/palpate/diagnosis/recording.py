@@ -25,6 +25,7 @@ from palpate.preparation.velocity import (
     step_of,
     window_samples,
 )
+from palpate.remedies import Remedy, Step
 from palpate.validation import Floats
 
 
@@ -54,6 +55,9 @@ class Data:
 
     def __len__(self) -> int:
         return len(self.time)
+
+    def __repr__(self) -> str:
+        return f"<Data of {self.contact.source or 'a contact'}: {len(self)} samples>"
 
     def samples(self, *, rejecting: bool) -> "Data":
         """Return the data without load transfer if outliers are rejected, else the data itself."""
@@ -99,7 +103,7 @@ class Data:
         return window_samples(self.sample_time) if own is None else own.samples
 
     @property
-    def wider_window(self) -> str | None:
+    def wider_window(self) -> Remedy | None:
         """Remedy for a differentiated velocity that is noisy: twice the filter's window.
 
         None where it was followed, or would flatten the motion: a window T loses (ωT)²/40 of it.
@@ -112,7 +116,7 @@ class Data:
         rate = float(np.std(moving) / (np.std(self.penetration[self.penetration > 0.0]) or np.inf))
         if rate * window > MOST_TURN:
             return None
-        return f"run again with --velocity-window {window:.2g}"
+        return Remedy(Step.WIDER_WINDOW, f"{window:.2g}")
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -145,8 +149,8 @@ REPEATED = 0.85
 def check_steps(data: Data) -> Finding | None:
     """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
     effect = ": the velocity is coarse and the damping too small"
-    finer = "set the force sensor to a finer range"
-    smoother = data.wider_window if data.velocity_filter else VELOCITY_NONE
+    finer = Remedy(Step.FINER_FORCE)
+    smoother = data.wider_window if data.velocity_filter else Remedy(Step.DIFFERENTIATE)
     force = data.force, "force", "N", data.peak_force, FORCE_STEP
     penetration = data.penetration, "penetration", "m", data.peak_penetration, PENETRATION_STEP
     for channel, more, remedy in ((force, "", finer), (penetration, effect, smoother)):
@@ -190,18 +194,18 @@ def check_signs(data: Data) -> Finding | None:
     deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
     if deep >= shallow:
         return None
-    remedy = "run again with --flip-penetration"
+    step = Step.FLIP_PENETRATION
     words = (
         f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
         "penetration grows: the penetration must be positive into the material"
     )
     if deep < 0.0 and abs(deep) > abs(shallow):
-        remedy = "run again with --flip-force"
+        step = Step.FLIP_FORCE
         words = (
             f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
             "compression must be positive"
         )
-    return Check.SIGNS.finding(words, remedy, mark="do-not-trust")
+    return Check.SIGNS.finding(words, Remedy(step), mark="do-not-trust")
 
 
 def _ranks(values: Floats) -> NDArray[np.intp]:
@@ -238,7 +242,7 @@ def check_spikes(data: Data) -> Finding | None:
         return None
     return Check.SPIKES.finding(
         f"{percent(part)} of the {name} samples are spikes",
-        f"check the {name} sensor's cable",
+        Remedy(Step.CABLE, name),
         mark="do-not-trust" if part > MANY else "with-care",
     )
 
@@ -277,7 +281,7 @@ def check_time_stamps(data: Data) -> Finding | None:
     return Check.TIME_STAMPS.finding(
         "the time stamps jump where the penetration is smooth: they are times of arrival, not of "
         "sampling",
-        "record the time at which the sensor is sampled",
+        Remedy(Step.SENSOR_TIMES),
         z=ratio,
         damping="with-care" if lost > CARE else "trust",
         moves_percent=(0.0, -100.0 * lost),
@@ -363,19 +367,16 @@ def _half_stated(contact: Contact, channel: str) -> str:
 
 
 POSITION_AND_FORCE = frozenset(("penetration", "force"))
-BOTH_UNITS = "--unit penetration=mm,force=gf"
 SI = {"time": "s", "penetration": "m", "force": "N"}
 
 
-def _unit_remedy(contact: Contact, channel: str, guess: str) -> str:
+def _unit_remedy(contact: Contact, channel: str, guess: str) -> Remedy:
     """Remedy for a suspected unit: state it, or confirm the one that was used; both without any."""
     if channel in POSITION_AND_FORCE <= contact.assumed_units:
-        return f"run again with both units, of which the file states none, such as {BOTH_UNITS}"
-    option = f"--unit {channel}="
-    return f"run again with {option}{guess}, or with {option}{SI[channel]} if it is right"
+        return Remedy(Step.BOTH_UNITS)
+    return Remedy(Step.UNIT, channel, guess, SI[channel])
 
 
-VELOCITY_NONE = "differentiate the penetration instead: --velocity none"
 OTHER = ": it may have another unit or sign, or be another channel"
 MEAN = 15  # samples of a piece over which noise averages out
 STOP = (0.8, 1.25)  # slopes; recorded columns have 1.01 to 1.08
@@ -399,7 +400,7 @@ def check_velocity_column(data: Data) -> Finding | None:
     correlation = float(np.corrcoef(dx, integral)[0, 1])
     if correlation < VELOCITIES_AGAINST:
         words = "the velocity column runs against the rate of the penetration" + OTHER
-        return Check.VELOCITY_COLUMN.finding(words, VELOCITY_NONE, mark="do-not-trust")
+        return Check.VELOCITY_COLUMN.finding(words, Remedy(Step.DIFFERENTIATE), mark="do-not-trust")
     if correlation <= ALIKE:
         return None
     # Noise in Δx lowers the first slope, noise in ∫v dt raises the second: the one nearer to 1 is
@@ -408,13 +409,15 @@ def check_velocity_column(data: Data) -> Finding | None:
     slope = min(slopes, key=lambda each: abs(each - 1.0))
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
-        return Check.VELOCITY_COLUMN.finding(words + OTHER, VELOCITY_NONE, mark="do-not-trust")
+        return Check.VELOCITY_COLUMN.finding(
+            words + OTHER, Remedy(Step.DIFFERENTIATE), mark="do-not-trust"
+        )
     if abs(slope - 1.0) <= SAME_SPEED:
         return None
     wrong = f"{percent(abs(slope - 1.0))} too {'small' if slope > 1.0 else 'large'}"
     return Check.VELOCITY_COLUMN.finding(
         f"{words}: the damping is {wrong} if the penetration is right",
-        VELOCITY_NONE,
+        Remedy(Step.DIFFERENTIATE),
         damping="with-care" if abs(slope - 1.0) > CARE else "trust",
         moves_percent=(0.0, 100.0 * (slope - 1.0)),
     )

@@ -15,13 +15,14 @@ from palpate.diagnosis.causes import (
 )
 from palpate.diagnosis.fit import SIGNIFICANT, Fit
 from palpate.diagnosis.nuisances import NUISANCES
-from palpate.diagnosis.recording import FAR, VELOCITY_NONE, Data
+from palpate.diagnosis.recording import FAR, Data
 from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rough_percent, rounded
 from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length
 from palpate.preparation.resolution import find_dead_band
+from palpate.remedies import Remedy, Step
 from palpate.validation import Floats
 
 SHORTEST = 5  # samples
@@ -65,12 +66,12 @@ def check_saturation(fit: Fit) -> Finding | None:
     mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
     if at_top < elsewhere:
         words = f"the force is constant for {percent(part)} of the contact while the probe moves"
-        return Check.STUCK_FORCE.finding(words, "check the sensor's connection", mark=mark)
+        return Check.STUCK_FORCE.finding(words, Remedy(Step.CONNECTION), mark=mark)
     words = (
         f"the force stays at its largest value, {rounded(top, 3)} N, for {percent(part)} of the "
         "contact: the sensor saturates"
     )
-    return Check.SATURATION.finding(words, "use a force sensor with a larger range", mark=mark)
+    return Check.SATURATION.finding(words, Remedy(Step.LARGER_RANGE), mark=mark)
 
 
 def check_dead_band(fit: Fit) -> Finding | None:
@@ -81,7 +82,7 @@ def check_dead_band(fit: Fit) -> Finding | None:
     return Check.DEAD_BAND.finding(
         f"the force is zero below {format_quantity(band, 'N', digits=1)}: the sensor or its "
         "firmware has a dead band, and palpate leaves these samples out",
-        "switch the threshold off",
+        Remedy(Step.NO_THRESHOLD),
     )
 
 
@@ -144,7 +145,7 @@ def check_force_jump(fit: Fit) -> Finding | None:
     return Check.FORCE_JUMP.finding(
         f"the force jumps by {format_quantity(size, 'N')} within a sample at {when} s while the "
         "probe presses: the sensor was zeroed in contact, or the material gave way",
-        f"use the samples before it: --stop {when}, or zero the sensor in free air",
+        Remedy(Step.BEFORE_JUMP, when),
         stiffness=marks[0],
         damping=marks[1],
         brief=f"the force jumps by {format_quantity(size, 'N')} within a sample",
@@ -160,7 +161,7 @@ def outlier_finding(count: int, samples: int) -> Finding:
     part = rounded(100.0 * count / samples, 2)
     return Check.OUTLIERS.finding(
         f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
-        "if they are real, run again with --no-reject-outliers",
+        Remedy(Step.KEEP_OUTLIERS),
         mark="with-care" if count > MANY_LEFT_OUT * samples else "trust",
     )
 
@@ -181,7 +182,7 @@ def check_velocity_noise(fit: Fit) -> Finding | None:
     )
     return Check.VELOCITY_NOISE.finding(
         f"{whose} is noisy: the damping is about {percent(min(part, 1.0))} too small",
-        fit.data.wider_window if derived else VELOCITY_NONE,
+        fit.data.wider_window if derived else Remedy(Step.DIFFERENTIATE),
         moves_percent=(0.0, 100.0 * min(part, 1.0)),
     )
 
@@ -206,7 +207,7 @@ def check_free_air(fit: Fit) -> Finding | None:
     return Check.FREE_AIR.finding(
         "the force changes with the motion in free air: a cable, a guide or a mass that moves "
         f"with the probe changes {much}",
-        "subtract the force in free air; route the cable so it cannot pull",
+        Remedy(Step.FREE_AIR_FORCE),
         float(np.max(np.abs(slopes) / errors)),
         brief="the force in free air changes with the motion",
         moves_percent=(100.0 * float(moved[0]), 100.0 * float(moved[1])),
@@ -243,7 +244,7 @@ def check_impact(fit: Fit) -> Finding | None:
     return Check.MOVING_MASS.finding(
         f"an impact of {format_quantity(mass, 'kg', digits=2)} does not show what moves beyond the "
         "force sensor: a tenth of it there makes stiffness and damping a tenth too small",
-        "weigh what is beyond the sensor, and run again with --mass, such as --mass 20g",
+        Remedy(Step.WEIGH),
         mark="with-care",
         brief="an impact does not show the mass beyond the force sensor",
     )
@@ -268,7 +269,7 @@ def check_offset(fit: Fit) -> Finding | None:
         f"the fitted force offset is {format_quantity(abs(difference), 'N')} "
         f"{'above' if difference > 0 else 'below'} the force in free air: another law at light "
         "touch, or a wrong tare",
-        f"tare in free air: --tare {_longest_free_interval(fit)}",
+        Remedy(Step.TARE, _longest_free_interval(fit)),
         z,
     )
 
@@ -324,12 +325,12 @@ def _add_effect_of_delay(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     return replace(cause, sentence=sentence, change=change, damping=change.relative(fit)[1])
 
 
-def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | None] | None:
+def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy | None] | None:
     """Return the sentence and the next step for an amount of a column; None for other causes."""
     if check is Check.OFFSET_DRIFT:
         return (
             f"the force sensor's zero drifts by {format_quantity(abs(amount), 'N')}",
-            "tare the sensor before each touch",
+            Remedy(Step.TARE_EACH_TOUCH),
         )
     if check is Check.SENSOR_GAIN:
         if abs(amount) > MOST_CURVED * NUISANCES[check].unit(fit):
@@ -341,11 +342,11 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | N
     if check is Check.GUIDE_FRICTION:
         return (
             f"friction of {format_quantity(abs(amount), 'N')} at any load, as of a guide",
-            "move in free air, and subtract the force there",
+            Remedy(Step.FREE_AIR_MOTION),
         )
     return (
         f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
         if amount > 0.0
         else "the force depends on the acceleration",
-        "subtract the inertia of the parts beyond the sensor from the force",
+        Remedy(Step.INERTIA),
     )

@@ -65,6 +65,10 @@ class CurveFits:
     def __len__(self) -> int:
         return len(self.status)
 
+    def __repr__(self) -> str:
+        middle = (f"{name} {np.nanmedian(getattr(self, name)):.4g}" for name in "KBn")
+        return f"<CurveFits of {len(self)} curves: in the median {', '.join(middle)}>"
+
     @property
     def standard_errors(self) -> Floats:
         """Standard errors of (K, B, n, F₀, d), SI, shape (k, 5)."""

@@ -43,7 +43,7 @@ ADVICE = {
     ),
     256: Check.LIGHT_CONTACT.finding(
         "light contact biases the logarithm of the force: the standard errors are too small",
-        "raise the gate's forces well above the noise, or use --method variable-projection",
+        "raise the gate's forces well above the noise, or identify by variable projection",
     ),
 }
 

@@ -49,6 +49,9 @@ class Oscillation:
     delay: float
     _columns: "_Columns"
 
+    def __repr__(self) -> str:
+        return f"<Oscillation by {len(self.laws)} laws that fit as well, the first {self.laws[0]}>"
+
     @classmethod
     def of(
         cls,
@@ -108,6 +111,17 @@ class Oscillation:
         return dynamic_response(law, depth, frequency), self._columns.standard_errors(
             depth, frequency
         )
+
+    def stiffness_after(self, depth: float, time: float) -> tuple[float, float, float]:
+        """Stiffness a time [s] after a small step at a depth [m], its error and its spread, N/m.
+
+        The statistical standard error is from the largest sandwich; the spread is the largest
+        distance of the laws that fit as well.
+        """
+        value = self.laws[0].stiffness_after(depth, time)
+        others = [law.stiffness_after(depth, time) for law in self.laws]
+        error = self._columns.error_after(depth, time)
+        return value, error, float(np.max(np.abs(np.array(others) - value)))
 
     def spread(self, values: Floats, depth: float, frequency: float) -> Floats:
         """Largest distances of K′ and B′ by the laws that fit as well from these values."""
@@ -259,6 +273,16 @@ class _Columns:
                 ends.append(self._response(numbers, depth, frequency))
             gradient[:, place] = (ends[0] - ends[1]) / (2.0 * step)
         return self.errors(gradient)
+
+    def error_after(self, depth: float, time: float) -> float:
+        """Standard error of n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)] by the delta method."""
+        stiffness, n = self.numbers[:2]
+        slope, left = n * depth ** (n - 1.0), np.exp(-time / self.times)
+        gradient = np.zeros((1, len(self.numbers)))
+        gradient[0, 0], gradient[0, 4:] = slope, slope * left
+        whole = slope * (stiffness + float(self.numbers[4:] @ left))
+        gradient[0, 1] = whole * (1.0 / n + math.log(depth))
+        return float(self.errors(gradient)[0])
 
     def _response(self, numbers: Floats, depth: float, omega: float) -> Floats:
         stiffness, n, damping = numbers[:3]

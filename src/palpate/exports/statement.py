@@ -349,6 +349,9 @@ class Statement:
     compared: Compared
     allowed: bool = False
 
+    def __repr__(self) -> str:
+        return "\n".join(self.describe())
+
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Refusals, of severity do-not-trust, and warnings."""

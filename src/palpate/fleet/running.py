@@ -37,6 +37,7 @@ from palpate.preparation import prepare
 from palpate.recordings import open_recording
 from palpate.recordings.datasets import read_episodes
 from palpate.recordings.opening import FORCE_CURVES, first_line
+from palpate.spelling import options_in_advice
 from palpate.validation import Floats, whole_in
 
 #: A source and the number of the contact in it; None if the source is a single contact.
@@ -45,6 +46,7 @@ _NAMES = ("source", "index")
 _SAMPLES = ("time", "penetration", "velocity", "force", "segment")
 
 
+@options_in_advice()
 def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Table:
     """Identify a batch of contacts.
 

@@ -67,11 +67,13 @@ from palpate.quantities.derived import (
     compute_oscillation,
     compute_relaxation_time,
     compute_relaxed_stiffness,
+    compute_stiffness_after,
     elastic_modulus_from,
     energy_from,
     passivity_from,
     restitution_from,
 )
+from palpate.remedies import Remedy, Step
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
@@ -225,7 +227,7 @@ class Identified:
         yield Check.LATE_FORCE.finding(
             f"the damper beside the relaxation is negative: the force is at least {late} late, or "
             "the material's memory has another form",
-            "run again with --delay find",
+            Remedy(Step.FIND_DELAY),
             damping="with-care",
         )
 
@@ -366,6 +368,7 @@ class Identified:
     dynamic_stiffness = compute_oscillation
     relaxed_stiffness = compute_relaxed_stiffness
     instantaneous_stiffness = compute_instantaneous_stiffness
+    stiffness_after = compute_stiffness_after
     relaxation_time = property(compute_relaxation_time)
     restitution = restitution_from
     energy = cached_property(energy_from)

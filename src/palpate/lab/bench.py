@@ -45,6 +45,9 @@ class Measurement:
     truth: Contact
     command: Command
 
+    def __repr__(self) -> str:
+        return f"<Measurement: {self.contact!r}>"
+
 
 @dataclass(frozen=True, slots=True)
 class Bench:
@@ -66,6 +69,10 @@ class Bench:
     trajectory: Trajectory
     probe: Probe = field(default_factory=TwinPantograph)
     sensors: Sensors = field(default_factory=Sensors)
+
+    def __repr__(self) -> str:
+        names = self.material.name, self.probe.name, type(self.trajectory).__name__
+        return f"<Bench: {', '.join(names)}>"
 
     def __post_init__(self) -> None:
         instance("material", self.material, Material)

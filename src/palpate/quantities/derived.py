@@ -16,6 +16,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
+from palpate.estimators.oscillation import Oscillation
 from palpate.findings import Check
 from palpate.quantities.energy import (
     EnergyLoss,
@@ -130,6 +131,10 @@ class Derivable(Protocol):
     def frequency(self) -> float:
         """ω of the motion, rad/s."""
 
+    @property
+    def oscillation(self) -> Oscillation | None:
+        """Small oscillations of the selected law."""
+
     def at(self, depth: "ArrayLike") -> WorkingDepth:
         """Force, stiffness and damping at a depth, m."""
 
@@ -215,6 +220,31 @@ def compute_instantaneous_stiffness(result: Derivable, depth: float | None = Non
         result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
     )
     return Quantity(*found, 0.0)
+
+
+def compute_stiffness_after(result: Derivable, time: float, depth: float | None = None) -> Quantity:
+    """Stiffness a time after a small step of the penetration, N/m, as felt within the recording.
+
+    n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)]; its statistical error by the delta method. Its systematic error is
+    that of the stiffness at the motion's frequency, relative, and the spread over the laws that fit
+    as well.
+
+    Parameters
+    ----------
+    result : Identification
+        The identification.
+    time : float
+        t, s, ≥ 0.
+    depth : float, optional
+        Depth below the surface, m, > 0. Default: the working depth.
+    """
+    there = _evaluate_depth(result, depth)
+    found = result.oscillation
+    if not result.law.relaxes or found is None:
+        return there.stiffness
+    value, error, spread = found.stiffness_after(there.depth, time)
+    shared = there.stiffness.systematic / abs(there.stiffness.value)
+    return Quantity(value, error, math.hypot(spread, shared * value))
 
 
 def compute_relaxation_time(result: Derivable) -> Quantity | None:

@@ -26,6 +26,7 @@ from palpate.findings import Mark
 from palpate.preparation.delay import LIGHT, LONGEST_FOUND
 from palpate.preparation.preparing import Recorded, prepare
 from palpate.quantities.energy import turning_points
+from palpate.spelling import spell_advice
 from palpate.validation import Floats, Plain
 
 #: Loss factor that a steel spring with its mount may have; a spring alone has less than 1e-4.
@@ -96,7 +97,8 @@ class Skew(Plain):
         return f"{1e3 * self.delay.value:.{places}f}ms+-{error:.{places}f}ms"
 
     def __str__(self) -> str:
-        return f"the force is {describe_delay(self.delay)}: --delay {self.option}"
+        words = f"the force is {describe_delay(self.delay)}: --delay {self.option}"
+        return spell_advice(words)
 
 
 def describe_delay(delay: Quantity) -> str:

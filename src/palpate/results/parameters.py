@@ -100,24 +100,19 @@ def relaxation_range(law: GeneralisedHuntCrossley) -> str:
     """Return the shortest and the longest relaxation time of a law: *32 ms to 2.05 s*."""
     times, weights = law.branches()
     present = times[weights > 0.0]
-    return " to ".join(_time(float(each)) for each in present[[0, -1]])
+    return " to ".join(format_time(float(each)) for each in present[[0, -1]])
 
 
-def describe_relaxation_course(law: ForceLaw, depth: float, frequency: float) -> str:
-    """Describe the stiffness after the shortest and the longest time that a recording shows.
+def felt_times(law: ForceLaw, frequency: float) -> tuple[float, ...]:
+    """Return the shortest and the longest time that a recording shows of a law with memory, s.
 
     At a frequency ω a material is felt as it is 1/ω after a step.
     """
-    if not isinstance(law, GeneralisedHuntCrossley) or not law.remembers or not depth > 0.0:
-        return ""
+    if not isinstance(law, GeneralisedHuntCrossley) or not law.remembers:
+        return ()
     times, weights = law.branches()
-    present = times[weights > 0.0]
-    shortest = min(float(present[0]), 1.0 / frequency) if frequency > 0.0 else float(present[0])
-    course = [
-        f"{rounded(float(f'{law.stiffness_after(depth, time):.3g}'), 3)} N/m after {_time(time)}"
-        for time in (shortest, float(present[-1]))
-    ]
-    return f"stiffness {', '.join(dict.fromkeys(course))}"
+    shortest, longest = times[weights > 0.0][[0, -1]].tolist()
+    return (min(shortest, 1.0 / frequency) if frequency > 0.0 else shortest, longest)
 
 
 def _growth(law: GeneralisedHuntCrossley) -> str | None:
@@ -127,7 +122,7 @@ def _growth(law: GeneralisedHuntCrossley) -> str | None:
     return "n − 1" if law.p == law.n - 1.0 else None
 
 
-def _time(seconds: float) -> str:
+def format_time(seconds: float) -> str:
     """Format a time; a thousand seconds or more keep the unit s."""
     return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 

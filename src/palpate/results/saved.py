@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from palpate._core import Status, __version__
 from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.diagnosis import Episode, Quantity, Verdict, Where, WorkingDepth
+from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.estimators import LawVerdict
 from palpate.estimators.estimate import Trace
@@ -310,6 +311,11 @@ class SavedResult:
     relaxed_stiffness: Quantity | None
     law_verdict: LawVerdict | None
     description: Mapping[str, Any] = field(repr=False)
+
+    def __repr__(self) -> str:
+        at = self.working_depths[0]
+        where = f"at {format_quantity(at.depth, 'm')}"
+        return f"<SavedResult {self.folder}, by {self.method}, {where}: {at.numbers}>"
 
 
 def load_result(path: str | Path) -> SavedResult:

@@ -27,8 +27,9 @@ from palpate.quantities.derived import format_hertz, motion_band
 from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
-    describe_relaxation_course,
+    felt_times,
     format_signed,
+    format_time,
     law_name,
     parameter_rows,
     parameter_terms,
@@ -444,8 +445,15 @@ def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
 
 
 def _describe_course(result: "Identified") -> str:
-    depth = result.diagnosis.working_depth.depth
-    return describe_relaxation_course(result.law, depth, result.frequency)
+    """Describe the stiffness after the shortest and the longest time that a recording shows."""
+    if not result.diagnosis.working_depth.depth > 0.0:
+        return ""
+    course = (
+        f"{_format_with_unit(result.stiffness_after(time), 'N/m')} after {format_time(time)}"
+        for time in felt_times(result.law, result.frequency)
+    )
+    words = ", ".join(dict.fromkeys(course))
+    return f"stiffness {words}" if words else ""
 
 
 def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection:
@@ -575,7 +583,7 @@ def format_number(quantity: Quantity) -> str:
 def _format_with_unit(quantity: Quantity, unit: str) -> str:
     """Format a number with both error bars combined; a long one with a prefix: 185 kN/m."""
     size = abs(quantity.value)
-    if 1e-3 <= size < 1e5 or size == 0.0:
+    if 1e-3 <= max(size, quantity.whole_error or 0.0) < 1e5 or size == 0.0:
         return f"{format_number(quantity)} {unit}"
     return format_with_prefix(quantity.combined, unit)
 
@@ -730,15 +738,8 @@ def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
     if not math.isfinite(e.value):
         return Line("; ".join(found.remarks), "restitution")
     fastest = " (the fastest approach)" if found.speed == found.fastest_approach else ""
-    near = (
-        f"{name} {rounded(value, 3)}"
-        for name, value in found.approximations.items()
-        if math.isfinite(value)
-    )
     words = f"{e.format()} at {rounded(found.speed, 3)} m/s{fastest}"
-    approximations = ", ".join(near)
-    remarks = [f"approximations: {approximations}"] if approximations else []
-    return Line(words, "restitution", remarks=(*remarks, *found.remarks))
+    return Line(words, "restitution", remarks=found.remarks)
 
 
 def _describe_energy(result: "Identified") -> Line:

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from palpate.channels.frames import interpolate_columns
+from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
-from palpate.findings import MARKS, Finding, Mark, worst
+from palpate.findings import MARKS, Finding, Mark, spoken, worst
 from palpate.validation import Floats
 from palpate.writing import as_toml, write_text
 
@@ -115,6 +116,13 @@ class Payload:
     delay_mark: Mark = "trust"
     findings: tuple[Finding, ...] = ()
     version: int = 1
+
+    def __repr__(self) -> str:
+        mass = with_error(self.mass, self.mass_error, unit="kg")
+        centre = ", ".join(rounded(1e3 * each, 3) for each in self.centre.tolist())
+        late = with_error(1e3 * self.delay, 1e3 * self.delay_error, unit="ms")
+        marks = f"mass {spoken(self.mass_mark)}, mount {spoken(self.mount_mark)}"
+        return f"<Payload of {mass} at ({centre}) mm; force {late} late; {marks}>"
 
     @property
     def mark(self) -> Mark:
