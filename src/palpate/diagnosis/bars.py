@@ -126,6 +126,7 @@ ROUNDING = 0.5
 OTHER_SPEEDS = "press and release several times, at different speeds"
 FINER = "record the position in finer steps"
 MOVE_MORE = "move faster and over a wider range of depths"
+APPROACH = "record the approach through free air"
 #: Causes that multiply force, stiffness and damping.
 FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
 
@@ -287,11 +288,21 @@ def _change_with_depth(fit: Fit, deviation: float | None) -> Floats:
 TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
 
 
+def all_parts(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[BarPart]:
+    """Return all parts of the bars of the numbers at the fit's depth, each with its reason."""
+    statistical = np.array([at.stiffness.standard_error, at.damping.standard_error])
+    surface = _change_with_depth(fit, fit.data.contact.surface_deviation)[1:]
+    noise = np.sqrt(np.maximum(statistical**2 - surface**2, 0.0))
+    return [
+        BarPart(noise, "by the noise and the motion", MOVE_MORE),
+        BarPart(surface, "by the standard error of the surface", APPROACH),
+        *systematic.all_parts(fit),
+    ]
+
+
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
     """Report the numbers whose error bars are too wide to trust, with the main reason."""
-    noise = np.array([at.stiffness.standard_error, at.damping.standard_error])
-    statistical = BarPart(noise, "by the noise and the motion", MOVE_MORE)
-    parts = [statistical, *systematic.all_parts(fit)]
+    parts = all_parts(fit, at, systematic)
     largest = np.argmax([part.errors for part in parts], axis=0)
     turning = _combined(part for part in parts if not part.is_factor)
     findings = []
