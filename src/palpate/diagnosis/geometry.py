@@ -85,18 +85,21 @@ def check_unobservable(fit: Fit) -> Finding:
 
     At an angle θ to the normal both x and F are projections: S = ∂F/∂x is reduced by cosᵖ⁺¹ θ and C
     by cosᵖ⁺² θ, with p = x S/F, which is n for a power law. A mount of stiffness k in series
-    reduces S to S k/(S + k).
+    reduces S to S k/(S + k). One that resonates at ω₀ raises S by (ω/ω₀)², which a motion of
+    several frequencies shows as negative inertia.
     """
     law, part = fit.solution.law, math.cos(math.radians(OFF_AXIS))
     stiffness, force = fit.stiffness(law), fit.force_at_depth(law)
     power = fit.depth * stiffness / force if force else 1.0
     lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
+    slow = format_quantity(1.0 / (fit.period * math.sqrt(SOFT_MOUNT)), "Hz", digits=2)
     return Check.UNSEEN.finding(
         "these faults leave no trace in a recording; check them at the rig: "
         f"{OFF_AXIS:.0f}° off the surface normal makes the stiffness {percent(lost[0])} and the "
         f"damping {percent(lost[1])} too small; 1 % of scale changes them by 1 %; a mount softer "
-        f"than {soft} makes the stiffness over {percent(SOFT_MOUNT)} too small"
+        f"than {soft} makes the stiffness over {percent(SOFT_MOUNT)} too small, and one that "
+        f"resonates below {slow} as much too large"
     )
 
 

@@ -343,9 +343,15 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, str | N
             f"friction of {format_quantity(abs(amount), 'N')} at any load, as of a guide",
             "move in free air, and subtract the force there",
         )
+    if amount > 0.0:
+        return (
+            f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material",
+            "subtract the inertia of the parts beyond the sensor from the force",
+        )
+    # Behind a link of the natural frequency ω₀ the tip moves by x − ẍ/ω₀².
+    rate = math.sqrt(abs(fit.stiffness(fit.solution.law) / (amount or 1.0)))
+    resonance = format_quantity(rate / (2.0 * math.pi), "Hz", digits=2)
     return (
-        f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
-        if amount > 0.0
-        else "the force depends on the acceleration",
-        "subtract the inertia of the parts beyond the sensor from the force",
+        f"the force depends on the acceleration, as behind a link that resonates at {resonance}",
+        "move more slowly, or support the probe more stiffly",
     )
