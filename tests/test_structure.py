@@ -16,7 +16,8 @@ FLOORS = (
     "_core spelling", "errors", "validation digits writing stages remedies",
     "settings force_laws findings", "contact", "estimators", "recordings", "channels", "wrench",
     "preparation", "diagnosis", "quantities", "identification", "results", "figures", "reports",
-    "identifying", "design", "lab", "fleet exports", "_public", "palpate", "live", "cli", "__main__",
+    "identifying", "design", "lab", "fleet exports", "_public", "palpate", "live", "cli",
+    "__main__",
 )  # fmt: skip
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
 

@@ -2,7 +2,8 @@
 
 Rows of a bank: recordings; mean log score of the bar as the scale of Student's t (ν 4); median bar
 over median error, clean and with a fault; within two bars; *trust*; *trust* and off by more than
-10 % (stiffness) or 20 % (damping). The robot of the laboratory is a third simulator.
+10 % (stiffness) or 20 % (damping). The robot of the laboratory is a third simulator. A last line
+counts the printed reasons that name the largest part of their number's bar.
 """
 
 import math
@@ -15,6 +16,7 @@ from scipy.stats import t as student
 from benchmarks.bank import second
 from benchmarks.common.report import markdown_table, run_command
 from benchmarks.common.workers import Workers
+from benchmarks.diagnosis.marks import largest_named
 from palpate import Contact, HuntCrossley, PalpateError, identify, lab
 from palpate.validation import Floats
 
@@ -36,6 +38,7 @@ class Outcome(NamedTuple):
     errors: tuple[float, float] = (math.nan, math.nan)
     bars: tuple[float, float] = (math.nan, math.nan)
     trusted: tuple[bool, bool] = (False, False)
+    largest_named: tuple[bool, ...] = ()
 
 
 def jobs_of(first: int, count: int) -> Iterator[Job]:
@@ -62,6 +65,7 @@ def outcome(job: Job) -> Outcome:
     contact, truth = _recording(kind, seed)
     try:
         result = identify(contact, law=law, trace=False)
+        named = tuple(largest_named(result))
     except PalpateError:
         return Outcome(bank, kind)
     at, verdict = result.diagnosis.working_depth, result.diagnosis.verdict
@@ -70,7 +74,7 @@ def outcome(job: Job) -> Outcome:
     errors = np.abs(values - truth(at.depth, result.frequency)) / true
     bars = np.array([at.stiffness.whole_error, at.damping.whole_error]) / true
     trusted = verdict.stiffness == "trust", verdict.damping == "trust"
-    return Outcome(bank, kind, (errors[0], errors[1]), (bars[0], bars[1]), trusted)
+    return Outcome(bank, kind, (errors[0], errors[1]), (bars[0], bars[1]), trusted, named)
 
 
 def _recording(kind: str, seed: int) -> tuple[Contact, second.Truth]:
@@ -135,6 +139,8 @@ def main(*, first: int = 0, count: int = 300, workers: int | None = None) -> Non
     heads = ["bank", "number", "recordings", "log score", "bar / error, clean", "faulty"]
     heads += ["within two bars, %", "*trust*, %", "*trust* and off, %", "not *trust*"]
     print("\n".join(markdown_table(heads, list(rows_of(outcomes)))))
+    named = [largest for each in outcomes for largest in each.largest_named]
+    print(f"\nOf {len(named)} reasons that name a part of a bar, {sum(named)} name the largest.")
 
 
 if __name__ == "__main__":

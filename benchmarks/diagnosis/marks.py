@@ -9,6 +9,7 @@ from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -38,7 +39,7 @@ from palpate import (
     lab,
     prepare,
 )
-from palpate.diagnosis import Quantity
+from palpate.diagnosis import Quantity, bars, verdict
 from palpate.validation import Floats
 
 Row = dict[str, Any]
@@ -83,6 +84,8 @@ class Marked:
         Times of the reported changes of the material, s.
     seconds : float
         CPU of the diagnosis.
+    largest_named : list of bool
+        By :func:`largest_named`.
     """
 
     overall: str = "refused"
@@ -98,6 +101,7 @@ class Marked:
     delay: float = math.nan
     changes: tuple[float, ...] = ()
     seconds: float = math.nan
+    largest_named: list[bool] = field(default_factory=list)
 
 
 def marked(made: Trial) -> Marked:
@@ -107,6 +111,7 @@ def marked(made: Trial) -> Marked:
         start = time.process_time()
         diagnosis = result.diagnosis
         seconds = time.process_time() - start
+        largest = largest_named(result)
     except PalpateError:
         return Marked()
     there = diagnosis.working_depth
@@ -120,6 +125,7 @@ def marked(made: Trial) -> Marked:
         delay=_delay(result),
         changes=tuple(episode.start for episode in diagnosis.episodes[1:]),
         seconds=seconds,
+        largest_named=largest,
     )
     for name, true in zip(QUANTITIES, made.truth(there.depth), strict=True):
         quantity: Quantity = getattr(there, name)
@@ -130,6 +136,25 @@ def marked(made: Trial) -> Marked:
         said.deviations = tuple((off / result.estimate.standard_errors).tolist())
         said.relative = tuple((off / made.law.parameters).tolist())
     return said
+
+
+def largest_named(result: Identification) -> list[bool]:
+    """Whether each printed reason that names a part of a bar names its largest part."""
+    parts: list[bars.BarPart] = []
+
+    def record(*of: Any) -> list[Any]:
+        parts.extend(bars.all_parts(*of))
+        return bars.check_precision(*of)
+
+    with patch.object(verdict, "check_precision", record):
+        again = result.at_depth(result.diagnosis.working_depth.depth)
+        printed = again.diagnosis.working_depth
+    largest = []
+    for number, quantity in enumerate((printed.stiffness, printed.damping)):
+        named = [part.errors[number] for part in parts if part.reason in quantity.reason]
+        if named:
+            largest.append(max(named) == max(part.errors[number] for part in parts))
+    return largest
 
 
 def _names(result: Identification) -> tuple[str, ...]:

@@ -114,6 +114,8 @@ def lines_of(rows: Rows) -> Iterator[list[object]]:
             pairs = [(r["bars"][name], _off(r, name)) for r in given if r["set"] == kind]
             bars, errors = np.median(pairs, axis=0) if pairs else (math.nan, math.nan)
             yield [f"{name}, {kind}: median bar over median error", f"{bars / errors:.2f}"]
+    named = [largest for row in mix for largest in row["largest_named"]]
+    yield [f"reasons that name a part of a bar, {len(named)}: the largest, %", _share(named)]
     plain = [row for row in rows if "digits" in row]
     chosen = [row for row in plain if row["law"] == "Hunt–Crossley"]
     selected = [row in chosen for row in plain]

@@ -35,7 +35,8 @@ from palpate.validation import Floats
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
 # change of the damping by a cause that is found: with the cause another damping may fit as well.
 # Chosen with the priors of the nuisances.
-MISFIT, FOUND = np.array([3.1, 4.6]), np.array([1.0, 1.5])
+MISFIT = np.array([3.1, 4.6])
+FOUND = np.array([1.0, 1.5])
 # Multiple of the statistical error that the selection of relaxation times adds: the covariance
 # holds the times without stiffness at 0.
 SPECTRUM = 0.8
@@ -118,7 +119,8 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
             reason = "by the choice of the relaxation times"
             yield BarPart(SPECTRUM * by_noise, reason, Remedy(Step.OTHER_SPEEDS))
-    distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
+    distance = np.abs(distance_to_least_squares(fit))[1:]
+    remedy = exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
     yield BarPart(steps, "by the steps of the position", Remedy(Step.FINER_POSITION))
@@ -267,7 +269,8 @@ def _add_surface_error(fit: Fit, errors: Floats) -> Floats:
 
 def _change_with_depth(fit: Fit, deviation: float | None) -> Floats:
     """Change of force, stiffness and damping by a deviation of the depth [m], SI, shape (3,)."""
-    law, depth = fit.estimate.law, fit.depth
+    law = fit.estimate.law
+    depth = fit.depth
     off = min(deviation or 0.0, 0.5 * depth)
     ends = (law.at_speed(place, fit.steady_speed) for place in (depth + off, depth - off))
     change = np.subtract(*ends)
@@ -279,41 +282,59 @@ def _change_with_depth(fit: Fit, deviation: float | None) -> Floats:
 
 #: Limits of the relative standard error, all causes together: a number is trusted below the first
 #: and not trusted above the second.
-TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
+TRUSTED = (0.10, 0.20)
+STOPPED = (0.25, 0.60)
+
+
+def all_parts(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[BarPart]:
+    """Return all parts of the bars of the numbers at the fit's depth, each with its reason."""
+    statistical = np.array([at.stiffness.standard_error, at.damping.standard_error])
+    surface = _change_with_depth(fit, fit.data.contact.surface_deviation)[1:]
+    noise = np.sqrt(np.maximum(statistical**2 - surface**2, 0.0))
+    return [
+        BarPart(noise, "by the noise and the motion", Remedy(Step.MOVE_MORE)),
+        BarPart(surface, "by the standard error of the surface", Remedy(Step.APPROACH)),
+        *systematic.all_parts(fit),
+    ]
 
 
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
     """Report the numbers whose error bars are too wide to trust, with the main reason."""
-    noise = np.array([at.stiffness.standard_error, at.damping.standard_error])
-    statistical = BarPart(noise, "by the noise and the motion", Remedy(Step.MOVE_MORE))
-    parts = [statistical, *systematic.all_parts(fit)]
+    parts = all_parts(fit, at, systematic)
     largest = np.argmax([part.errors for part in parts], axis=0)
     turning = _combined(part for part in parts if not part.is_factor)
     findings = []
     for number, (name, unit) in enumerate((("stiffness", "N/m"), ("damping", "N·s/m"))):
         quantity: Quantity = getattr(at, name)
-        error, size = quantity.whole_error, abs(quantity.value)
+        error = quantity.whole_error
+        size = abs(quantity.value)
         relative = rough_percent(error / size if size else math.inf)
-        sentence, sign = f"the {name} is known to ± {relative}", ""
+        sentence = f"the {name} is known to ± {relative}"
+        sign = ""
         mark: Mark = "trust"
         if not error <= TRUSTED[number] * size:
             mark = "with-care" if error <= STOPPED[number] * size else "do-not-trust"
         if not size > 2.0 * turning[number]:
-            mark, sign = "do-not-trust", "its sign is open, "
+            mark = "do-not-trust"
+            sign = "its sign is open, "
             value = with_error(quantity.value, error, unit=unit)
             sentence = f"the sign of the {name} is open: {value}"
         elif quantity.value < 0.0:  # passive materials have none
-            mark, sign = "do-not-trust", "it is negative, "
+            mark = "do-not-trust"
+            sign = "it is negative, "
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
-        reason, remedy = parts[largest[number]].reason, best_remedy(fit, parts, number)
+        reason = parts[largest[number]].reason
+        remedy = best_remedy(fit, parts, number)
         if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
-            mark, remedy = "with-care", Remedy(Step.TASK_SPEED)
+            mark = "with-care"
+            remedy = Remedy(Step.TASK_SPEED)
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
         elif mark == "trust":
             clock = systematic.clock
             if not number or clock.is_known or shows_skew(fit):
                 continue
-            mark, remedy = "with-care", Remedy(clock.remedy)
+            mark = "with-care"
+            remedy = Remedy(clock.remedy)
             step = format_quantity(clock.error, "s", digits=1)
             reason = (
                 f"if force and position were recorded within {step} of each other, which palpate "
@@ -343,7 +364,7 @@ OF_A_PART = {Step.TWO_HALVES: math.sqrt(2.0), Step.TWO_PARTS: math.sqrt(2.0)}
 def best_remedy(fit: Fit, parts: Sequence[BarPart], number: int) -> Remedy | None:
     """Return the next step that is predicted to lower the bar of stiffness (0) or damping most.
 
-    The first part is the statistical one. None if no step is predicted to lower it.
+    The first part is that of the noise. None if no step is predicted to lower it.
     """
     remedies = {part.remedy.step: part.remedy for part in parts if part.remedy is not None}
     bars = {step: float(_predict_parts(fit, parts, step)[number]) for step in remedies}

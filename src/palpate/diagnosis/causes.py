@@ -141,12 +141,14 @@ def cause_from_column(
 
     ``change``: default, the change of the parameters in the fit with the column.
     """
-    law, moved = fit.solution.law, result.change
+    law = fit.solution.law
+    moved = result.change
     # Relative change of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
     parameter = float(moved[0]) / max(abs(float(law.parameters[0])), 1e-300)
     if law.power_law:
         parameter -= float(moved[2]) * math.log(fit.units.depth)
-    change, numbers = change or ParameterChange(law, moved), (result.z, result.explained_fraction)
+    change = change or ParameterChange(law, moved)
+    numbers = (result.z, result.explained_fraction)
     changes = change.relative(fit)
     return MisfitHypothesis(
         check, *numbers, parameter, sentence, remedy, change, *changes, result.amount
@@ -198,7 +200,8 @@ SELECTED = frozenset([
 CARE = 0.05  # relative change that calls for care; chosen by hand
 # The surface is named instead of the leading cause if it removes at most this much less and the law
 # leaves at most this fraction of the force; chosen by hand on recordings.
-NEAR, MOST_UNEXPLAINED = 0.25, 0.15
+NEAR = 0.25
+MOST_UNEXPLAINED = 0.15
 ALIKE = 0.7  # a rival that explains more than this fraction of the leading cause's counts in full
 SURE = 0.6  # (1 − g₁)/(1 − g₂) below which the first cause is named without the second
 SOUGHT = (Check.CHANGE, Check.SKEW_JUMP)  # found by a search over borders
@@ -272,7 +275,8 @@ def _weigh_causes(
     highest = max(leading.explained_fraction, 1e-9)
     weighed = []
     for cause in (leading, *rivals):
-        relative, first = cause.explained_fraction / highest, cause is leading
+        relative = cause.explained_fraction / highest
+        first = cause is leading
         minor = cause.negligible and fit.at_noise_floor
         drift = cause.check is Check.OFFSET_DRIFT and not first
         if not (minor or drift or cause.check in decided or cause.check is Check.SQUARE_SPEED):

@@ -80,7 +80,8 @@ def find_changes(fit: Fit) -> Changes | None:
     starts = starts[:1] if fit.fixed else starts
     costs = {float(n): fits.block_costs(float(n), fit.solution.offset) for n in starts}
     cut = None
-    energy, duration = fit.solution.energy, float(fit.time[-1] - fit.time[0])
+    energy = fit.solution.energy
+    duration = float(fit.time[-1] - fit.time[0])
     for count in range(1, MOST_CHANGES + 1):
         if duration / (count + 1) <= FEWEST_PERIODS * fit.period:
             break
@@ -88,7 +89,8 @@ def find_changes(fit: Fit) -> Changes | None:
         best = fits.refine_borders(min(cuts, key=_ENERGY), count)
         if best.energy > (1.0 - WORTH_ANOTHER) * energy and cut is not None:
             break
-        cut, energy = best, best.energy
+        cut = best
+        energy = best.energy
     return None if cut is None else _significant_changes(fits, fits.sharpen_borders(cut))
 
 
@@ -96,13 +98,16 @@ class _EpisodeFits:
     """Fits with coefficients for each episode: of xⁿ and xⁿv for a power law, else linear ones."""
 
     def __init__(self, fit: Fit, linear: list[int]) -> None:
-        self.fit, self.linear, self.rows = fit, linear, len(fit.windows)
+        self.fit = fit
+        self.linear = linear
+        self.rows = len(fit.windows)
         #: Rows at which blocks begin, and the end.
         self.edges = np.linspace(0, self.rows, BLOCKS + 1).astype(np.intp)
         #: Force minus the part of the law that does not depend on the linear parameters, N.
         self.force = fit.force
         if not fit.solution.law.linear:
-            best, columns = fit.solution, fit.solution.jacobian[:, linear]
+            best = fit.solution
+            columns = fit.solution.jacobian[:, linear]
             self.force = best.residual + best.offset + columns @ best.law.parameters[linear]
         # Cached because the searches return to the same exponents.
         self._powers: dict[tuple[float, bool], Floats] = {}
@@ -128,7 +133,8 @@ class _EpisodeFits:
         block_sums = sums[None, :] - sums[:, None]
         size = basis.shape[1]
         i, j = np.triu_indices(BLOCKS + 1, 1)
-        normal, right = block_sums[i, j, :size, :size], block_sums[i, j, :size, size]
+        normal = block_sums[i, j, :size, :size]
+        right = block_sums[i, j, :size, size]
         ridge = 1e-10 * np.trace(normal, axis1=1, axis2=2)[:, None, None] * np.eye(size)
         solved = np.linalg.solve(normal + ridge, right[:, :, None])[:, :, 0]
         cost = np.full((BLOCKS + 1, BLOCKS + 1), np.inf)
@@ -137,12 +143,14 @@ class _EpisodeFits:
 
     def best_borders(self, cost: Floats, count: int) -> list[int]:
         """Return the rows at which ``count`` changes leave the least energy."""
-        best, chosen = cost[0].copy(), []
+        best = cost[0].copy()
+        chosen = []
         for _ in range(count):
             total = best[:, None] + cost
             chosen.append(np.argmin(total, axis=0))
             best = total.min(axis=0)
-        borders, at = [], BLOCKS
+        borders = []
+        at = BLOCKS
         for back in reversed(chosen):
             at = int(back[at])
             borders.append(at)
@@ -154,11 +162,13 @@ class _EpisodeFits:
         linear = math.isnan(exponent)
         held = held or linear or bool(self.fit.fixed)
         first = self.columns(exponent)
-        count, start = first.shape[1], 0.0 if linear else exponent
+        count = first.shape[1]
+        start = 0.0 if linear else exponent
         parts = [slice(*ends) for ends in itertools.pairwise([0, *borders, self.rows])]
 
         def model(parameters: Floats) -> tuple[Floats, Floats]:
-            coefficients, n = parameters[:-2].reshape(-1, count), float(parameters[-2])
+            coefficients = parameters[:-2].reshape(-1, count)
+            n = float(parameters[-2])
             basis = first if held else self.columns(n)
             slopes = None if held else self.columns(n, logarithm=True)
             columns = np.zeros((len(basis), len(parameters)))
@@ -200,7 +210,8 @@ class _EpisodeFits:
         velocity smears a change over some rows, which then look like another material. At an end
         of the recording the filter sees only half of its window.
         """
-        basis, half = self.columns(cut.exponent), self.rows // BLOCKS
+        basis = self.columns(cut.exponent)
+        half = self.rows // BLOCKS
         target = self.force - cut.offset
         rows = set()
         for k, border in enumerate(cut.borders):
@@ -229,7 +240,9 @@ class _EpisodeFits:
 
 
 def _significant_changes(fits: _EpisodeFits, cut: Cut) -> Changes | None:
-    fit, count, residual = fits.fit, cut.coefficients.shape[1], cut.least.residual
+    fit = fits.fit
+    count = cut.coefficients.shape[1]
+    residual = cut.least.residual
     columns = np.delete(cut.least.jacobian, [-2] if fit.with_offset else [-2, -1], axis=1)
     covariance = robust_covariance(columns, residual, fit.windows.shared)
     difference = np.hstack([-np.eye(count), np.eye(count)])
@@ -256,13 +269,15 @@ def _significant_changes(fits: _EpisodeFits, cut: Cut) -> Changes | None:
 
 def _border_time(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) -> float:
     """Return the time from which on the next law fits the samples better, s."""
-    row, data = cut.borders[border], fit.data
+    row = cut.borders[border]
+    data = fit.data
     reach = 2.0 * fit.period / WINDOWS_A_PERIOD + 2.0 * data.sample_time
     middle = 0.5 * (fit.time[row - 1] + fit.time[row])
     near = np.flatnonzero(fit.inside & (np.abs(data.time - middle) <= reach))
     if not near.size:
         return float(middle)
-    x, v = fit.penetration[near], data.velocity[near]
+    x = fit.penetration[near]
+    v = data.velocity[near]
     force = data.force[near] - cut.offset
     before, after = (force - laws[border + m].force(x, v) for m in (0, 1))
     last = int(np.argmin(np.cumsum(before**2 - after**2)))

@@ -37,7 +37,8 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     moved, shift = _best_shift(fit, reach)
     if abs(shift) >= reach:
         return []
-    before, result = fit.solution, fine
+    before = fit.solution
+    result = fine
     if shift:  # the change is the refit minus the fit without a shift
         remainder = moved.orthogonal_part(_force_by_delay(fit, shift))
         rest = float(remainder @ moved.residual / max(float(remainder @ remainder), 1e-300))
@@ -78,7 +79,8 @@ LEAST_JUMP = 0.25  # fraction of a sample
 
 def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
     """Fit a delay dF̂/dτ for the whole recording, and a second one from the best border on."""
-    slope, solution = _force_by_delay(fit, 0), fit.solution
+    slope = _force_by_delay(fit, 0)
+    solution = fit.solution
     whole = fit_with_column(fit, slope)
     if whole is None:
         return []
@@ -88,7 +90,8 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         np.column_stack([solution.jacobian, slope]),
         solution.residual - whole.amount * solution.orthogonal_part(slope),
     )
-    rows, between = len(fit.windows), (0, len(fit.windows))
+    rows = len(fit.windows)
+    between = (0, len(fit.windows))
     pressing = np.cumsum(fit.windows.mean(fit.v) > 0.0)
     place = 0
     for _ in range(2):
@@ -145,7 +148,8 @@ def check_skew(fit: Fit) -> Finding:
 
 def _force_by_delay(fit: Fit, shift: int) -> Floats:
     """Return dF̂/dτ at a shift of whole samples, N/s."""
-    law, step = fit.solution.law, fit.data.sample_time
+    law = fit.solution.law
+    step = fit.data.sample_time
     later, earlier = (_shift_motion(fit, shift + by, fit.windows, fit.force) for by in (1, -1))
     more = law.force(np.maximum(later.x, 0.0), later.v)
     less = law.force(np.maximum(earlier.x, 0.0), earlier.v)
@@ -163,7 +167,8 @@ def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[
     """Return the samples ``shift`` earlier, clipped to the segment."""
     segment = fit.data.segment
     parts = segment[windows.samples]
-    first, last = np.searchsorted(segment, parts), np.searchsorted(segment, parts, "right") - 1
+    first = np.searchsorted(segment, parts)
+    last = np.searchsorted(segment, parts, "right") - 1
     place: NDArray[np.intp] = np.clip(windows.samples - shift, first, last)
     return place
 
@@ -171,8 +176,10 @@ def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[
 def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     """Return the best shift of whole samples, by a coarse and then a fine scan."""
     every = max(-(-len(fit.windows) // MOST_ROWS), 1)
-    windows, force = fit.windows.thin(every), fit.force[::every]
-    law, offset = fit.solution.law, fit.solution.offset
+    windows = fit.windows.thin(every)
+    force = fit.force[::every]
+    law = fit.solution.law
+    offset = fit.solution.offset
 
     @cache
     def energy(shift: int) -> float:

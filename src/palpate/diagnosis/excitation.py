@@ -11,7 +11,10 @@ from palpate.remedies import Remedy, Step
 FEWEST_SAMPLES = 60
 # A probe is held below the first fraction of its rms speed and beyond the second of its depth, for
 # at least the third of the contact; it withdraws over at least the fourth of its way in.
-HELD_SPEED, DEEP, HELD, WITHDRAWN = 0.3, 0.5, 0.2, 0.1
+HELD_SPEED = 0.3
+DEEP = 0.5
+HELD = 0.2
+WITHDRAWN = 0.1
 
 
 def check_excitation(fit: Fit) -> Finding | None:

@@ -32,7 +32,8 @@ from palpate.validation import Floats
 # Residual over noise floor above which the residual is reported; clean recordings have 0.67 to 1.5.
 # Without free air the slow noise is unknown: in AR(1) noise of coefficient 0.98 the residual of a
 # correct law is then up to 8 times the estimated noise.
-MISFIT, MISFIT_UNKNOWN = 3.0, 10.0
+MISFIT = 3.0
+MISFIT_UNKNOWN = 10.0
 FEWEST_AIR = 20.0  # windows of free air that are enough to estimate the noise
 NOISE_LIKE = 1.5  # residual over noise floor
 SLOW = 2.0  # windows; noise correlated over more is poorly known from free air
@@ -132,7 +133,8 @@ class FitInput:
 
 
 #: Largest deviation of the mean speed of an eighth of the samples, as a fraction.
-STEADY, PARTS = 0.1, 8
+STEADY = 0.1
+PARTS = 8
 
 
 def find_steady_speed(velocity: Floats) -> float:
@@ -167,9 +169,14 @@ class Fit:
     def __init__(
         self, given: FitInput, depth: float | None = None, force: Floats | None = None
     ) -> None:
-        data, trace, estimate = given.data, given.trace, given.estimate
-        self.given, self.laws, self.method = given, given.laws, given.method
-        self.frequency, moves = given.frequency, given.frequency > 0.0
+        data = given.data
+        trace = given.trace
+        estimate = given.estimate
+        self.given = given
+        self.laws = given.laws
+        self.method = given.method
+        self.frequency = given.frequency
+        moves = given.frequency > 0.0
         #: The equivalent Hunt–Crossley law; None unless the law relaxes.
         self.equivalent: EquivalentEstimate | None = None
         self._force = force
@@ -180,7 +187,8 @@ class Fit:
             # A probe held still has no frequency.
             by = depth or middle, self.frequency if moves else 1.0, self._force
             data, self.equivalent = equivalent_hunt_crossley(data, estimate, *by)
-        self.data, self.estimate = data, self.equivalent or estimate
+        self.data = data
+        self.estimate = self.equivalent or estimate
         estimate = self.estimate
         self.with_offset = estimate.offset_standard_error > 0.0
         names = estimate.law.names()
@@ -194,7 +202,8 @@ class Fit:
         # Counted at any penetration: a probe that rests 0.5 mm above the material has no samples
         # above a surface that is 0.7 mm off.
         self.has_free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
-        x, v = self.penetration[self.inside], data.velocity[self.inside]
+        x = self.penetration[self.inside]
+        v = data.velocity[self.inside]
         ranks = (0.0, 50.0, DEEP, 100.0)
         depths: list[float] = np.percentile(x, ranks).tolist() if x.size else [math.nan] * 4
         self.range = (depths[0], depths[3])
@@ -265,7 +274,8 @@ class Fit:
         """Whether windows are enough, the depth varies, and a finite law resists the probe."""
         if len(self.windows) < FEWEST_ROWS // 2 or not np.ptp(self.x) > 0.0:
             return False
-        solution, scales = self.solution, self.reference_scales
+        solution = self.solution
+        scales = self.reference_scales
         numbers = solution.law.parameters, solution.residual, solution.jacobian.reshape(-1), scales
         return bool(np.isfinite(np.concatenate(numbers)).all() and (scales > 0.0).all())
 
@@ -299,9 +309,11 @@ class Fit:
     ) -> Solution:
         """Return the least squares from a starting law in local units, to a relative ``enough``."""
         motion = moved or MovedSamples(self.x, self.v, self.windows, self.force)
-        x, names = np.maximum(motion.x, 1e-12), len(law.symbols)
+        x = np.maximum(motion.x, 1e-12)
+        names = len(law.symbols)
         high = np.full(names + 1, np.inf)
-        low, linear = -high, law.linear
+        low = -high
+        linear = law.linear
         if law.power_law:
             low[2], high[2] = EXPONENTS
 
@@ -318,7 +330,8 @@ class Fit:
             return motion.force - force - parameters[names], np.column_stack([gradient, zero])
 
         found = least_squares(model, np.array([*law.parameters, offset]), (low, high), enough)
-        law, offset = law.from_parameters(found.parameters[:names]), float(found.parameters[names])
+        law = law.from_parameters(found.parameters[:names])
+        offset = float(found.parameters[names])
         return Solution(law, offset, found.jacobian[:, : names + self.with_offset], found.residual)
 
     def stiffness(self, law: ForceLaw) -> float:
@@ -335,7 +348,8 @@ class Fit:
 
     def force_stiffness_damping(self, law: ForceLaw) -> Floats:
         """Force, stiffness and damping at the working depth of a law in local units, shape (3,)."""
-        depth, speed = self.units.depth, self.units.speed
+        depth = self.units.depth
+        speed = self.units.speed
         at_depth = law.at_speed(self.depth / depth, self.steady_speed / speed)
         numbers: Floats = np.array(at_depth) / (1.0, depth, speed)
         return numbers
@@ -343,7 +357,8 @@ class Fit:
     @cached_property
     def gradients(self) -> Floats:
         """Derivatives of force, stiffness, damping at the working depth in each parameter."""
-        law, values = self.solution.law, self.solution.law.parameters
+        law = self.solution.law
+        values = self.solution.law.parameters
         steps = 1e-5 * np.maximum(np.abs(values), 1e-3 * np.abs(values).max())
         columns = []
         for size, step in zip(steps, np.diag(steps), strict=True):
@@ -388,7 +403,8 @@ class Fit:
     @property
     def _noise_in_contact(self) -> float:
         """Rms of the force's white noise in contact, N, from fourth differences."""
-        inside, force = self.inside, self.data.force
+        inside = self.inside
+        force = self.data.force
         whole = inside[:-4] & inside[1:-3] & inside[2:-2] & inside[3:-1] & inside[4:]
         differences = np.diff(force, 4)[whole]
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
@@ -508,8 +524,10 @@ def fit_with_column(
     ``solution``: a solution with additional columns. Default: the solution of the fit.
     """
     solution = solution or fit.solution
-    jacobian, residual = solution.jacobian, solution.residual
-    shares, rest = solution.inverse @ column, solution.orthogonal_part(column)
+    jacobian = solution.jacobian
+    residual = solution.residual
+    shares = solution.inverse @ column
+    rest = solution.orthogonal_part(column)
     if not np.isfinite(rest).all() or float(rest @ rest) <= COLLINEAR**2 * float(column @ column):
         return None
     amount = float(rest @ residual / (rest @ rest))
@@ -517,7 +535,8 @@ def fit_with_column(
     # The remainder is orthogonal to the other columns, so its standard error does not need them.
     others = jacobian.shape[1]
     error = math.sqrt(robust_covariance(rest[:, None], after, fit.windows.shared, others)[0, 0])
-    z, gain = abs(amount) / max(error, 1e-300), fit.explained_fraction(float(after @ after))
+    z = abs(amount) / max(error, 1e-300)
+    gain = fit.explained_fraction(float(after @ after))
     if z > SIGNIFICANT and fit.noise_floor > 0.0:
         # A short residual does not show the correlation length of slow noise; free air does.
         rows = (1.0 + len(fit.windows.shared)) * fit.correlated_windows
@@ -532,7 +551,8 @@ def standard_errors(fit: Fit) -> Floats:
     u are larger (White 1980), as for noise proportional to force, Σ u² e² exceeds Σ u² ⟨e²⟩; the
     variance is then scaled by their ratio.
     """
-    names, residual = len(fit.solution.law.symbols), fit.solution.residual
+    names = len(fit.solution.law.symbols)
+    residual = fit.solution.residual
     variances = np.diag(fit.gradients @ fit.covariance[:names, :names] @ fit.gradients.T)
     influences = (fit.gradients @ fit.solution.inverse[:names]) ** 2
     pooled = influences.sum(axis=1) * np.mean(residual**2)
@@ -547,5 +567,6 @@ def distance_to_least_squares(fit: Fit) -> Floats:
     The standard errors of the least squares do not cover this difference. A method has it if it
     forgets, or if it weighs shallow contact as much as deep contact.
     """
-    identified, best = fit.units.to_local(fit.estimate.law), fit.solution.law
+    identified = fit.units.to_local(fit.estimate.law)
+    best = fit.solution.law
     return fit.force_stiffness_damping(identified) - fit.force_stiffness_damping(best)

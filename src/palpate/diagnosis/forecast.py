@@ -11,7 +11,8 @@ from palpate.findings import Check, Finding
 from palpate.remedies import Remedy, Step
 
 PARTS = 3  # parts of the rows; the last part is predicted
-CARE, STOP = 0.25, 1.0  # fractions of the force
+CARE = 0.25
+STOP = 1.0  # fractions of the force
 # Multiple of the error expected from noise, misfit and a different motion
 UNEXPECTED = 3.0
 FADES = 0.8  # ratio to the error of a law of all rows before
@@ -27,7 +28,8 @@ def check_forecast(fit: Fit) -> Finding | None:
     rows = len(fit.windows)
     if rows < FEWEST_ROWS:
         return None
-    third, last = rows // PARTS, rows - rows // PARTS
+    third = rows // PARTS
+    last = rows - rows // PARTS
     size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
     whole, expected = _prediction_error(fit, slice(0, last, 3))
     if not whole > UNEXPECTED * fit.noise_floor:
@@ -53,14 +55,18 @@ def check_forecast(fit: Fit) -> Finding | None:
 
 def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
     """Return the rms error of predicting later rows from earlier ones, and its expectation, N."""
-    jacobian, residual = fit.solution.jacobian, fit.solution.residual
+    jacobian = fit.solution.jacobian
+    residual = fit.solution.residual
     after = slice(before.stop, None, before.step)
-    earlier, later = jacobian[before], jacobian[after]
+    earlier = jacobian[before]
+    later = jacobian[after]
     size = np.maximum(np.linalg.norm(earlier, axis=0), 1e-300)
-    earlier, later = earlier / size, later / size
+    earlier = earlier / size
+    later = later / size
     inverse = np.linalg.pinv(earlier.T @ earlier, rcond=1e-12, hermitian=True)
     change = inverse @ (earlier.T @ residual[before])
-    error, earlier_residual = residual[after] - later @ change, residual[before] - earlier @ change
+    error = residual[after] - later @ change
+    earlier_residual = residual[before] - earlier @ change
     leverage = float(np.mean(np.sum((later @ inverse) * later, axis=1)))
     noise = max(float(np.mean(earlier_residual**2)), fit.noise_floor**2)
     return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

@@ -16,7 +16,8 @@ from palpate.preparation.surface import fit_surface_position, report_assumed_sur
 from palpate.remedies import Remedy, Step
 from palpate.validation import Floats
 
-MOST_IN_CONTACT, MOST_FREE = 3000, 1500
+MOST_IN_CONTACT = 3000
+MOST_FREE = 1500
 STARTS = (-1.0, -0.3, -0.1, 0.0, 0.1)  # fractions of the working depth
 FEWEST_MOVED = 0.005  # of the working depth; a smaller shift has less effect than noise
 # Multiple of the penetration's noise including its steps: half an encoder count is not a shift.
@@ -25,7 +26,8 @@ RESOLVED = 5.0
 
 def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     """Fit (k, c, n, F₀, d) with the free approach by Levenberg–Marquardt; Hunt–Crossley only."""
-    law, known = fit.solution.law, fit.estimate.surface_standard_error > 0.0
+    law = fit.solution.law
+    known = fit.estimate.surface_standard_error > 0.0
     if known or not (law.power_law and fit.with_offset and fit.has_free_air):
         return []
     given = (*law.parameters, fit.solution.offset)
@@ -38,7 +40,8 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     # Energy over the windows, refitted with this surface.
     motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.windows, fit.force)
     change = OtherLaw(HuntCrossley(K=k, B=c, n=n), law, depth)
-    energy, changes = fit.solve(change.law, zero, motion).energy, change.relative(fit)
+    energy = fit.solve(change.law, zero, motion).energy
+    changes = change.relative(fit)
     sentence = _describe_surface(fit, change, error)
     if not math.sqrt(energy / len(fit.windows)) < NOISE_LIKE * fit.noise_floor:
         sentence += ", but the force is still not explained to the noise"
@@ -66,18 +69,22 @@ def _describe_surface(fit: Fit, change: OtherLaw, error: float) -> str:
 
 def _thin_samples(fit: Fit) -> Floats:
     """Return samples of contact, of free approach and between them, thinned."""
-    between, chosen = fit.outside & (fit.penetration >= 0.0), []
+    between = fit.outside & (fit.penetration >= 0.0)
+    chosen = []
     if band := find_dead_band(fit.data.contact):  # the sensor suppresses smaller forces
         between &= fit.data.force >= band
     for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
         index = np.flatnonzero(kept)
         chosen.append(index[:: -(-index.size // most) or 1])
-    at, data = np.sort(np.concatenate(chosen)), fit.data
-    x, v = fit.penetration[at] / fit.units.depth, data.velocity[at] / fit.units.speed
+    at = np.sort(np.concatenate(chosen))
+    data = fit.data
+    x = fit.penetration[at] / fit.units.depth
+    v = data.velocity[at] / fit.units.speed
     return np.array([x, v, data.force[at]])
 
 
-OFF_AXIS, SOFT_MOUNT = 10.0, 0.05  # degrees; fraction of the stiffness
+OFF_AXIS = 10.0
+SOFT_MOUNT = 0.05  # degrees; fraction of the stiffness
 
 
 def check_unobservable(fit: Fit) -> Finding:
@@ -85,18 +92,23 @@ def check_unobservable(fit: Fit) -> Finding:
 
     At an angle θ to the normal both x and F are projections: S = ∂F/∂x is reduced by cosᵖ⁺¹ θ and C
     by cosᵖ⁺² θ, with p = x S/F, which is n for a power law. A mount of stiffness k in series
-    reduces S to S k/(S + k).
+    reduces S to S k/(S + k). One that resonates at ω₀ raises S by (ω/ω₀)², which a motion of
+    several frequencies shows as negative inertia.
     """
-    law, part = fit.solution.law, math.cos(math.radians(OFF_AXIS))
-    stiffness, force = fit.stiffness(law), fit.force_at_depth(law)
+    law = fit.solution.law
+    part = math.cos(math.radians(OFF_AXIS))
+    stiffness = fit.stiffness(law)
+    force = fit.force_at_depth(law)
     power = fit.depth * stiffness / force if force else 1.0
     lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
+    slow = format_quantity(1.0 / (fit.period * math.sqrt(SOFT_MOUNT)), "Hz", digits=2)
     return Check.UNSEEN.finding(
         "these faults leave no trace in a recording; check them at the rig: "
         f"{OFF_AXIS:.0f}° off the surface normal makes the stiffness {percent(lost[0])} and the "
         f"damping {percent(lost[1])} too small; 1 % of scale changes them by 1 %; a mount softer "
-        f"than {soft} makes the stiffness over {percent(SOFT_MOUNT)} too small"
+        f"than {soft} makes the stiffness over {percent(SOFT_MOUNT)} too small, and one that "
+        f"resonates below {slow} as much too large"
     )
 
 

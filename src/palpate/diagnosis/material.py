@@ -32,11 +32,15 @@ from palpate.remedies import Remedy, Step
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     """Fit one column each for friction, slow change, other damping and other shape."""
-    law, time = fit.solution.law, relative_time(fit)
-    x, rest = np.maximum(fit.x, 1e-12), np.zeros_like(fit.x)
+    law = fit.solution.law
+    time = relative_time(fit)
+    x = np.maximum(fit.x, 1e-12)
+    rest = np.zeros_like(fit.x)
     # Dimensionless: depth over the working depth, speed over its rms.
-    depth, speed = x * fit.units.depth / fit.reference, fit.v * fit.units.speed / fit.speed
-    spring, slope = law.force(x, rest), law.penetration_gradient(x, rest)
+    depth = x * fit.units.depth / fit.reference
+    speed = fit.v * fit.units.speed / fit.speed
+    spring = law.force(x, rest)
+    slope = law.penetration_gradient(x, rest)
     spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
     slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
     logarithm = np.log(np.maximum(depth, 1e-12))
@@ -117,7 +121,8 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     shortest = max(8.0 * data.sample_time, fit.period / 30.0)
     if data.contact.timeless or not 0.0 < shortest < 0.7 * duration:
         return []
-    law, x = fit.solution.law, np.maximum(fit.penetration / fit.units.depth, 0.0)
+    law = fit.solution.law
+    x = np.maximum(fit.penetration / fit.units.depth, 0.0)
     at_depth = fit.force_at_depth(law) or 1.0
     spring = law.force(x, np.zeros_like(x)) / at_depth
     times = np.geomspace(shortest, 0.7 * duration, TIMES)
@@ -138,7 +143,8 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
 def _describe_relaxation(fit: Fit, time: float) -> tuple[str, Remedy]:
     """Return the sentence and the next step for relaxation in the residual."""
     over = f"about {rounded(time, 2)} s"
-    remedy, relaxing = relaxation_remedy(fit.laws, time), fit.equivalent
+    remedy = relaxation_remedy(fit.laws, time)
+    relaxing = fit.equivalent
     if relaxing is None:
         frequency = f"{rounded(1.0 / fit.period, 2)} Hz"
         return f"stress relaxation over {over}: the stiffness holds at {frequency}", remedy
@@ -152,9 +158,11 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, Remedy]:
 
 
 # Depth range over the working depth in which adhesion is searched for, and its number of pieces.
-LIGHT, PIECES = (-0.2, 0.5), 8
+LIGHT = (-0.2, 0.5)
+PIECES = 8
 FEWEST_PULLED = 10  # samples in a piece
-PULL_Z, LEAST_PULL = 4.0, 0.003  # standard errors; fraction of the largest force
+PULL_Z = 4.0
+LEAST_PULL = 0.003  # standard errors; fraction of the largest force
 REACHES = (0.1, 0.2, 0.4, 0.8)  # lengths of an adhesive neck over the working depth
 
 
@@ -196,24 +204,28 @@ def largest_pull(fit: Fit) -> float:
     free = np.flatnonzero(fit.free)
     if free.size < FEWEST_FREE:
         return 0.0
-    x, force = fit.penetration / fit.reference, fit.data.contact.force[fit.data.known]
+    x = fit.penetration / fit.reference
+    force = fit.data.contact.force[fit.data.known]
     leaves = (fit.data.velocity < -0.1 * fit.speed) & ~fit.rejected
     still = [each for each in (free, free[leaves[free]]) if each.size]
     away = [each[x[each] <= np.median(x[each])] for each in still]
     zero = min((force[each] for each in away), key=np.mean)
-    comes, slope = free[~leaves[free]], 0.0
+    comes = free[~leaves[free]]
+    slope = 0.0
     if comes.size and np.ptp(x[comes]) > 0.0:
         # Centred sums, which are defined even if the positions differ in their last digits only.
         off = x[comes] - x[comes].mean()
         slope = min(float(off @ force[comes] / max(off @ off, float(np.finfo(float).tiny))), 0.0)
     place = (x - LIGHT[0]) * PIECES / (LIGHT[1] - LIGHT[0])
-    least, largest = LEAST_PULL * fit.data.peak_force, 0.0
+    least = LEAST_PULL * fit.data.peak_force
+    largest = 0.0
     for piece in range(PIECES):
         in_piece = leaves & (place >= piece) & (place < piece + 1)
         if np.count_nonzero(in_piece) < FEWEST_PULLED:
             continue
         below = zero.mean() + slope * (x[in_piece] - float(np.mean(x[away[0]]))) - force[in_piece]
-        pull, error = float(below.mean()), math.hypot(mean_error(below), mean_error(zero))
+        pull = float(below.mean())
+        error = math.hypot(mean_error(below), mean_error(zero))
         if pull > max(least, largest, PULL_Z * error):
             largest = pull
     return largest
@@ -227,7 +239,8 @@ def check_relaxed_stiffness(fit: Fit) -> Finding | None:
     """The relaxed stiffness is extrapolated: no hold of three relaxation times was recorded."""
     if fit.laws is None or fit.equivalent is None or not fit.laws.law.remembers:
         return None
-    inside, data = np.flatnonzero(fit.inside), fit.data
+    inside = np.flatnonzero(fit.inside)
+    data = fit.data
     still = np.abs(data.velocity[inside]) < STILL * fit.speed
     ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
     time = data.time[inside]
@@ -249,7 +262,8 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
     The Hunt–Crossley law is fitted to the same samples. With adhesion its residual is about as
     small as the residual of the selected law, with a change of the material far smaller.
     """
-    plain, energy = fit.equivalent_law_fit(), fit.solution.energy
+    plain = fit.equivalent_law_fit()
+    energy = fit.solution.energy
     causes = []
     if largest_pull(plain) > 0.0:
         pulls = (each for each in find_adhesion_or_relaxation(plain) if each.z > SIGNIFICANT)
@@ -265,7 +279,8 @@ def check_behind_relaxation(fit: Fit) -> list[Finding]:
 
 # Any other cause explains at most the first fraction of what a leading cause does, and a memory at
 # least the second fraction of the residual.
-SECOND, ALONE = 0.8, 0.25
+SECOND = 0.8
+ALONE = 0.25
 LEAST_MEMORY = 0.03  # fraction of the force
 # A bent sensor, a material of another shape and a wrong surface bend the same curve, so none is
 # another's rival, and a law with a free exponent imitates a part of each: what the residual shows
@@ -276,7 +291,10 @@ ELASTIC = (Check.SHAPE, Check.SENSOR_GAIN, Check.SURFACE)
 BENT_Z = 6.0
 # Least slope of the residual, as a fraction of the stiffness and in standard errors, of at least so
 # many windows within this fraction of the working depth.
-LEAST_SLOPE, SLOPE_Z, NEAR_DEPTH, FEWEST_NEAR = 0.2, 3.0, 0.15, 6
+LEAST_SLOPE = 0.2
+SLOPE_Z = 3.0
+NEAR_DEPTH = 0.15
+FEWEST_NEAR = 6
 
 
 def check_unknown_law(
@@ -314,8 +332,10 @@ def check_unknown_law(
 
 def local_slope(fit: Fit) -> float:
     """Slope of the residual around the working depth over the stiffness; 0 if not significant."""
-    mean, scale = fit.windows.mean, fit.units.depth / fit.depth
-    place, speed = scale * mean(fit.x) - 1.0, mean(fit.v)
+    mean = fit.windows.mean
+    scale = fit.units.depth / fit.depth
+    place = scale * mean(fit.x) - 1.0
+    speed = mean(fit.v)
     near = np.abs(place) < NEAR_DEPTH
     if np.count_nonzero(near) < FEWEST_NEAR:
         return 0.0

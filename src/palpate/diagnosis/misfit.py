@@ -19,7 +19,8 @@ from palpate.remedies import Remedy, Step
 from palpate.validation import Floats
 
 # Chosen by hand.
-UNEXPLAINED, TOO_MUCH_UNEXPLAINED = 0.05, 0.30  # fractions of the force
+UNEXPLAINED = 0.05
+TOO_MUCH_UNEXPLAINED = 0.30  # fractions of the force
 # Residual over noise; 2 of 1053 trusted stiffnesses of ``benchmarks.diagnosis.mix`` exceed it, and
 # none of the 18 of recordings of others.
 FAR_ABOVE_NOISE = 30.0
@@ -46,8 +47,10 @@ def smooth_misfit(fit: Fit) -> float:
     The function has five polynomials of the depth, and three more times the velocity, its sign and
     its square. Noise of any colour removes as much by chance as its long-run variance says.
     """
-    solution, mean = fit.solution, fit.windows.mean
-    x, v = mean(fit.x), mean(fit.v)
+    solution = fit.solution
+    mean = fit.windows.mean
+    x = mean(fit.x)
+    v = mean(fit.v)
     place = (x - x.min()) / (float(np.ptp(x)) or 1.0) - 0.5
     speed = v / (float(np.sqrt(np.mean(v**2))) or 1.0)
     powers = place[:, None] ** np.arange(5.0)
@@ -117,7 +120,8 @@ def deeper_half_remedy(fit: Fit) -> Remedy | None:
 
 def check_misfit(fit: Fit) -> Finding | None:
     """The law leaves more than 5 % of the force unexplained, or more than three times the noise."""
-    unexplained, times = fraction_unexplained(fit), fit.residual_to_noise
+    unexplained = fraction_unexplained(fit)
+    times = fit.residual_to_noise
     if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
     remedy = Remedy(Step.SELECT_LAW) if fit.laws is None else deeper_half_remedy(fit)

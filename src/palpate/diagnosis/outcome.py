@@ -267,7 +267,8 @@ class Diagnosis(Plain):
         for name, mark, limit in zip(("stiffness", "damping"), marks, self.limits, strict=True):
             quantity: Quantity = getattr(at, name)
             reason = "" if limit is None else limit.brief or limit.message
-            error, size = quantity.whole_error, quantity.value
+            error = quantity.whole_error
+            size = quantity.value
             if limit is not None and limit.check is Check.PRECISION and size > 2.0 * error:
                 reason = f"± {rough_percent(error / size)}, {reason}"
             often = frequency if relaxes or name == "damping" else math.nan
@@ -331,5 +332,6 @@ class ModelSelection:
     @classmethod
     def of(cls, estimator: ContactEstimator) -> "ModelSelection":
         """Return the selection of an estimator after all its samples."""
-        evidence, estimate = estimator.evidence(), estimator.estimate()
+        evidence = estimator.evidence()
+        estimate = estimator.estimate()
         return cls(estimate.law, judge_evidence(evidence, estimate), evidence.longest)

@@ -185,13 +185,15 @@ def check_signs(data: Data) -> Finding | None:
     It runs before any gate, because a gate removes the samples that show the wrong sign.
     """
     every = -(-len(data) // MOST_RANKED)
-    x, force = data.penetration[::every], data.force[::every]
+    x = data.penetration[::every]
+    force = data.force[::every]
     if np.ptp(x) == 0.0 or np.ptp(force) == 0.0:
         return None
     if np.corrcoef(_ranks(x), _ranks(force))[0, 1] >= RANKS_AGAINST:
         return None
     low, high = np.percentile(x, [5.0, 95.0])
-    deep, shallow = float(force[x >= high].mean()), float(force[x <= low].mean())
+    deep = float(force[x >= high].mean())
+    shallow = float(force[x <= low].mean())
     if deep >= shallow:
         return None
     step = Step.FLIP_PENETRATION
@@ -212,23 +214,27 @@ def _ranks(values: Floats) -> NDArray[np.intp]:
     return np.argsort(np.argsort(values, kind="stable"))
 
 
-SOME, MANY = 1e-3, 2e-2  # fractions of the samples
+SOME = 1e-3
+MANY = 2e-2  # fractions of the samples
 # Fraction of the rms velocity. At slower speeds the probe reverses and friction jumps between its
 # two signs within a sample (on the robot at up to 0.26). Spikes occur at any speed, so they are
 # counted at faster speeds only.
 SLOW = 1.0 / 3.0
 # Fraction of the largest force, and multiple of its noise: tails heavier than a Gaussian's are not
 # spikes.
-LARGE, FAR = 0.05, 16.0
+LARGE = 0.05
+FAR = 16.0
 FEWEST_SPIKES = 3.0
 FEWEST_FAST = 0.2  # fraction of the samples; with fewer all samples are counted
 
 
 def check_spikes(data: Data) -> Finding | None:
     """More than 0.1 % of the samples are spikes; force spikes count only while the probe moves."""
-    force, penetration = find_spikes(data.force), find_spikes(data.penetration)
+    force = find_spikes(data.force)
+    penetration = find_spikes(data.penetration)
     at = np.flatnonzero(force)
-    before, after = np.maximum(at - 1, 0), np.minimum(at + 1, len(data) - 1)
+    before = np.maximum(at - 1, 0)
+    after = np.minimum(at + 1, len(data) - 1)
     leaps = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
     force[at] = leaps > max(LARGE * data.peak_force, FAR * data.force_noise)
     speed = np.abs(data.velocity)
@@ -263,7 +269,8 @@ def check_time_stamps(data: Data) -> Finding | None:
     velocity, squared, is missing in the damping.
     """
     part = slice(0, MOST_STAMPS)
-    time, x = data.time[part], data.penetration[part]
+    time = data.time[part]
+    x = data.penetration[part]
     steps = np.diff(time)
     steps = steps[(np.diff(data.segment[part]) == 0) & (steps > 0.0)]
     if steps.size < 10 * WIDTH or float(steps.std()) <= UNEVEN * float(steps.mean()):
@@ -300,16 +307,19 @@ def _distance_to_parabola(time: Floats, x: Floats) -> float:
     return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
 
 
-DEEPEST, FASTEST = 0.25, 3.0  # m, m/s; the recordings reach at most 19 mm and 0.84 m/s
+DEEPEST = 0.25
+FASTEST = 3.0  # m, m/s; the recordings reach at most 19 mm and 0.84 m/s
 # F/x² in Pa, a modulus that depends little on geometry: recordings have 6e3 to 7e7 Pa.
-SOFTEST, HARDEST = 2.0, 5e8  # compared as F/x with x, because x² can overflow
+SOFTEST = 2.0
+HARDEST = 5e8  # compared as F/x with x, because x² can overflow
 LARGEST_FORCE = 5e3  # N; the testing machine presses TPU with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
 
 def check_penetration_unit(data: Data) -> Finding | None:
     """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
-    depth, force = data.peak_penetration, data.peak_force
+    depth = data.peak_penetration
+    force = data.peak_force
     if depth <= 0.0 or "penetration" in data.contact.stated_units:
         return None
     touched = data.penetration > 0.0
@@ -328,7 +338,8 @@ def check_penetration_unit(data: Data) -> Finding | None:
 
 def check_force_unit(data: Data) -> Finding | None:
     """F > 5 kN or F/x² > 5e8 Pa; it finds 87 % of such errors, so the peak is always shown."""
-    depth, force = data.peak_penetration, data.peak_force
+    depth = data.peak_penetration
+    force = data.peak_force
     if depth <= 0.0 or "force" in data.contact.stated_units:
         return None
     words = _half_stated(data.contact, "force")
@@ -428,7 +439,8 @@ def _displacements(data: Data) -> tuple[Floats, Floats]:
     ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
     last = ends + MEAN - 1
     whole = data.segment[ends] == data.segment[last]
-    ends, last = ends[whole], last[whole]
+    ends = ends[whole]
+    last = last[whole]
     steps = 0.5 * (data.velocity[1:] + data.velocity[:-1]) * np.diff(data.time)
     gone = np.concatenate([[0.0], np.cumsum(steps)])
     return data.penetration[last] - data.penetration[ends], gone[last] - gone[ends]

@@ -27,7 +27,8 @@ from palpate.validation import Floats
 
 SHORTEST = 5  # samples
 MOVES = 4.0  # multiple of the noise or of the step by which the law's force must vary during a run
-SOME_FLAT, MANY_FLAT = 0.01, 0.05  # fractions of the samples in contact
+SOME_FLAT = 0.01
+MANY_FLAT = 0.05  # fractions of the samples in contact
 
 
 def check_saturation(fit: Fit) -> Finding | None:
@@ -36,20 +37,23 @@ def check_saturation(fit: Fit) -> Finding | None:
     A held force has another check, so only runs of more than two of its beats count. A dead band
     also has another check, so its samples do not count. A run ends at the surface.
     """
-    force, inside = fit.data.force, fit.inside | (fit.rejected & (fit.penetration > 0.0))
+    force = fit.data.force
+    inside = fit.inside | (fit.rejected & (fit.penetration > 0.0))
     shortest = max(SHORTEST, math.floor(2.0 * hold_length(force)) + 1)
     changed = np.diff(force, prepend=np.nan, append=np.nan) != 0.0
     below = fit.penetration > 0.0
     changed[1:-1] |= below[1:] != below[:-1]
     borders = np.flatnonzero(changed)
-    lengths, began = np.diff(borders), borders[:-1]
+    lengths = np.diff(borders)
+    began = borders[:-1]
     # Samples in which the sensor was lost are not taken, but the one before is.
     long = (lengths >= shortest) & below[began] & (inside[began] | inside[np.maximum(began - 1, 0)])
     if band := find_dead_band(fit.data.contact):
         long &= force[began] >= band
     if not long.any():
         return None
-    starts, lengths = began[long], lengths[long]
+    starts = began[long]
+    lengths = lengths[long]
     within = np.repeat(starts - np.cumsum(lengths) + lengths, lengths) + np.arange(lengths.sum())
     model = fit.law.force(np.maximum(fit.penetration[within], 0.0), fit.data.velocity[within])
     runs = np.cumsum(lengths) - lengths
@@ -86,7 +90,8 @@ def check_dead_band(fit: Fit) -> Finding | None:
     )
 
 
-JUMP, MUCH = 0.05, 0.20  # fractions of the largest force
+JUMP = 0.05
+MUCH = 0.20  # fractions of the largest force
 USUAL = 4.0  # multiple of the scatter of the changes of three samples before and after
 ONE_SIGN = 0.5  # |sum| over the sum of sizes; jumps up and down are friction or sensor dropouts
 MOST_JUMPS = 3  # friction jumps at every reversal of the probe, so it makes more jumps
@@ -99,12 +104,16 @@ def find_force_jumps(data: Data) -> tuple[list[int], Floats]:
     Such a change deviates from its six neighbours by 5 % of the largest force. The position must
     not jump with it, and the motion must not reverse, since friction jumps then.
     """
-    changes, moves = np.diff(data.force), np.abs(np.diff(data.penetration))
+    changes = np.diff(data.force)
+    moves = np.abs(np.diff(data.penetration))
     least = max(JUMP * data.peak_force, FAR * data.force_noise, 3.0 * data.force_step)
-    beyond, jumps, band = changes.copy(), list[int](), find_dead_band(data.contact)
+    beyond = changes.copy()
+    jumps = list[int]()
+    band = find_dead_band(data.contact)
     for k in np.flatnonzero(np.abs(changes) > least).tolist():
         near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
-        before, after = data.velocity[max(k - 3, 0)], data.velocity[min(k + 4, len(data) - 1)]
+        before = data.velocity[max(k - 3, 0)]
+        after = data.velocity[min(k + 4, len(data) - 1)]
         pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
         usual = float(np.median(changes[near]))
         beyond[k] -= usual
@@ -138,7 +147,8 @@ def check_force_jump(fit: Fit) -> Finding | None:
     change = fit.solution.inverse @ added
     moved = fit.relative_changes(fit.gradients[1:] @ change[: len(fit.solution.law.symbols)])
     largest = int(np.argmax(np.abs(sizes)))
-    size, when = float(sizes[largest]), rounded(float(data.time[jumps[largest]]), 4)
+    size = float(sizes[largest])
+    when = rounded(float(data.time[jumps[largest]]), 4)
     marks: list[Mark] = ["with-care" if abs(part) > CARE else "trust" for part in moved]
     if abs(size) > MUCH * data.peak_force:
         marks = ["do-not-trust", "do-not-trust"]
@@ -188,7 +198,8 @@ def check_velocity_noise(fit: Fit) -> Finding | None:
 
 
 #: Standard errors, and fraction of stiffness or damping, above which a slope in free air counts.
-AIR_Z, AIR_PART = 6.0, 0.01
+AIR_Z = 6.0
+AIR_PART = 0.01
 
 
 def check_free_air(fit: Fit) -> Finding | None:
@@ -197,7 +208,8 @@ def check_free_air(fit: Fit) -> Finding | None:
     A cause that moves with the probe in free air also does so in contact: its slope adds to the
     stiffness, its drag to the damping.
     """
-    slopes, errors = np.array(fit.free_air.slopes), np.array(fit.free_air.errors)
+    slopes = np.array(fit.free_air.slopes)
+    errors = np.array(fit.free_air.errors)
     moved = np.where(np.abs(slopes) > AIR_Z * errors, slopes / fit.reference_scales, 0.0)
     moved = np.where(np.abs(moved) > AIR_PART, moved, 0.0)
     if not moved.any():
@@ -218,7 +230,8 @@ def check_free_air(fit: Fit) -> Finding | None:
 COLLINEAR = 0.9
 # An impact ends a free flight: beyond the contact the acceleration is below this part of that in
 # contact. Without free air a motion is an impact beyond this frequency, rad/s.
-FLIGHT, IMPACT_FREQUENCY = 0.4, 100.0
+FLIGHT = 0.4
+IMPACT_FREQUENCY = 100.0
 
 
 def check_impact(fit: Fit) -> Finding | None:
@@ -250,7 +263,8 @@ def check_impact(fit: Fit) -> Finding | None:
     )
 
 
-OFFSET_Z, OFFSET_PART = 5.0, 0.01
+OFFSET_Z = 5.0
+OFFSET_PART = 0.01
 
 
 def check_offset(fit: Fit) -> Finding | None:
@@ -277,7 +291,8 @@ def check_offset(fit: Fit) -> Finding | None:
 def _longest_free_interval(fit: Fit) -> str:
     """Return the longest interval without contact as START:STOP, s."""
     edges = np.flatnonzero(np.diff(np.r_[0, fit.free, 0]))
-    starts, stops = edges[::2], edges[1::2] - 1
+    starts = edges[::2]
+    stops = edges[1::2] - 1
     k = int(np.argmax(stops - starts))
     ends = (float(fit.data.time[at]) for at in (starts[k], stops[k]))
     return ":".join(f"{end:.3f}".rstrip("0").rstrip(".") for end in ends)
@@ -290,8 +305,10 @@ MOST_CURVED = 0.35
 
 def find_sensor_causes(fit: Fit) -> list[MisfitHypothesis]:
     """Fit a column each for zero drift, a guide's friction, a mass and a nonlinear gain."""
-    law, x = fit.solution.law, np.maximum(fit.x, 1e-12)
-    force, at_depth = law.force(x, fit.v), fit.force_at_depth(law) or 1.0
+    law = fit.solution.law
+    x = np.maximum(fit.x, 1e-12)
+    force = law.force(x, fit.v)
+    at_depth = fit.force_at_depth(law) or 1.0
     columns = {
         Check.OFFSET_DRIFT: relative_time(fit),
         Check.INERTIA: fit.acceleration,  # its coefficient is the mass beyond the sensor
@@ -314,7 +331,8 @@ MOST_LATE = 0.05  # s; a mass that implies a longer delay is a mass
 def _add_effect_of_delay(fit: Fit, cause: MisfitHypothesis) -> MisfitHypothesis:
     """Add to a mass m the damping K τ of a delay τ that looks like it, as m = K τ²/2."""
     large = cause.z > SIGNIFICANT and cause.explained_fraction > LEAST_LATE
-    stiffness, change = fit.stiffness(fit.solution.law), cause.change
+    stiffness = fit.stiffness(fit.solution.law)
+    change = cause.change
     if not (cause.check is Check.INERTIA and large and cause.amount > 0.0 and stiffness > 0.0):
         return cause
     delay = math.sqrt(2.0 * cause.amount / stiffness)
@@ -344,9 +362,15 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
             f"friction of {format_quantity(abs(amount), 'N')} at any load, as of a guide",
             Remedy(Step.FREE_AIR_MOTION),
         )
+    if amount > 0.0:
+        return (
+            f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material",
+            Remedy(Step.INERTIA),
+        )
+    # Behind a link of the natural frequency ω₀ the tip moves by x − ẍ/ω₀².
+    rate = math.sqrt(abs(fit.stiffness(fit.solution.law) / (amount or 1.0)))
+    resonance = format_quantity(rate / (2.0 * math.pi), "Hz", digits=2)
     return (
-        f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material"
-        if amount > 0.0
-        else "the force depends on the acceleration",
-        Remedy(Step.INERTIA),
+        f"the force depends on the acceleration, as behind a link that resonates at {resonance}",
+        Remedy(Step.STIFFER_PROBE),
     )

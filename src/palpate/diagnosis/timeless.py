@@ -83,7 +83,8 @@ def trace_without_time(trace: Trace) -> Trace:
 
 def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings that hold without time; a general misfit replaces others that mark S."""
-    kept, marks = list[Finding](), []
+    kept = list[Finding]()
+    marks = []
     for finding in findings:
         if finding.check in HOLD_WITHOUT_TIME:
             alone = replace(finding, damping="trust", moves_damping_percent=math.nan)

@@ -204,7 +204,8 @@ def _decide_marks(
     findings: Sequence[Finding], at: WorkingDepth
 ) -> tuple[Verdict, tuple[Finding | None, Finding | None]]:
     """Return the verdict, and for stiffness and damping the finding that decides the mark."""
-    marks, limits = [], []
+    marks = []
+    limits = []
     # A fault of the recording is more informative than a wide error bar, so it comes first.
     ordered = sorted(findings, key=lambda each: each.check == Check.PRECISION)
     for mark_by in map(attrgetter, ("stiffness", "damping")):

@@ -129,7 +129,8 @@ def free_air_statistics(data: Data, windows: WindowedSamples) -> FreeAir:
     rows = windows.mean(np.column_stack([data.force[at], data.penetration[at], data.velocity[at]]))
     means = np.array([np.bincount(interval, column) for column in rows.T])
     rows = (rows - (means / np.bincount(interval)).T[interval])[long]
-    force, motion = rows[:, 0], rows[:, 1:]
+    force = rows[:, 0]
+    motion = rows[:, 1:]
     counted = count[count >= FEWEST_WINDOWS]
     freedom = 1.0 - counted.size / float(counted.sum())  # a mean of each interval is fitted
     slopes, *_ = np.linalg.lstsq(motion, force, rcond=1e-9)

@@ -181,8 +181,10 @@ def _fit_rows(
     """
     count, samples = curves[0].shape
     exponents, offset, noise, offset_deviation, surface_deviation, *rest = settings
-    numbers, covariance = np.empty((count, 13)), np.empty((count, 5, 5))
-    taken, codes = np.empty(count, np.int64), np.empty((count, 2), np.uint8)
+    numbers = np.empty((count, 13))
+    covariance = np.empty((count, 5, 5))
+    taken = np.empty(count, np.int64)
+    codes = np.empty((count, 2), np.uint8)
     rows = max(1, _AT_ONCE // max(samples, 1)) * threads
     for first in range(0, count, rows):
         part = slice(first, first + rows)
@@ -212,7 +214,8 @@ def _check_curves(*channels: "ArrayLike") -> tuple[Floats, ...]:
 
 def _check_settings(count: int, settings: dict[str, Any]) -> tuple[Any, ...]:
     """The settings of :func:`fit_curves`, as the core takes them; 0 means not specified."""
-    offset, scale = settings["offset"], settings["scale"]
+    offset = settings["offset"]
+    scale = settings["scale"]
     # Each curve has its own offset prior.
     level, exponents, fixed, *_ = projection_settings({**settings, "offset_deviation": None})
     exponents = (fixed, fixed) if fixed else exponents

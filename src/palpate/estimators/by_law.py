@@ -43,7 +43,8 @@ LARGEST = 1e30
 _NODES = math.sqrt(2.0) * np.array([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 1.0, -1.0]])
 _WEIGHTS = np.vstack([np.full(4, 0.25), _NODES / 4.0])
 # A new fit follows after an eighth more samples, and one from many starts after twice as many.
-FEWEST, _GROWTH = 16, 9 / 8
+FEWEST = 16
+_GROWTH = 9 / 8
 # Number of factors tried per nonlinear parameter, by the count of nonlinear parameters.
 _STARTS = {1: 33, 2: 11, 3: 6}
 _DECADES = 2.0
@@ -104,10 +105,15 @@ class LeastSquaresOfLaw(PythonEstimator):
         self._guide = VariableProjection(**self._settings)
         self._cells = np.zeros((*CELLS, _SUMS))
         self._range: tuple[float, float] | None = None  # of penetration and of speed
-        self._energy, self._samples, self._rejected = 0.0, 0, 0
-        self._status, self._due, self._search = Status.WAITING, FEWEST, FEWEST
+        self._energy = 0.0
+        self._samples = 0
+        self._rejected = 0
+        self._status = Status.WAITING
+        self._due = FEWEST
+        self._search = FEWEST
         self._found: Floats | None = None  # parameters and offset
-        self._noise, self._fitted = 0.0, 0
+        self._noise = 0.0
+        self._fitted = 0
 
     def leave_contact(self) -> None:
         """End the contact; the estimate is held until the next contact."""
@@ -186,7 +192,8 @@ class LeastSquaresOfLaw(PythonEstimator):
             rows = _Rows(self)
             energy, found = rows.minimise(start, self._noise)
             if math.isfinite(energy):
-                self._found, self._noise = found, rows.noise(energy)
+                self._found = found
+                self._noise = rows.noise(energy)
                 self._fitted = self._samples
 
     def _add(self, x: float, v: float, force: float) -> None:
@@ -194,11 +201,13 @@ class LeastSquaresOfLaw(PythonEstimator):
         while x >= deep:  # all samples move to the lower half
             pairs = self._cells[::2] + self._cells[1::2]
             self._cells[:] = 0.0
-            self._cells[: CELLS[0] // 2], deep = pairs, 2.0 * deep
+            self._cells[: CELLS[0] // 2] = pairs
+            deep = 2.0 * deep
         while abs(v) >= fast:  # all samples move to the middle
             pairs = self._cells[:, ::2] + self._cells[:, 1::2]
             self._cells[:] = 0.0
-            quarter, fast = CELLS[1] // 4, 2.0 * fast
+            quarter = CELLS[1] // 4
+            fast = 2.0 * fast
             self._cells[:, quarter : 3 * quarter] = pairs
         self._range = deep, fast
         cell = int(x / deep * CELLS[0]), int((v / fast + 1.0) / 2.0 * CELLS[1])
@@ -221,12 +230,16 @@ class _Rows:
     """The cells as rows of a least squares: the force in each cell, and its two slopes."""
 
     def __init__(self, estimator: LeastSquaresOfLaw, most: int | None = None) -> None:
-        self.law, settings = estimator.law_type, estimator.settings
-        self.with_offset, tare = settings["offset"], settings["offset_deviation"]
-        scale, off = settings["scale"] or PROBING, settings["surface_deviation"] or 0.0
+        self.law = estimator.law_type
+        settings = estimator.settings
+        self.with_offset = settings["offset"]
+        tare = settings["offset_deviation"]
+        scale = settings["scale"] or PROBING
+        off = settings["surface_deviation"] or 0.0
         self.deviation = tare and math.hypot(tare, off * scale.force / scale.penetration)
         self.linear = estimator._linear
-        self.samples, self.energy = estimator._samples, estimator._energy
+        self.samples = estimator._samples
+        self.energy = estimator._energy
         sums = estimator._cells.reshape(-1, _SUMS)
         sums = sums[sums[:, 0] > 0.0]
         sums = sums[:: 1 if most is None else max(len(sums) // most, 1)]
@@ -268,7 +281,8 @@ class _Rows:
     def solve_linear_part(self, found: Floats, noise: float) -> tuple[float, Floats]:
         """Σr² and parameters after solving for the linear parameters."""
         residual, jacobian = self.at(found, noise)
-        better, linear = found.copy(), [*self.linear, len(found) - 1]
+        better = found.copy()
+        linear = [*self.linear, len(found) - 1]
         if np.isfinite(residual).all():
             better[linear] += _step(jacobian[:, linear], residual)
             residual -= jacobian[:, linear] @ (better - found)[linear]
@@ -305,12 +319,14 @@ class _Rows:
         """Covariance of parameters and offset for white noise; large if not identifiable."""
         if not np.isfinite(residual).all():
             return _wide_covariance(found)
-        size, energy = _sizes(jacobian), float(residual @ residual)
+        size = _sizes(jacobian)
+        energy = float(residual @ residual)
         values, vectors = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
         scaled = vectors * (self.noise(energy) / np.sqrt(np.maximum(values, 1e-13)))
         joint: Floats = scaled @ scaled.T / np.outer(size, size)
         if not self.with_offset:
-            joint[-1], joint[:, -1] = 0.0, 0.0
+            joint[-1] = 0.0
+            joint[:, -1] = 0.0
         joint = 0.5 * (joint + joint.T)
         return joint if np.isfinite(joint).all() else _wide_covariance(found)
 
@@ -345,7 +361,8 @@ def linear_in(law: type[ForceLaw]) -> tuple[int, ...]:
     The force is linear in a set of parameters if its gradient with respect to them does not depend
     on them. The test uses two depths and speeds, and parameters typical of a probing hand.
     """
-    x, v = np.array([3e-3, 9e-3]), np.array([-15e-3, 10e-3])
+    x = np.array([3e-3, 9e-3])
+    v = np.array([-15e-3, 10e-3])
     sizes = law.sizes(10e-3, 20e-3, 1.0)
 
     def gradient(k: int | None = None) -> Floats:

@@ -340,8 +340,10 @@ def loop_settings(
     """Check the loop's settings; an absent detector or rejection costs no memory and no time."""
     forgetting = settings.get("forgetting")
     instance("forgetting", forgetting, (ConstantForgetting, FadingForgetting, type(None)))
-    detector, rejection = settings["change_detector"], settings["outlier_rejection"]
-    gate, scale = settings["gate"], settings["scale"]
+    detector = settings["change_detector"]
+    rejection = settings["outlier_rejection"]
+    gate = settings["gate"]
+    scale = settings["scale"]
     instance("change_detector", detector, (ChangeDetector, type(None)))
     if not (rejection is None or rejection is False or isinstance(rejection, OutlierRejection)):
         raise InvalidParameterError(

@@ -129,7 +129,8 @@ class Estimate(EstimateValue):
         self, value: EstimateValue, law_type: type[ForceLaw], fixed: tuple[str, ...] = ()
     ) -> None:
         super().__init__(value)
-        self._law_type, self.fixed = law_type, fixed
+        self._law_type = law_type
+        self.fixed = fixed
         self._law: ForceLaw | None = None
 
     @classmethod
@@ -215,7 +216,8 @@ class Estimate(EstimateValue):
         values = np.array(numbers(self.law), dtype=np.float64)
         # Central differences over 1 % of each standard error, where a law is nearly linear. The
         # limit keeps the parameter's sign where its error is tens of times its value.
-        errors, sizes = np.sqrt(np.maximum(np.diag(covariance), 0.0)), np.abs(parameters)
+        errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+        sizes = np.abs(parameters)
         steps = np.where(np.isfinite(errors), 0.01 * errors, 1.0)
         steps = np.where(sizes > 0.0, np.minimum(steps, 0.5 * sizes), steps)
         # An exponent changes by a half at most, to stay in its range.
@@ -223,8 +225,10 @@ class Estimate(EstimateValue):
         gradient = np.zeros((len(values), len(steps)))
         with np.errstate(all="ignore"):  # before the first fit an error may be infinite
             for k in np.flatnonzero(steps).tolist():
-                up, down = parameters.copy(), parameters.copy()
-                up[k], down[k] = up[k] + steps[k], down[k] - steps[k]
+                up = parameters.copy()
+                down = parameters.copy()
+                up[k] = up[k] + steps[k]
+                down[k] = down[k] - steps[k]
                 change = np.subtract(numbers(law_from(up)), numbers(law_from(down)))
                 gradient[:, k] = change / (2.0 * steps[k])
             variances = np.array([each @ covariance @ each for each in gradient])
@@ -310,7 +314,8 @@ class Trace:
         """An empty trace of ``samples`` samples and ``size`` parameters, with estimates ``at``."""
         # One allocation: fewer new memory pages make a replay faster.
         rows = samples if at is None else len(at)
-        block, ends = np.empty(2 * rows * size + 2 * samples), [rows * size, 2 * rows * size]
+        block = np.empty(2 * rows * size + 2 * samples)
+        ends = [rows * size, 2 * rows * size]
         parameters, errors, rest = np.split(block, ends)
         predicted, margin = rest.reshape(2, -1)
         status = np.empty(samples, dtype=np.uint8)
@@ -479,7 +484,8 @@ def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> 
 
 def samples_in_estimate(trace: Trace) -> NDArray[np.bool_]:
     """Return which samples the last estimate uses: those taken since the last restart."""
-    taken, restarts = trace.taken, np.flatnonzero(trace.status == Status.RESTARTED)
+    taken = trace.taken
+    restarts = np.flatnonzero(trace.status == Status.RESTARTED)
     taken[: max(restarts, default=0)] = False
     return taken
 

@@ -68,7 +68,8 @@ CANDIDATES: tuple[Candidate, ...] = tuple(
 )
 #: Score differences, 2 ln of the odds: e to 1 and e⁵ to 1. Below the first the evidence is "not
 #: worth more than a bare mention" (Kass & Raftery, J. Am. Stat. Assoc. 90, 1995).
-UNDECIDED, STRONG = 2.0, 10.0
+UNDECIDED = 2.0
+STRONG = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,17 +164,20 @@ class LawVerdict(Plain):
     @property
     def comparison(self) -> str:
         """How the law compares with the best other law without memory, and the sample size."""
-        error, rival = format_quantity(self.model_ranking[0].rms_error, "N"), self.rival
+        error = format_quantity(self.model_ranking[0].rms_error, "N")
+        rival = self.rival
         text = f"the only candidate, rms error {error}"
         if rival is not None:
-            other, title = format_quantity(rival.rms_error, "N"), rival.candidate.title
+            other = format_quantity(rival.rms_error, "N")
+            title = rival.candidate.title
             against = f"with {title}"
             if self.candidate.memory != "none":
                 against = f"without relaxation ({title})"
             text = f"rms error {error}, {other} {against}"
             if rival.score < UNDECIDED:
                 text = f"cannot be distinguished from {title}, {text}"
-        effective, samples = rounded(self.effective_samples, 3), rounded(self.samples, 4)
+        effective = rounded(self.effective_samples, 3)
+        samples = rounded(self.samples, 4)
         return f"{text}; effective sample size {effective} of {samples}"
 
     def __repr__(self) -> str:

@@ -123,10 +123,13 @@ def least_squares(
     enough : float
         The fit stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
     """
-    best, damping, (low, high) = Fitted(start, *model(start)), 1e-9, bounds
+    best = Fitted(start, *model(start))
+    damping = 1e-9
+    (low, high) = bounds
     energy = float(best.residual @ best.residual)
     for _ in range(MOST_STEPS):
-        slope, parameters = best.jacobian.T @ best.residual, best.parameters
+        slope = best.jacobian.T @ best.residual
+        parameters = best.parameters
         held = ((parameters <= low) & (slope < 0.0)) | ((parameters >= high) & (slope > 0.0))
         jacobian = np.where(held, 0.0, best.jacobian)
         size = np.linalg.norm(jacobian, axis=0)
@@ -144,7 +147,9 @@ def least_squares(
             if damping > 1e3:
                 break
             continue
-        best, energy, damping = after, energy - gained, damping / 10.0
+        best = after
+        energy = energy - gained
+        damping = damping / 10.0
         if gained < enough * (energy + gained):
             break
     return best
@@ -158,7 +163,8 @@ def nonnegative(
     Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23, on the normal equations.
     """
     gram = gram + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
-    active, factors = free & used, np.zeros(len(moment))
+    active = free & used
+    factors = np.zeros(len(moment))
     for _ in range(3 * len(moment)):
         best = np.zeros_like(factors)
         best[active] = np.linalg.solve(gram[np.ix_(active, active)], moment[active])

@@ -148,7 +148,8 @@ def _delay(samples: "_Samples", laws: tuple[Candidate, ...], depth: float) -> fl
     error = _Columns(samples, law, numbers).errors(only_damper)[0]
     if not numbers[2] < LATE * error < 0.0:
         return 0.0
-    n, p = numbers[1], numbers[3]
+    n = numbers[1]
+    p = numbers[3]
     stiffness = n * depth ** (n - 1.0) * (numbers[0] + numbers[4:].sum())
     return float(-numbers[2] * depth**p / stiffness)
 
@@ -169,13 +170,15 @@ class _Samples:
         steps: Floats,
         taken: NDArray[np.bool_],
     ) -> None:
-        self.estimator, self.steps = estimator, steps
+        self.estimator = estimator
+        self.steps = steps
         self.path = np.where(np.isfinite(penetration), np.maximum(penetration, 0.0), 0.0)
         self.clock = np.cumsum(steps) - steps[0]
         self.rows = np.flatnonzero(taken | self._air(penetration, force, taken))
         self.contact = taken[self.rows]
         self.depth = self.path[self.rows]
-        self.velocity, self.force = velocity[self.rows], force[self.rows]
+        self.velocity = velocity[self.rows]
+        self.force = force[self.rows]
 
     def _air(
         self, penetration: Floats, force: Floats, taken: NDArray[np.bool_]
@@ -202,17 +205,22 @@ class _Columns:
     """
 
     def __init__(self, samples: _Samples, candidate: Candidate, numbers: Floats) -> None:
-        self.candidate, self.numbers = candidate, numbers
+        self.candidate = candidate
+        self.numbers = numbers
         times, _, _, start = samples.estimator._spectrum().numbers()
         self.times = times
         active = np.flatnonzero(numbers[4:])
-        n, steps, path, rows = numbers[1], samples.steps, samples.path, samples.rows
+        n = numbers[1]
+        steps = samples.steps
+        path = samples.path
+        rows = samples.rows
         states, moved = (
             _core.relaxation_states(each, times[active], steps, path)[rows]
             for each in (n, n + _STEP)
         )
         depth = np.where(samples.contact, samples.depth, 1.0)
-        elastic, further = depth**n, depth ** (n + _STEP)
+        elastic = depth**n
+        further = depth ** (n + _STEP)
         damper, damper_further = (
             depth ** _power(candidate, each) * samples.velocity for each in (n, n + _STEP)
         )
@@ -242,7 +250,8 @@ class _Columns:
     @cached_property
     def scores(self) -> Floats:
         """Σ s sᵀ with s = Σ a r over blocks of 1, 2, 4 … rows, scaled to the count of all rows."""
-        sums, rows = self.matrix * self.residual[:, None], len(self.residual)
+        sums = self.matrix * self.residual[:, None]
+        rows = len(self.residual)
         sums_by_size: list[Floats] = []
         while len(sums) >= FEWEST_BLOCKS or not sums_by_size:
             blocks = len(sums)

@@ -145,7 +145,8 @@ def projection_settings(
         raise InvalidParameterError(
             f"exponent_range must be (lowest, highest), 0.2 to 5 apart, not {shown(exponents)}"
         )
-    known, offset = check_exponent(settings["exponent"]) or 0.0, settings["offset"]
+    known = check_exponent(settings["exponent"]) or 0.0
+    offset = settings["offset"]
     instance("offset", offset, bool)
     tare = positive_or_none("offset_deviation", settings["offset_deviation"])
     return noise, (low, high), known, offset, tare
@@ -261,7 +262,8 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
 EXPONENTS = (1.0, 2.0)
 # Least ratio of the residual's means over a fortieth of the samples to the noise. Below it the law
 # describes the force, and its shape determines n, as in a simulation.
-MISFIT, BLOCKS = 3.0, 40
+MISFIT = 3.0
+BLOCKS = 40
 
 
 class ConstrainedEstimate(Estimate):
@@ -282,10 +284,12 @@ def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> Constrai
     estimate : Estimate
         The least squares of a Hunt–Crossley law without bounds.
     """
-    law, taken = estimate.law, trace.taken
+    law = estimate.law
+    taken = trace.taken
     low, high = EXPONENTS
     x = contact.penetration[taken] - estimate.surface
-    v, force = contact.velocity[taken], contact.force[taken] - estimate.offset
+    v = contact.velocity[taken]
+    force = contact.force[taken] - estimate.offset
     one_way = abs(float(v.mean())) > ONE_WAY * math.sqrt(float(np.mean(v**2)))
     if not one_way or (low <= law.n <= high and law.B >= 0.0):
         return None
@@ -293,7 +297,8 @@ def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> Constrai
     means = (force - law.force(x, v))[: x.size // width * width].reshape(-1, width).mean(axis=1)
     if not math.sqrt(width * float(np.mean(means**2))) > MISFIT * noise_of(force):
         return None
-    deep, fast = float(x.max()), float(np.abs(v).max())
+    deep = float(x.max())
+    fast = float(np.abs(v).max())
     local = HuntCrossley(K=float(force.max()), B=0.0, n=float(np.clip(law.n, low, high)))
 
     def model(p: Floats) -> tuple[Floats, Floats]:

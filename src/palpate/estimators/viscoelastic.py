@@ -37,7 +37,8 @@ Memory = Literal["auto", "none"]
 
 def build_law(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
     """Return the law from relaxation times [s], and K, n, B, p and a stiffness for each time."""
-    (stiffness, n, damping, p), stiffnesses = numbers[:4].tolist(), np.maximum(numbers[4:], 0.0)
+    (stiffness, n, damping, p) = numbers[:4].tolist()
+    stiffnesses = np.maximum(numbers[4:], 0.0)
     if not stiffnesses.any():
         return GeneralisedHuntCrossley(K=stiffness, n=n, B=damping, p=p)
     # Times whose stiffness is 0 stay: the spacing of the times sets the error of a single time.
@@ -236,7 +237,8 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             The frequency is outside half to twice the motion's mean frequency, where the samples
             carry no information; or there is no verdict on this material yet.
         """
-        verdict, estimate = self.verdict(), self.estimate()
+        verdict = self.verdict()
+        estimate = self.estimate()
         low, high = verdict.band
         # Without a verdict the law is the initial one, or the one before a change.
         if not (verdict.model_ranking and high > 0.0 and verdict.depth > 0.0):

@@ -128,7 +128,8 @@ class Identified:
             Which estimates are recorded.
         """
         timeless = data.contact.timeless
-        given, traced = resolve_estimator(estimator, timeless=timeless), check_trace(trace)
+        given = resolve_estimator(estimator, timeless=timeless)
+        traced = check_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
         if contact.timeless and type(given) is not VariableProjection:
@@ -143,12 +144,14 @@ class Identified:
         ):
             again = fresh.replace()
             if again._unround_as(fresh):
-                fresh, recorded = again, replay(contact, again, traced)
+                fresh = again
+                recorded = replay(contact, again, traced)
         words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(words) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
-            findings, recorded = findings_without_time(findings), trace_without_time(recorded)
+            findings = findings_without_time(findings)
+            recorded = trace_without_time(recorded)
         taken = np.count_nonzero(recorded.taken)
         _LOGGER.info("%s: took %d of %d samples", fresh.method, taken, len(contact))
         result = cls(contact, fresh, recorded, findings, data, chosen=tuple(chosen), traced=traced)
@@ -174,14 +177,16 @@ class Identified:
         selection = cls.of(data, estimator, trace=trace)
         if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
             return selection
-        given, plain = selection.estimator.settings, VariableProjection()
+        given = selection.estimator.settings
+        plain = VariableProjection()
         shared = {name for name in plain.settings if name in given}.difference(selection.chosen)
         plain = plain.replace(**{name: given[name] for name in shared})
         answer = cls.of(selection.data or data, plain, trace=trace)
         return replace(answer, selected=selection)
 
     def _prefers_hunt_crossley(self) -> bool:
-        own, selected = Candidate("hunt-crossley", "none"), self.estimator.candidate
+        own = Candidate("hunt-crossley", "none")
+        selected = self.estimator.candidate
         if selected == own or own not in self.estimator.offered:
             return selected == own
         absorbed = (Check.CHANGE, Check.ADHESION, Check.LOADING_ALONE)
@@ -414,7 +419,8 @@ class Identified:
 
         # Keep the settings, except those that were chosen from these data.
         selection = self.selected or self
-        segments, fresh = [], selection.estimator.replace(**dict.fromkeys(selection.chosen))
+        segments = []
+        fresh = selection.estimator.replace(**dict.fromkeys(selection.chosen))
         places = list(divide_by_place(self.contact, rejecting=fresh.rejects_outliers))
         for place, contact in watch(places):
             with suppress(RecordingError):
@@ -444,7 +450,8 @@ class Identified:
         """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
-        own, requested = self.estimator.settings, estimator.settings
+        own = self.estimator.settings
+        requested = estimator.settings
         chosen = {name: own[name] for name in self.chosen if requested.get(name) is None}
         return self.method == estimator.method and repr(own) == repr({**requested, **chosen})
 
@@ -579,7 +586,8 @@ class Identified:
         """
         if not self.segments:
             return self.predicted_force(self.contact)
-        time, fitted = self.contact.time, np.full(len(self.contact), np.nan)
+        time = self.contact.time
+        fitted = np.full(len(self.contact), np.nan)
         order = np.argsort(time, kind="stable")  # joined recordings may begin at one time
         for part in self.segments:
             samples = order[np.searchsorted(time, part.contact.time, sorter=order)]

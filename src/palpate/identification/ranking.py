@@ -100,10 +100,12 @@ def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, 
 def _exclusion(one: "Identified", other: "Identified") -> str | None:
     if one.law.remembers or other.law.remembers:
         return None  # the stiffness of a relaxing law is not comparable to others
-    first, second = one.diagnosis.working_depth, other.diagnosis.working_depth
+    first = one.diagnosis.working_depth
+    second = other.diagnosis.working_depth
     words = []
     for name in ("stiffness", "damping"):
-        a, b = getattr(first, name), getattr(second, name)
+        a = getattr(first, name)
+        b = getattr(second, name)
         apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
         if apart > EXCLUDED:
             both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"

@@ -44,7 +44,8 @@ def no_contact_message(contact: Contact, gate: ContactGate) -> str:
 
 def not_finite(contact: Contact) -> str:
     """Describe which channels are not finite, their origin, and the number of their samples."""
-    penetration, force = ~np.isfinite(contact.penetration), ~np.isfinite(contact.force)
+    penetration = ~np.isfinite(contact.penetration)
+    force = ~np.isfinite(contact.force)
     velocity = ~np.isfinite(contact.velocity) & ~penetration  # for another reason
     words = []
     for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():

@@ -137,12 +137,14 @@ def joint_covariance(contact: Contact, trace: Trace, estimator: ContactEstimator
     estimator : ContactEstimator
         The estimator after all samples.
     """
-    estimate, widths = estimator.estimate(), _widening_factors(contact, trace, estimator)
+    estimate = estimator.estimate()
+    widths = _widening_factors(contact, trace, estimator)
     covariance: Floats = estimate.covariance * np.outer(widths, widths)
     deviation = contact.surface_deviation
     if deviation is None or estimate.surface_standard_error > 0.0:
         return covariance
-    off, deeper = estimator.replace(), contact.penetration - deviation
+    off = estimator.replace()
+    deeper = contact.penetration - deviation
     replay(replace(contact, penetration=deeper), off, trace=False)
     moved = off.estimate().parameters - estimate.parameters
     whole: Floats = covariance + np.outer(moved, moved)
@@ -159,18 +161,23 @@ def _widening_factors(contact: Contact, trace: Trace, estimator: ContactEstimato
     those taken since the last restart. A fixed parameter has the factor 1.
     """
     estimate = estimator.estimate()
-    law, logarithmic = estimate.law, estimator.minimises == "logarithm"
+    law = estimate.law
+    logarithmic = estimator.minimises == "logarithm"
     free = np.array([name not in estimate.fixed for name in law.names()])
     factors = np.ones(len(free))
     if estimator.minimises is None:
         return factors
     used = samples_in_estimate(trace)
-    motion, force = (contact.penetration[used], contact.velocity[used]), contact.force[used]
+    motion = (contact.penetration[used], contact.velocity[used])
+    force = contact.force[used]
     force = force - estimate.offset
-    model, slopes = law.force(*motion), law.parameter_gradient(*motion)[:, free]
+    model = law.force(*motion)
+    slopes = law.parameter_gradient(*motion)[:, free]
     if logarithmic:
         inside = (model > 0.0) & (force > 0.0)
-        slopes, model, force = slopes[inside], model[inside], force[inside]
+        slopes = slopes[inside]
+        model = model[inside]
+        force = force[inside]
     freedom = len(force) - slopes.shape[1]
     if freedom < 1:
         return factors
