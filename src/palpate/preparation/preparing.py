@@ -20,11 +20,11 @@ from palpate.preparation.along_penetration import (
     contact_of_arrays,
     drop_velocity,
 )
+from palpate.preparation.clock_offset import align
 from palpate.preparation.payload import Payload
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal, no_pose
 from palpate.preparation.surfaces import RADIUS, SurfaceRule
-from palpate.preparation.two_files import align
 from palpate.recordings import Recording, open_recording
 from palpate.recordings.names import is_wanted
 from palpate.recordings.opening import within
@@ -198,23 +198,23 @@ def prepare(
     own = {each.name for each in fields(Preparation)}
     settings = Preparation(**{name: value for name, value in options.items() if name in own})
     given = {name: options[name] for name in _ARRAYS if name in options}
+    if companion is not None:  # two files become one recording
+        if recording is None or given or no_time:
+            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
+        first = as_recording(recording, strict=strict)
+        second = as_recording(companion, strict=strict)
+        recording, settings = align(first, second, settings, prepare_contact)
     if recording is None and position is not None:
         settings = replace(settings, columns=Columns(force="force", position="position"))
         contact = prepare_contact(_recording_of_arrays(given, settings), settings)
     elif recording is None:
         contact = contact_of_arrays(given, settings)
-    elif given or (companion is not None and no_time):
-        if companion is not None:
-            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
+    elif given:
         raise InvalidParameterError(
             f"pass a recording or arrays, not both: name the channel {next(iter(given))} in columns"
         )
     else:
-        whole = as_recording(recording, strict=strict)
-        if companion is not None:
-            second = as_recording(companion, strict=strict)
-            whole, settings = align(whole, second, settings, prepare_contact)
-        contact = prepare_contact(whole, settings)
+        contact = prepare_contact(as_recording(recording, strict=strict), settings)
     if source is None and provenance is None:
         return contact
     return replace(
