@@ -3,17 +3,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate.channels.clocks import Times
 from palpate.channels.roles import Columns, Offer, offer_of
 from palpate.channels.signals import SINCE_LONG_AGO, Stream, origin_of, stream_of
 from palpate.errors import RecordingError
 from palpate.recordings import Recording
 from palpate.recordings.recording import unit_size
 from palpate.validation import Floats
+
+Label = TypeVar("Label")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,12 +94,10 @@ def pair_recordings(
     offers = [offer_of(recording, columns) for recording in (first, second)]
     for position, force in (offers, offers[::-1]):
         if position.depths and force.forces and not (position.forces and force.depths):
+            channels = (position, position.depths[0]), (force, force.forces[0])
             streams = [
                 stream_of(offer.recording, offer.clock_of(names), names, units, rate)
-                for offer, names in (
-                    (position, position.depths[0]),
-                    (force, force.forces[0]),
-                )
+                for offer, names in channels
             ]
             return _join(position, force, streams, columns)
     files = f"{first.source} and {second.source}"
@@ -121,40 +122,38 @@ def _join(position: Offer, force: Offer, streams: list[Stream], columns: Columns
     of_position, of_force = streams
     unused = {name for vector in position.forces for name in vector}
     forces = {name for vector in force.forces for name in vector}
-    merged: dict[str, dict[str, Any]] = {
-        field: {
-            **getattr(motion, field),
-            **{name: value for name, value in getattr(push, field).items() if name in forces},
-        }
-        for field in ("units", "frames", "faults")
-    }
     channels = {name: values for name, values in motion.channels.items() if name not in unused}
     clocks = dict(motion.clocks)
+    times: dict[str, Times] = {}
     if not clocks:  # a table
         time = f"{names[0]}/{of_position.clock or 'time'}"
-        size = len(of_position.time)
         channels.pop(of_position.clock or "", None)
+        size = len(of_position.time)
         clocks = {name: time for name, values in channels.items() if len(values) == size}
-        channels[time] = of_position.time
-        merged["units"][time] = of_position.unit
+        times[time] = of_position.time
     clock = f"{names[1]}/{of_force.clock or 'time'}"
-    channels |= {name: push.channels[name] for name in forces}
-    channels[clock] = of_force.time
-    merged["units"][clock] = of_position.unit
+    times[clock] = of_force.time
     recording = replace(
         motion,
-        channels=channels,
+        channels=channels | {name: push.channels[name] for name in forces} | times,
+        units=_merge(motion.units, push.units, forces) | dict.fromkeys(times, of_position.unit),
         clocks=clocks | dict.fromkeys(forces, clock),
+        frames=_merge(motion.frames, push.frames, forces),
+        faults=_merge(motion.faults, push.faults, forces),
         types={**push.types, **motion.types},
         notes={**push.notes, **motion.notes},
         findings=(*motion.findings, *push.findings),
         rows=None,
         source=f"{motion.source}, {push.source}",
-        units=merged["units"],
-        frames=merged["frames"],
-        faults=merged["faults"],
     )
     columns = replace(columns, time=Columns().time)
     if len(force.forces) == 1:  # else choosing among them refuses
         columns = replace(columns, force=",".join(force.forces[0]))
     return FilePair(recording, clock, names, of_position, of_force, columns)
+
+
+def _merge(
+    motion: Mapping[str, Label], push: Mapping[str, Label], forces: set[str]
+) -> dict[str, Label]:
+    """The labels of all channels of one file, and of the forces of the other."""
+    return {**motion, **{name: label for name, label in push.items() if name in forces}}

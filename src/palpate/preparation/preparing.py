@@ -20,7 +20,6 @@ from palpate.preparation.along_penetration import (
     contact_of_arrays,
     drop_velocity,
 )
-from palpate.preparation.clock_offset import align
 from palpate.preparation.payload import Payload
 from palpate.preparation.settings import ForceFrame, Preparation, never_touches
 from palpate.preparation.spatial import along_normal, no_pose
@@ -201,6 +200,8 @@ def prepare(
     if companion is not None:  # two files become one recording
         if recording is None or given or no_time:
             raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
+        from palpate.preparation.clock_offset import align
+
         first = as_recording(recording, strict=strict)
         second = as_recording(companion, strict=strict)
         recording, settings = align(first, second, settings, prepare_contact)
