@@ -1,4 +1,4 @@
-"""Poses that a recording states in other forms: chains of transforms, matrices, rotation vectors.
+"""Frames: rotations, and poses that a recording states as transforms, matrices or angles.
 
 A quaternion x, y, z, w rotates a vector v to v + w c + u × c with u = (x, y, z) and c = 2 u × v.
 """
@@ -26,19 +26,21 @@ _SHOWN = 8  # frames of a chain in a message
 
 
 INVERSE = (-1.0, -1.0, -1.0, 1.0)  # times a quaternion x, y, z, w
+_NO_TURN = np.array([[0.0, 0.0, 0.0, 1.0]])
 
 
 def rotate(vectors: Floats, quaternions: Floats) -> Floats:
     """Rotate vectors, shape (k, 3), by unit quaternions, shape (k, 4)."""
-    axis, scalar = quaternions[..., :3], quaternions[..., 3:]
+    axis = quaternions[..., :3]
     across = 2.0 * np.cross(axis, vectors)
-    rotated: Floats = vectors + scalar * across + np.cross(axis, across)
+    rotated: Floats = vectors + quaternions[..., 3:] * across + np.cross(axis, across)
     return rotated
 
 
 def multiply(left: Floats, right: Floats) -> Floats:
     """Return the quaternions that rotate by ``right`` first and by ``left`` then."""
-    u, v, a, b = left[..., :3], right[..., :3], left[..., 3:], right[..., 3:]
+    u, v = left[..., :3], right[..., :3]
+    a, b = left[..., 3:], right[..., 3:]
     scalar = a * b - (u * v).sum(axis=-1, keepdims=True)
     return np.concatenate([a * v + b * u + np.cross(u, v), scalar], axis=-1)
 
@@ -57,23 +59,23 @@ def interpolate_columns(at: Floats, time: Floats, columns: Floats) -> Floats:
 def interpolate_rotation(at: Floats, time: Floats, quaternions: Floats) -> Floats:
     """Interpolate unit quaternions with aligned signs by slerp: sin((1−s) θ) q₀ + sin(s θ) q₁."""
     k = np.clip(np.searchsorted(time, at, "right"), 1, time.size - 1)
-    first, last = quaternions[k - 1], quaternions[k]
-    part = ((at - time[k - 1]) / (time[k] - time[k - 1]))[:, None]
-    angle = np.arccos(np.clip((first * last).sum(axis=1, keepdims=True), -1.0, 1.0))
-    weights = [s * np.sinc(s * angle / np.pi) for s in (1.0 - part, part)]
-    mixed = weights[0] * first + weights[1] * last
+    start = quaternions[k - 1]
+    end = quaternions[k]
+    s = ((at - time[k - 1]) / (time[k] - time[k - 1]))[:, None]
+    angle = np.arccos(np.clip((start * end).sum(axis=1, keepdims=True), -1.0, 1.0)) / np.pi
+    mixed = (1.0 - s) * np.sinc((1.0 - s) * angle) * start + s * np.sinc(s * angle) * end
     unit: Floats = mixed / np.linalg.norm(mixed, axis=1, keepdims=True)
     return unit
 
 
-def lie_between_samples(wanted: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
+def lie_between_samples(at: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
     """Whether each time lies between two samples of a clock without a gap between them."""
     step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
-    after = np.searchsorted(time, wanted)
-    inside = (after > 0) & (after < time.size)
-    exact = (after < time.size) & (time[np.minimum(after, time.size - 1)] == wanted)
-    low, high = time[np.maximum(after - 1, 0)], time[np.minimum(after, time.size - 1)]
-    result: NDArray[np.bool_] = (inside & (high - low <= GAP * step)) | exact
+    after = np.searchsorted(time, at)
+    high = time[np.minimum(after, time.size - 1)]
+    low = time[np.maximum(after - 1, 0)]
+    inside = (after > 0) & (after < time.size) & (high - low <= GAP * step)
+    result: NDArray[np.bool_] = inside | ((after < time.size) & (high == at))
     return result
 
 
@@ -133,12 +135,29 @@ def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
     """
     length = np.linalg.norm(orientation, axis=1)
     if not are_quaternions(orientation):
-        words = f"its norm is {float(np.nanmedian(length)):.3g}, not 1"
-        words = f"the orientation is not a quaternion x, y, z, w: {words}"
-        raise RecordingError.of(source, f"{words}; choose its channels with --orientation")
+        raise RecordingError.of(
+            source,
+            "the orientation is not a quaternion x, y, z, w: its norm is "
+            f"{float(np.nanmedian(length)):.3g}, not 1; choose its channels with --orientation",
+        )
     with np.errstate(invalid="ignore", divide="ignore"):
         unit: Floats = orientation / length[:, None]
     return unit
+
+
+def add_channels(
+    recording: Recording, channels: Mapping[str, NDArray[Any]], origin: str
+) -> Recording:
+    """Return the recording with channels on the clock and in the frame of one of its channels."""
+    clock, frame = recording.clocks.get(origin), recording.frames.get(origin)
+    clocks = {} if clock is None else dict.fromkeys(channels, clock)
+    frames = {} if frame is None else dict.fromkeys(channels, frame)
+    return replace(
+        recording,
+        channels={**recording.channels, **channels},
+        clocks={**recording.clocks, **clocks},
+        frames={**recording.frames, **frames},
+    )
 
 
 OrientationForm = Literal["rpy", "rotation-vector"]
@@ -149,16 +168,17 @@ LARGEST_ANGLE = 1.05 * 2.0 * math.pi  # rad; larger ones are degrees
 
 def find_roll_pitch_yaw(names: Iterable[str]) -> list[tuple[str, ...]]:
     """Find the channels that differ only in the words roll, pitch and yaw."""
-    found, known = [], {*names}
-    for name in sorted(known):
+    channels = {*names}
+    vectors: list[tuple[str, ...]] = []
+    for name in sorted(channels):
         for roll in _ROLL.finditer(name):
-            words = "pitch", "yaw"
+            words = ["pitch", "yaw"]
             if roll[0][0].isupper():
-                words = ("PITCH", "YAW") if roll[0].isupper() else ("Pitch", "Yaw")
-            others = [f"{name[: roll.start()]}{word}{name[roll.end() :]}" for word in words]
-            if known >= {*others}:
-                found.append((name, *others))
-    return found
+                words = [w.upper() if roll[0].isupper() else w.capitalize() for w in words]
+            pitch, yaw = (f"{name[: roll.start()]}{word}{name[roll.end() :]}" for word in words)
+            if pitch in channels and yaw in channels:
+                vectors.append((name, pitch, yaw))
+    return vectors
 
 
 def add_quaternion(
@@ -180,9 +200,12 @@ def add_quaternion(
     if form is None and find_roll_pitch_yaw(angles):
         form = "rpy"
     if form is None:
-        words = f"the orientation {listed} has three channels; pass --orientation-form rpy for "
-        words += "roll, pitch, yaw about the fixed axes x, y, z, or --orientation-form "
-        raise RecordingError.of(recording.source, f"{words}rotation-vector for axis times angle")
+        raise RecordingError.of(
+            recording.source,
+            f"the orientation {listed} has three channels; pass --orientation-form rpy for roll, "
+            "pitch, yaw about the fixed axes x, y, z, or --orientation-form rotation-vector for "
+            "axis times angle",
+        )
     check_choice("orientation_form", form, get_args(OrientationForm))
     values = np.column_stack([recording.numbers(name) for name in angles])
     unit = recording.unit_of(angles[0]) or angles[0]
@@ -193,19 +216,17 @@ def add_quaternion(
         turns = align_signs(multiply(multiply(yaw, pitch), roll))
         meaning = "angles about the fixed axes x, y, z, in this order"
     else:
-        turns, meaning = _rotation_of_vector(values), "a rotation vector"
-    names = tuple(f"quaternion of {listed}.{axis}" for axis in "xyzw")
-    added = dict(zip(names, turns.T, strict=True))
-    clock = recording.clocks.get(angles[0])
-    clocks = {} if clock is None else dict.fromkeys(names, clock)
-    done = replace(
-        recording,
-        channels={**recording.channels, **added},
-        clocks={**recording.clocks, **clocks},
-    )
-    words = f"palpate takes {listed} for {meaning}, in {'degrees' if degrees else 'rad'}"
+        turns = _rotation_of_vector(values)
+        meaning = "a rotation vector"
+    quaternion = _quaternion_channels(f"quaternion of {listed}", turns)
+    message = f"palpate takes {listed} for {meaning}, in {'degrees' if degrees else 'rad'}"
     remedy = "if they are others, convert them to a quaternion and name it with --orientation"
-    return done, names, Check.TRANSFORMS.finding(words, remedy)
+    finding = Check.TRANSFORMS.finding(message, remedy)
+    return add_channels(recording, quaternion, angles[0]), tuple(quaternion), finding
+
+
+def _quaternion_channels(stem: str, turns: Floats) -> dict[str, Floats]:
+    return {f"{stem}.{axis}": column for axis, column in zip("xyzw", turns.T, strict=True)}
 
 
 #: Poses and wrenches in the frame of the base: libfranka's RobotState, Universal Robots' RTDE.
@@ -227,58 +248,50 @@ def state_poses(recording: Recording) -> tuple[Recording, frozenset[str]]:
     tuple
         The recording, and the channels to use only if an option names them.
     """
-    added, replaced = dict[str, Floats](), set[str]()
-    frames, clocks = dict(recording.frames), dict(recording.clocks)
+    replaced = set[str]()
+    stated = recording
     for name in recording.channels:
         if IN_BASE.match(name):
             twin = re.sub("O_F(?=_ext_hat_K)", "K_F", re.sub("o_f(?=_ext_hat_k)", "k_f", name))
             replaced |= {twin} - {name}
-        matrix, pose = _LAST_OF_16.fullmatch(name), _LAST_OF_6.fullmatch(name)
-        if not (array := matrix or pose):
+        is_matrix = _LAST_OF_16.fullmatch(name)
+        array = is_matrix or _LAST_OF_6.fullmatch(name)
+        if not array:
             continue
-        last = 15 if matrix else 5
+        last = 15 if is_matrix else 5
         names = [array[1] + array[2].replace(str(last), str(k)) for k in range(last + 1)]
-        numbers = _equally_long(recording, names)
+        numbers = _stack_channels(recording, names)
         if numbers is None:
             continue
-        own: dict[str, Floats] = {}
+        stem = array[1]
+        pose: dict[str, Floats] = {}
         with np.errstate(all="ignore"):
-            if pose:
-                turns = _rotation_of_vector(numbers[3:].T)
-            elif (divided := _divide_matrix(numbers)) is not None:
-                place, turns = divided
-                own |= {f"{array[1]}.position.{a}": place[k] for k, a in enumerate("xyz")}
+            if is_matrix:
+                if not _is_homogeneous(numbers):
+                    continue
+                pose = {f"{stem}.position.{a}": numbers[12 + k] for k, a in enumerate("xyz")}
+                turns = _rotation_of_matrix(numbers.reshape(4, 4, -1).transpose(1, 0, 2)[:3, :3])
                 replaced.update(names)
             else:
-                continue
-        own |= {f"{array[1]}.orientation.{a}": turns[:, k] for k, a in enumerate("xyzw")}
-        added |= own
-        for mapping in (frames, clocks):
-            if name in mapping:
-                mapping |= dict.fromkeys(own, mapping[name])
-    if added:
-        channels = {**recording.channels, **added}
-        recording = replace(recording, channels=channels, frames=frames, clocks=clocks)
-    return recording, frozenset(replaced)
+                turns = _rotation_of_vector(numbers[3:].T)
+        pose |= _quaternion_channels(f"{stem}.orientation", turns)
+        stated = add_channels(stated, pose, name)
+    return stated, frozenset(replaced)
 
 
-def _equally_long(recording: Recording, names: Sequence[str]) -> Floats | None:
+def _stack_channels(recording: Recording, names: Sequence[str]) -> Floats | None:
     """The numbers of an array, a row for each element; None if one is missing."""
-    columns = [recording.channels.get(name) for name in names]
-    if any(c is None or c.ndim != 1 or c.dtype.kind not in "fiu" for c in columns):
-        return None
-    if len({len(c) for c in columns if c is not None}) > 1:
+    columns = [recording.channels[name] for name in names if name in recording.channels]
+    numeric = all(column.ndim == 1 and column.dtype.kind in "fiu" for column in columns)
+    if len(columns) < len(names) or not numeric or len({len(column) for column in columns}) > 1:
         return None
     return np.array(columns, dtype=np.float64)
 
 
-def _divide_matrix(numbers: Floats) -> tuple[Floats, Floats] | None:
-    """Return translation (3, k) and quaternions (k, 4) of homogeneous matrices, else None."""
-    m = numbers.reshape(4, 4, -1).transpose(1, 0, 2)
-    last = m[3][:, np.isfinite(m).all(axis=(0, 1))]
-    if not last.size or (last != np.array([[0.0], [0.0], [0.0], [1.0]])).any():
-        return None
-    return m[:3, 3], _rotation_of_matrix(m[:3, :3])
+def _is_homogeneous(numbers: Floats) -> bool:
+    """Whether arrays of 16 numbers are homogeneous matrices, by the last row."""
+    last_row = numbers[3::4, np.isfinite(numbers).all(axis=0)]
+    return last_row.size > 0 and bool((last_row == np.array([[0.0], [0.0], [0.0], [1.0]])).all())
 
 
 # Chains of transforms: tf states the pose of each frame in its parent.
@@ -318,14 +331,15 @@ class Step:
 _Link: TypeAlias = tuple[NDArray[np.int64], Floats]
 
 
-def _interpolate(link: _Link, wanted: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _interpolate(link: _Link, at: NDArray[np.int64]) -> tuple[Floats, Floats]:
     """The translation of a transform by linear interpolation, and its rotation by slerp."""
     stamps, rows = link
     if stamps.size == 1:
         return rows[:, :3], rows[:, 3:]
-    at, time = ((each - wanted[0]).astype(np.float64) for each in (wanted, stamps))
-    place = interpolate_columns(at, time, rows[:, :3])
-    return place, interpolate_rotation(at, time, rows[:, 3:])
+    seconds = (at - at[0]).astype(np.float64)
+    time = (stamps - at[0]).astype(np.float64)
+    place = interpolate_columns(seconds, time, rows[:, :3])
+    return place, interpolate_rotation(seconds, time, rows[:, 3:])
 
 
 class Transforms:
@@ -341,27 +355,28 @@ class Transforms:
         self.recording = recording
         self.names = set[str]()  # the first channels of translations and rotations
         self._above: dict[str, dict[str, Step]] = defaultdict(dict)
-        for name in recording.channels:
-            if (found := _TRANSFORM.fullmatch(name)) and self._is_whole(found[1]):
-                parent, child = (found[k].lstrip("/") for k in (3, 4))
-                rows = len(recording.channels[name])
-                step = Step(parent, child, found[2], found[1], rows)
-                self.names |= {name, f"{step.above}rotation.x"}
-                same = self._above[child].setdefault(parent, step)
-                if rows > same.rows:  # a transform on two topics
-                    self._above[child][parent] = step
+        for name, column in recording.channels.items():
+            transform = _TRANSFORM.fullmatch(name)
+            if not (transform and self._is_complete(transform[1])):
+                continue
+            parent, child = transform[3].lstrip("/"), transform[4].lstrip("/")
+            step = Step(parent, child, transform[2], transform[1], len(column))
+            self.names |= {name, f"{step.above}rotation.x"}
+            longest = self._above[child].get(parent)
+            if longest is None or step.rows > longest.rows:  # a transform on two topics
+                self._above[child][parent] = step
 
     @staticmethod
     def _channels(above: str) -> list[str]:
         place = [f"{above}translation.{axis}" for axis in "xyz"]
         return place + [f"{above}rotation.{axis}" for axis in "xyzw"]
 
-    def _is_whole(self, above: str) -> bool:
-        names, recording = self._channels(above), self.recording
-        clocks = {recording.clocks.get(name) for name in names}
-        times = [recording.channels.get(clock or "") for clock in clocks]
-        whole = len(times) == 1 and times[0] is not None and times[0].dtype.kind == "i"
-        return whole and _equally_long(recording, names) is not None
+    def _is_complete(self, above: str) -> bool:
+        names = self._channels(above)
+        clocks = {self.recording.clocks.get(name) for name in names}
+        [time, *others] = [self.recording.channels.get(clock or "") for clock in clocks]
+        timed = not others and time is not None and time.dtype.kind == "i"
+        return timed and _stack_channels(self.recording, names) is not None
 
     def chain(self, child: str, ancestor: str | None = None) -> list[Step]:
         """Return the steps down to a frame from its ancestor, or from the root; may be empty.
@@ -371,13 +386,16 @@ class Transforms:
         RecordingError
             The ancestor is not unique: there are several roots, several ways, or a circle.
         """
-        child, ancestor = child.lstrip("/"), None if ancestor is None else ancestor.lstrip("/")
+        child = child.lstrip("/")
+        ancestor = None if ancestor is None else ancestor.lstrip("/")
         below: dict[str, Step | None] = {child: None}
-        waiting, roots, several = deque([child]), list[str](), False
+        waiting = deque([child])
+        roots: list[str] = []
+        several = False
         while waiting:
             frame = waiting.popleft()
             if frame == ancestor:
-                return self._downward(frame, below)
+                return self._descend(frame, below)
             parents = self._above.get(frame, {})
             if not parents:
                 roots.append(frame)
@@ -389,16 +407,14 @@ class Transforms:
         if ancestor is not None or roots == [child]:
             return []
         if len(roots) == 1 and not several:
-            return self._downward(roots[0], below)
-        words = f"the transforms above {child!r} go round in a circle; record a fixed frame"
+            return self._descend(roots[0], below)
+        message = f"the transforms above {child!r} go round in a circle; record a fixed frame"
         if roots:
-            names = [f"--position '/tf[{root}>{child}]'" for root in roots[:3]]
-            words = (
-                f"several chains of transforms end in {child!r}; choose one: {list_names(names)}"
-            )
-        raise RecordingError.of(self.recording.source, words)
+            options = list_names([f"--position '/tf[{root}>{child}]'" for root in roots[:3]])
+            message = f"several chains of transforms end in {child!r}; choose one: {options}"
+        raise RecordingError.of(self.recording.source, message)
 
-    def _downward(self, frame: str, below: Mapping[str, Step | None]) -> list[Step]:
+    def _descend(self, frame: str, below: Mapping[str, Step | None]) -> list[Step]:
         steps = []
         while (step := below[frame]) is not None:
             steps.append(step)
@@ -414,13 +430,15 @@ class Transforms:
         chains = (self.chain(end, ancestor) for end in sorted(self._above.keys() - parents))
         return [chain for chain in chains if chain]
 
-    def fixed_turn(self, child: str, other: str) -> tuple[Floats, list[Step]] | None:
+    def fixed_turn(self, child: str, reference: str) -> tuple[Floats, list[Step]] | None:
         """Return the quaternion of a frame in another at rest to it, and the steps between them.
 
         None if they are at rest to each other by no transforms from one root.
         """
-        turns, between, roots = [], list[Step](), set[str]()
-        for frame in (other, child):
+        turns: list[Floats] = []
+        path: list[Step] = []
+        roots = set[str]()
+        for frame in (reference, child):
             try:
                 steps = self.chain(frame)
             except RecordingError:  # several roots
@@ -428,15 +446,15 @@ class Transforms:
             links = [self._link(step, []) for step in steps]
             if any(time.size > 1 for time, _ in links):
                 return None
-            turn = np.array([[0.0, 0.0, 0.0, 1.0]])
+            turn = _NO_TURN
             for _, rows in links:
                 turn = multiply(turn, rows[:, 3:])
             turns.append(turn)
-            between += steps
+            path += steps
             roots.add(steps[0].parent if steps else frame.lstrip("/"))
-        if len(roots) > 1 or not between:
+        if len(roots) > 1 or not path:
             return None
-        return multiply(turns[0] * INVERSE, turns[1])[0], between
+        return multiply(turns[0] * INVERSE, turns[1])[0], path
 
     def compose(self, steps: Sequence[Step], name: str) -> tuple[Recording, list[Finding]] | None:
         """Add the pose at the end of a chain, in the frame at its beginning.
@@ -470,29 +488,32 @@ class Transforms:
             for time in clocks:
                 at = at[lie_between_samples(at, time)]
             if not at.size:
-                words = f"the transforms of {name} are at no time all known; record them together"
-                raise RecordingError.of(self.recording.source, words)
-            place, turn = np.zeros((1, 3)), np.array([[0.0, 0.0, 0.0, 1.0]])
+                message = f"the transforms of {name} are at no time all known; record them together"
+                raise RecordingError.of(self.recording.source, message)
+            place = np.zeros((1, 3))
+            turn = _NO_TURN
             for link in links:
-                own_place, own_turn = _interpolate(link, at)
-                place, turn = place + rotate(own_place, turn), multiply(turn, own_turn)
+                translation, rotation = _interpolate(link, at)
+                place = place + rotate(translation, turn)
+                turn = multiply(turn, rotation)
             turn = align_signs(np.broadcast_to(turn, (at.size, 4)))
             turn /= np.linalg.norm(turn, axis=1, keepdims=True)
         pose = np.hstack([np.broadcast_to(place, (at.size, 3)), turn])
         names = self._channels(f"{name}.transform.")
-        stamp, recording = f"{name}.header.stamp", self.recording
-        channels = {**recording.channels, stamp: at, **dict(zip(names, pose.T, strict=True))}
-        done = replace(
+        stamp = f"{name}.header.stamp"
+        recording = self.recording
+        composed = replace(
             recording,
-            channels=channels,
+            channels={**recording.channels, stamp: at, **dict(zip(names, pose.T, strict=True))},
             clocks={**recording.clocks, **dict.fromkeys([*names, stamp], stamp)},
             frames={**recording.frames, **dict.fromkeys(names, steps[0].parent)},
             units={**recording.units, stamp: "ns", **dict.fromkeys(names[:3], "m")},
         )
-        return done, findings
+        return composed, findings
 
     def _link(self, step: Step, findings: list[Finding]) -> _Link:
-        names, recording = self._channels(step.above), self.recording
+        names = self._channels(step.above)
+        recording = self.recording
         rows = np.column_stack([recording.numbers(name) for name in names])
         time = recording.channels[recording.clocks[names[0]]]
         length = np.linalg.norm(rows[:, 3:], axis=1)
@@ -500,24 +521,24 @@ class Transforms:
         valid &= (np.abs(rows[:, :3]) <= FARTHEST).all(axis=1)
         title = step.above.removesuffix(".").removesuffix(".transform")
         if not valid.any():
-            words = f"no rotation of {title} is a quaternion of length 1; record it again"
-            raise RecordingError.of(recording.source, words)
+            message = f"no rotation of {title} is a quaternion of length 1; record it again"
+            raise RecordingError.of(recording.source, message)
         if count := int(np.count_nonzero(~valid)):
-            words = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid pose"
+            message = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid pose"
             severity: Severity = "with-care" if count > MOST_EXCLUDED * len(rows) else "note"
             remedy = "check what publishes this transform"
-            findings.append(Check.TRANSFORMS.finding(words, remedy, severity=severity))
+            findings.append(Check.TRANSFORMS.finding(message, remedy, severity=severity))
         rows[:, 3:] /= length[:, None]
-        time, first = np.unique(time[valid], return_index=True)
-        rows = rows[valid][first]
+        time, unique = np.unique(time[valid], return_index=True)
+        rows = rows[valid][unique]
         rows[:, 3:] = align_signs(rows[:, 3:])
-        still = bool((rows == rows[0]).all())
-        if step.static and not still:
-            words = f"the fixed transform {title} changes: palpate uses its last value"
-            remedy = "publish it on /tf"
-            findings.append(Check.TRANSFORMS.finding(words, remedy, severity="with-care"))
-        if step.static or still:
-            time, rows = time[-1:], rows[-1:]
+        at_rest = bool((rows == rows[0]).all())
+        if step.static and not at_rest:
+            message = f"the fixed transform {title} changes: palpate uses its last value"
+            finding = Check.TRANSFORMS.finding(message, "publish it on /tf", severity="with-care")
+            findings.append(finding)
+        if step.static or at_rest:
+            return time[-1:], rows[-1:]
         return time, rows
 
 
@@ -536,5 +557,5 @@ def chain_in_use(steps: Sequence[Step], *, is_position: bool) -> Finding:
 
 def frames_in(name: str) -> tuple[str, str] | None:
     """Return the two frames in a name such as ``/tf[base>tool]``; None if it has none."""
-    found = re.fullmatch(r"[^\[]*\[([^>]+)>([^\]]+)\]", name)
-    return None if found is None else (found[1], found[2])
+    frames = re.fullmatch(r"[^\[]*\[([^>]+)>([^\]]+)\]", name)
+    return None if frames is None else (frames[1], frames[2])

@@ -148,10 +148,7 @@ def separate_topics(
     if any(recording.channels[name].shape != stamps.shape for names in filled for name in names):
         return None
     samples = {names: _find_samples(recording, names) for names in filled}
-    fewest = min(map(np.count_nonzero, samples.values()))
-    shared = np.count_nonzero(np.logical_and.reduce([*samples.values()]))
-    one_topic = fewest >= LEAST_KNOWN * stamps.size and shared >= LEAST_SHARED * fewest
-    if one_topic or not fewest:
+    if not _are_joined([*samples.values()]):
         return None
     channels = dict(recording.channels)
     units = dict(recording.units)
@@ -172,6 +169,14 @@ def separate_topics(
     return replace(
         recording, channels=channels, units=units, faults=faults, clocks=clocks, rows=None
     )
+
+
+def _are_joined(masks: list[NDArray[np.bool_]]) -> bool:
+    """Whether topics with samples in these rows were joined, not recorded together."""
+    fewest = min(map(np.count_nonzero, masks))
+    shared = np.count_nonzero(np.logical_and.reduce(masks))
+    together = fewest >= LEAST_KNOWN * masks[0].size and shared >= LEAST_SHARED * fewest
+    return bool(fewest) and not together
 
 
 def _find_samples(recording: Recording, names: tuple[str, ...]) -> NDArray[np.bool_]:

@@ -56,14 +56,14 @@ def find_vectors(names: Iterable[str]) -> list[Vector]:
     for name in names:
         for stem, place in _places(name):
             families[stem].setdefault(place, name)
-    found: list[Vector] = []
-    taken: set[str] = set()
+    vectors: list[Vector] = []
+    components: set[str] = set()
     for stem, places in families.items():
         for vector in _vectors(stem, places):
-            if taken.isdisjoint(vector.components):
-                found.append(vector)
-                taken.update(vector.components)
-    return found
+            if components.isdisjoint(vector.components):
+                vectors.append(vector)
+                components.update(vector.components)
+    return vectors
 
 
 def find_flattened_arrays(names: Iterable[str]) -> list[Vector]:
@@ -113,8 +113,8 @@ def _vectors(stem: str, places: dict[str, str]) -> Iterable[Vector]:
 
 
 def _divide_array(
-    stem: str, components: tuple[str, ...], first: int, last: int
+    stem: str, components: tuple[str, ...], border: int, size: int
 ) -> Iterable[Vector]:
-    yield Vector(stem, components[:first])
-    if last > first:
-        yield Vector(stem, components[first:last], second=True)
+    yield Vector(stem, components[:border])
+    if size > border:
+        yield Vector(stem, components[border:size], second=True)

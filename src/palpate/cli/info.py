@@ -76,9 +76,9 @@ def info(
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
     recording = open_with_progress(file, channel or None, max_size=max_size, **options)
     if companion is not None:
+        from palpate.preparation.clock_offset import align
         from palpate.preparation.preparing import prepare_contact
         from palpate.preparation.settings import Preparation
-        from palpate.preparation.two_files import align
 
         second = open_with_progress(companion, None, max_size=max_size)
         recording, _ = align(recording, second, Preparation(), prepare_contact)

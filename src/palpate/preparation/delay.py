@@ -18,7 +18,8 @@ from palpate.validation import Floats
 
 LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
 SCANNED = 13  # shifts of a coarse scan
-MOST_SCANNED, MOST_SAMPLES = 4000, 400_000  # largest numbers of samples: in the scan, in the search
+MOST_SCANNED = 4000  # samples in the scan
+MOST_SAMPLES = 400_000  # samples in the search
 MOST_ROUNDS = 8
 WINDOWS_A_PERIOD = 20  # windows over which noise is averaged, as in the diagnosis
 REPEATED = 0.25  # fraction of repeated readings above which a force counts as rounded
@@ -47,21 +48,21 @@ def remove_delay(
     if late == 0.0:
         return replace(contact, delay=delay)
     keep = np.zeros(len(contact), dtype=bool)
-    rounded = np.mean(np.diff(contact.force) == 0.0) > REPEATED
-    moved = ("penetration", "velocity") if rounded else ("force",)
-    channels = {name: getattr(contact, name).copy() for name in moved}
-    for part in contact.segments():
-        time = contact.time[part]
-        wanted = time - late if rounded else time + late
-        for name, values in channels.items():
-            values[part] = np.interp(wanted, time, getattr(contact, name)[part])
-        keep[part] = (wanted >= time[0]) & (wanted <= time[-1])
-    if rounded:
+    is_rounded = np.mean(np.diff(contact.force) == 0.0) > REPEATED
+    shifted = ("penetration", "velocity") if is_rounded else ("force",)
+    channels = {name: getattr(contact, name).copy() for name in shifted}
+    for run in contact.segments():
+        time = contact.time[run]
+        at = time - late if is_rounded else time + late
+        for values in channels.values():
+            values[run] = np.interp(at, time, values[run])
+        keep[run] = (at >= time[0]) & (at <= time[-1])
+    if is_rounded:
         channels["time"] = contact.time - late
-    made = dict(contact.provenance)
     size = with_error(abs(late) * 1e3, delay.standard_error * 1e3, unit="ms")
-    add_step(made, "force", f"shifted {size} {'earlier' if late > 0 else 'later'}")
-    return replace(contact, **channels, provenance=made, delay=delay).taken(keep)
+    provenance = dict(contact.provenance)
+    add_step(provenance, "force", f"shifted {size} {'earlier' if late > 0 else 'later'}")
+    return replace(contact, **channels, provenance=provenance, delay=delay).taken(keep)
 
 
 def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
@@ -87,33 +88,39 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     """
     contact = contact.taken(slice(MOST_SAMPLES))
     with np.errstate(invalid="ignore"):
-        lost = find_spikes(contact.force)
-    contact = replace(contact, force=np.where(lost, np.nan, contact.force))
-    period, step = motion_period(contact), contact.sample_time
+        spikes = find_spikes(contact.force)
+    contact = replace(contact, force=np.where(spikes, np.nan, contact.force))
+    period = motion_period(contact)
+    step = contact.sample_time
     reach = int(min(longest, period / 6.0) / step)
     if reach < 1:
         raise _unknown(contact, "there is no contact, or its motion is too fast for the samples")
+    shift = _scan(contact, reach)
     width = max(int(period / WINDOWS_A_PERIOD / step), 1)
+    for _ in range(MOST_ROUNDS):
+        remainder = _find_remainder(contact, shift, width)
+        if not abs(shift) < reach or not abs(remainder.seconds) > 0.5 * step:
+            break
+        shift = int(np.clip(shift + round(remainder.seconds / step), -reach, reach))
+    if not math.isfinite(remainder.seconds + remainder.standard_error):
+        raise _unknown(contact, "too few samples are in contact")
+    if not abs(shift) < reach:
+        size = f"{abs(shift) * step * 1e3:.3g} ms"
+        raise _unknown(contact, f"the best shift is {size}, the longest that is looked at")
+    return replace(remainder, seconds=shift * step + remainder.seconds)
+
+
+def _scan(contact: Contact, reach: int) -> int:
+    """The shift by whole samples, of a coarse scan, that leaves the least noise."""
+    shifts = np.unique(np.linspace(-reach, reach, SCANNED).round().astype(int)).tolist()
     every = -(-len(contact) // MOST_SCANNED)
-    scan = np.unique(np.linspace(-reach, reach, SCANNED).round().astype(int)).tolist()
-    motions = [_shift_motion(contact, shift) for shift in scan]
+    motions = [_shift_motion(contact, shift) for shift in shifts]
     depths, rates = np.stack(motions, axis=1)[:, :, ::every]
-    forces = np.tile(contact.force[::every], (len(scan), 1))
+    forces = np.tile(contact.force[::every], (len(shifts), 1))
     noise = fit_curves(depths, rates, forces).noise
     if not np.isfinite(noise).any():
         raise _unknown(contact, "there is no contact")
-    shift, rest, error = scan[int(np.nanargmin(noise))], 0.0, math.nan
-    for _ in range(MOST_ROUNDS):
-        rest, error = _rest(contact, shift, width)
-        if not abs(shift) < reach or not abs(rest) > 0.5 * step:
-            break
-        shift = int(np.clip(shift + round(rest / step), -reach, reach))
-    if not math.isfinite(rest + error):
-        raise _unknown(contact, "too few samples are in contact")
-    if not abs(shift) < reach:
-        words = f"the best shift is {abs(shift) * step * 1e3:.3g} ms, the longest that is looked at"
-        raise _unknown(contact, words)
-    return Delay(shift * step + rest, error, found=True, from_contact=True)
+    return int(shifts[int(np.nanargmin(noise))])
 
 
 def motion_period(contact: Contact) -> float:
@@ -125,44 +132,47 @@ def motion_period(contact: Contact) -> float:
 
 
 def _unknown(contact: Contact, why: str) -> RecordingError:
-    words = "palpate cannot find the delay of the force"
-    return RecordingError.of(contact.source, f"{words}: {why}; pass it, such as --delay 5ms")
+    message = f"palpate cannot find the delay of the force: {why}; pass it, such as --delay 5ms"
+    return RecordingError.of(contact.source, message)
 
 
 def _shift_motion(contact: Contact, shift: int) -> tuple[Floats, Floats]:
     """Penetration and velocity ``shift`` samples earlier; NaN outside the segment."""
     place = np.arange(len(contact)) - shift
-    there = np.clip(place, 0, len(contact) - 1)
-    known = (place == there) & (contact.segment[there] == contact.segment)
-    x, v = contact.penetration[there], contact.velocity[there]
-    return np.where(known, x, np.nan), np.where(known, v, np.nan)
+    source = np.clip(place, 0, len(contact) - 1)
+    inside = (place == source) & (contact.segment[source] == contact.segment)
+    depth = np.where(inside, contact.penetration[source], np.nan)
+    return depth, np.where(inside, contact.velocity[source], np.nan)
 
 
-def _rest(contact: Contact, shift: int, width: int) -> tuple[float, float]:
-    """Return the delay that remains after a shift by whole samples, and its standard error, s."""
-    (x, v), force = _shift_motion(contact, shift), contact.force
-    fit = fit_curves(x, v, force)
-    law, offset = fit.law(0), float(fit.offset[0])
-    motion = [(x, v), *(_shift_motion(contact, shift + by) for by in (1, -1))]
+def _find_remainder(contact: Contact, shift: int, width: int) -> Delay:
+    """Return the delay that remains after a shift by whole samples; NaN if unknown."""
+    x, v = _shift_motion(contact, shift)
+    fit = fit_curves(x, v, contact.force)
+    law = fit.law(0)
+    motions = [(x, v), *(_shift_motion(contact, shift + by) for by in (1, -1))]
     deep = LIGHT * float(np.nanmedian(x[x > 0.0]))
-    used = np.all([(each > deep) & np.isfinite(rate) for each, rate in motion], axis=0)
-    used &= np.isfinite(force)
-    (x, v), *around = [(each[used], rate[used]) for each, rate in motion]
-    later, earlier = (law.force(*each) for each in around)
-    slope = (later - earlier) / (2.0 * contact.sample_time)
-    residual = force[used] - law.force(x, v) - offset
+    used = np.all([(depth > deep) & np.isfinite(rate) for depth, rate in motions], axis=0)
+    used &= np.isfinite(contact.force)
+    (x, v), later, earlier = ((depth[used], rate[used]) for depth, rate in motions)
+    slope = (law.force(*later) - law.force(*earlier)) / (2.0 * contact.sample_time)
+    residual = contact.force[used] - law.force(x, v) - float(fit.offset[0])
     columns = np.column_stack([law.parameter_gradient(x, v), np.ones_like(x), slope, residual])
     rows = _means(columns, np.flatnonzero(used), contact.segment[used], width)
     if len(rows) < 2 * columns.shape[1]:
-        return math.nan, math.nan
-    own, (slope, residual) = rows[:, :-2], rows[:, -2:].T
-    own = own / np.maximum(np.linalg.norm(own, axis=0), 1e-300)
-    left, after = (
-        (each - own @ np.linalg.lstsq(own, each, rcond=None)[0]) for each in (slope, residual)
-    )
-    rest = float(left @ after / max(left @ left, 1e-300))
-    variance = robust_covariance(left[:, None], after - rest * left, (), own.shape[1])[0, 0]
-    return rest, math.sqrt(variance)
+        return Delay(math.nan, math.nan, found=True, from_contact=True)
+    law_columns = rows[:, :-2] / np.maximum(np.linalg.norm(rows[:, :-2], axis=0), 1e-300)
+    slope, residual = (_remove(column, law_columns) for column in rows[:, -2:].T)
+    seconds = float(slope @ residual) / max(float(slope @ slope), 1e-300)
+    noise = residual - seconds * slope
+    variance = robust_covariance(slope[:, None], noise, (), law_columns.shape[1])[0, 0]
+    return Delay(seconds, math.sqrt(variance), found=True, from_contact=True)
+
+
+def _remove(values: Floats, columns: Floats) -> Floats:
+    """The residual of a least squares of values by columns."""
+    residual: Floats = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+    return residual
 
 
 def _means(values: Floats, at: NDArray[np.intp], segment: NDArray[np.int64], width: int) -> Floats:

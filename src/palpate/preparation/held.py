@@ -12,7 +12,8 @@ from palpate.validation import Floats
 
 LONGEST = 60  # samples between two changes
 IN_STEP = 0.9  # least fraction of the changes on one phase
-REGULAR, IRREGULAR = 0.8, 0.35  # least fraction of regular gaps; their tolerance over their mean
+REGULAR = 0.8  # least fraction of regular gaps
+IRREGULAR = 0.35  # tolerance of a regular gap, over the mean gap
 MOST_HELD = 20_000  # samples that are examined
 FEWEST_LEFT = 50  # samples in contact, above a tenth of the largest force
 
@@ -47,8 +48,8 @@ class FreshSamples:
         """Return the force, (k,) or (k, 3), at the samples ``before``."""
         at = self.changes
         if at is not None:
-            wanted = np.arange(len(force))
-            force = np.apply_along_axis(lambda each: np.interp(wanted, at, each[at]), 0, force)
+            samples = np.arange(len(force))
+            force = np.apply_along_axis(lambda axis: np.interp(samples, at, axis[at]), 0, force)
         return force[self.before]
 
 
@@ -69,37 +70,45 @@ def find_fresh_samples(
     pressed : numpy.ndarray, shape (k,)
         Compression with any offset.
     """
-    beats = [hold_length(_busiest(each)) for each in (depth, force)]
+    beats = hold_length(_busiest(depth)), hold_length(_busiest(force))
     if not any(beats):
         return None
-    slower = int(beats[1] > beats[0])
-    beat, name = beats[slower], ("position", "force")[slower]
-    moved, felt = _changes(depth), _changes(force)
-    before, after, at = np.ones(len(time), dtype=bool), felt, None
-    if beats[0]:
-        before, after = moved, np.ones(np.count_nonzero(moved), dtype=bool)
+    moves = _changes(depth)
+    pushes = _changes(force)
+    force_is_slower = beats[1] > beats[0]
+    changes = None
+    if not beats[0]:
+        velocity_from = np.ones(len(time), dtype=bool)
+        keep = pushes
+    else:
+        velocity_from = moves
+        keep = np.ones(np.count_nonzero(moves), dtype=bool)
         if beats[1]:
-            at = np.flatnonzero(felt)
-            if slower:
-                after = np.diff(np.cumsum(felt)[before], prepend=0) > 0
+            changes = np.flatnonzero(pushes)
+            if force_is_slower:
+                keep = np.diff(np.cumsum(pushes)[moves], prepend=0) > 0
     low, high = np.nanpercentile(pressed, [1.0, 99.0])
-    if np.count_nonzero(pressed[before][after] > 0.9 * low + 0.1 * high) < FEWEST_LEFT:
+    in_contact = pressed[velocity_from][keep] > 0.9 * low + 0.1 * high
+    if np.count_nonzero(in_contact) < FEWEST_LEFT:
         return None
-    step = float(np.median(np.diff(time)))
-    apart = [each != round(each) for each in beats]
-    late = 0.5 * step * (apart[1] - apart[0]), step * math.sqrt(sum(apart) / 12.0)
-    finding = report_held_channel(name, beat)
-    return FreshSamples(before, after, at, late if any(apart) else 0.0, finding)
+    late: float | tuple[float, float] = 0.0
+    apart = [beat != round(beat) for beat in beats]
+    if any(apart):
+        step = float(np.median(np.diff(time)))
+        late = 0.5 * step * (apart[1] - apart[0]), step * math.sqrt(sum(apart) / 12.0)
+    name = "force" if force_is_slower else "position"
+    finding = report_held_channel(name, max(beats))
+    return FreshSamples(velocity_from, keep, changes, late, finding)
 
 
 def report_held_channel(name: str, beat: float, late: float | None = None) -> Finding:
     """Report a channel that changes every ``beat`` samples; ``late``: mean delay, s, if kept."""
-    words = f"the {name} changes only every {beat:.0f} samples (sample and hold): "
+    message = f"the {name} changes only every {beat:.0f} samples (sample and hold): "
     if late is None:
-        return Check.HELD_CHANNEL.finding(f"{words}palpate uses the samples at which it changes")
-    words += f"it is {rounded(1e3 * late, 2)} ms late on average"
+        return Check.HELD_CHANNEL.finding(f"{message}palpate uses the samples at which it changes")
+    message += f"it is {rounded(1e3 * late, 2)} ms late on average"
     remedy = "record at the rate of the slowest channel"
-    return Check.HELD_CHANNEL.finding(words, remedy, mark="with-care")
+    return Check.HELD_CHANNEL.finding(message, remedy, mark="with-care")
 
 
 def _changes(values: Floats) -> NDArray[np.bool_]:
@@ -109,7 +118,8 @@ def _changes(values: Floats) -> NDArray[np.bool_]:
 
 def _busiest(values: Floats) -> Floats:
     """The axis that changes most often, without the samples that are not finite."""
-    busiest: Floats = max(np.atleast_2d(values.T), key=lambda each: np.count_nonzero(np.diff(each)))
+    axes = np.atleast_2d(values.T)
+    busiest: Floats = max(axes, key=lambda axis: np.count_nonzero(np.diff(axis)))
     return busiest[np.isfinite(busiest)]
 
 
@@ -119,21 +129,21 @@ def hold_length(values: Floats) -> float:
     It is a whole number if all changes fall on one phase, as with clocks in step.
     """
     values = values[:MOST_HELD]
-    changes = np.diff(values)
-    at = np.flatnonzero(changes)
-    if at.size < 20 or at.size > 0.6 * len(values):
+    steps = np.diff(values)
+    changes = np.flatnonzero(steps)
+    if changes.size < 20 or changes.size > 0.6 * len(values):
         return 0.0
-    gaps = np.diff(at)
+    gaps = np.diff(changes)
     beat = round(float(np.median(gaps)))
-    if not 2 <= beat <= LONGEST or at.size <= 0.5 * len(values) / beat:
+    if not 2 <= beat <= LONGEST or changes.size <= 0.5 * len(values) / beat:
         return 0.0
     # The phase may slip by one sample now and then if the two rates are no multiples.
-    if np.bincount(at % beat, minlength=beat).max() / at.size > IN_STEP:
+    if np.bincount(changes % beat, minlength=beat).max() / changes.size > IN_STEP:
         return float(beat)
     # If the rates are no multiples, the gaps are nearly equal. The gaps between the steps of a
     # noisy channel vary, and the steps of a ramp have equal heights.
     mean = float(gaps[gaps < 1.5 * beat].mean())
     regular = np.abs(gaps - mean) < IRREGULAR * mean
-    jumps = np.abs(changes[at])
-    ramp = np.mean(jumps < 1.5 * np.median(jumps[jumps > 0.0])) > IN_STEP
+    heights = np.abs(steps[changes])
+    ramp = np.mean(heights < 1.5 * np.median(heights[heights > 0.0])) > IN_STEP
     return mean if mean > 1.9 and np.mean(regular) > REGULAR and not ramp else 0.0

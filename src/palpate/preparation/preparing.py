@@ -216,10 +216,23 @@ def prepare(*values: Any, **options: Any) -> Contact:
         segment, or a setting is outside its range.
     """
     call = PrepareArguments(*values, **options)
+    recording = call.recording
     settings = call.settings
     arrays = call.arrays
-    if call.recording is not None:
-        contact = _prepare_recording(call.recording, call, settings)
+    if call.companion is not None:  # two files become one recording
+        if recording is None or arrays or call.no_time:
+            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
+        from palpate.preparation.clock_offset import align
+
+        first = as_recording(recording, strict=call.strict)
+        second = as_recording(call.companion, strict=call.strict)
+        recording, settings = align(first, second, settings, prepare_contact)
+    if recording is not None and arrays:
+        name = next(iter(arrays))
+        problem = f"pass a recording or arrays, not both: name the channel {name} in columns"
+        raise InvalidParameterError(problem)
+    if recording is not None:
+        contact = prepare_contact(as_recording(recording, strict=call.strict), settings)
     elif call.position is not None:
         settings = replace(settings, columns=Columns(force="force", position="position"))
         contact = prepare_contact(_recording_of_arrays(arrays, settings), settings)
@@ -235,26 +248,6 @@ def prepare(*values: Any, **options: Any) -> Contact:
 
 
 PrepareArguments.__init__.__qualname__ = "prepare"  # the name in Python's errors
-
-
-def _prepare_recording(
-    recording: Recorded, call: PrepareArguments, settings: Preparation
-) -> Contact:
-    """Make a contact from a recording, perhaps with that of another recorder."""
-    arrays = call.arrays
-    if call.companion is not None:
-        if arrays or call.no_time:
-            raise InvalidParameterError("a companion excludes arrays and no_time: leave them out")
-        from palpate.preparation.two_files import align
-
-        first = as_recording(recording, strict=call.strict)
-        second = as_recording(call.companion, strict=call.strict)
-        return prepare_contact(*align(first, second, settings, prepare_contact))
-    if arrays:
-        name = next(iter(arrays))
-        problem = f"pass a recording or arrays, not both: name the channel {name} in columns"
-        raise InvalidParameterError(problem)
-    return prepare_contact(as_recording(recording, strict=call.strict), settings)
 
 
 def _recording_of_arrays(given: Mapping[str, ArrayLike], settings: Preparation) -> Recording:
