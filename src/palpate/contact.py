@@ -15,6 +15,7 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.validation import (
     Floats,
+    Mask,
     Plain,
     check_field,
     number,
@@ -294,3 +295,21 @@ def run_slices(labels: NDArray[Any]) -> Iterator[slice]:
     for start, stop in itertools.pairwise([0, *borders.tolist(), len(labels)]):
         if stop > start:
             yield slice(start, stop)
+
+
+def true_runs(mask: Mask) -> Iterator[slice]:
+    """Slices of the runs in which a mask is true, in order."""
+    return (run for run in run_slices(mask) if mask[run.start])
+
+
+def finite_rows(*arrays: Floats) -> Mask:
+    """Whether a row is finite in all arrays, of shape (k,) or (k, n)."""
+    finite = (np.isfinite(array) for array in arrays)
+    rows = [mask if mask.ndim == 1 else mask.all(axis=1) for mask in finite]
+    every: Mask = np.logical_and.reduce(rows)
+    return every
+
+
+def typical_step(time: Floats) -> float:
+    """Median time between samples, s."""
+    return float(np.median(np.diff(time)))

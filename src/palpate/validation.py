@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from palpate.errors import InvalidParameterError
 
 Floats = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Integers = NDArray[np.int64]
 
 
 def shown(value: Any, most: int = 80) -> str:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.contact import between, run_slices
+from palpate.contact import between, true_runs, typical_step
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
@@ -33,7 +32,7 @@ from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE, interpolate_columns
 from palpate.settings import ForceFrame
 from palpate.stages import log_stage
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 from palpate.wrench.compensation import Compensated, PosedWrench, compensate
 from palpate.wrench.log import PayloadLog, summarize
 from palpate.wrench.marks import mark_payload
@@ -144,12 +143,12 @@ def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWr
         wrench = -wrench
     delay = None
     if settings.delay and not isinstance(settings.delay, str):
-        delay = check_delay("delay", settings.delay, float(np.median(np.diff(stamps))))
+        delay = check_delay("delay", settings.delay, typical_step(stamps))
     turned = interpolate_columns(stamps, turn_times, orientation)
     return PosedWrench(stamps, position, turned, time, wrench, delay)
 
 
-def _is_likely(values: Floats) -> NDArray[np.bool_]:
+def _is_likely(values: Floats) -> Mask:
     """Whether values have no bit error."""
     finite = np.abs(values[np.isfinite(values)])
     return np.abs(values) <= (UNLIKELY * np.percentile(finite, 99.0) if finite.size else 0.0)
@@ -491,9 +490,9 @@ def _count_saturated(force: Floats, limits: Floats, axis: int, edge: float) -> i
     column = force[:, axis]
     others = np.arange(force.shape[1]) != axis
     count = 0
-    for run in run_slices(column == edge):
+    for run in true_runs(column == edge):
         length = run.stop - run.start
-        if column[run.start] == edge and length >= SHORTEST:
+        if length >= SHORTEST:
             changes = np.ptp(force[run], axis=0)
             if (changes > limits)[others].any():
                 count += length

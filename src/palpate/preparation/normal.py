@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from palpate.contact import finite_rows
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.resolution import noise_of
@@ -90,7 +91,7 @@ def normal_from_forces(force: Floats, position: Floats, source: str = "") -> Nor
     RecordingError
         The forces have no common direction, or too few samples.
     """
-    finite = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
+    finite = finite_rows(force, position)
     if not finite.any():
         remedy = "if the rows join several topics, name the column of their times with --time"
         raise RecordingError.of(source, f"no sample has both a position and a force; {remedy}")
@@ -127,7 +128,7 @@ def no_normal(source: str, reason: str) -> RecordingError:
 
 def normal_from_motion(position: Floats, force: Floats, source: str) -> Normal:
     """Find the normal, opposite to the motion in which the force grows: −Σ ΔF Δp."""
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(force)
+    finite = finite_rows(position, force)
     size = np.abs(force[finite])
     stride = min(STRIDE, max(len(size) // 4, 1))
     total = -_products(position[finite], size, stride).sum(axis=0)
@@ -271,7 +272,7 @@ def _align_signs(
         force = -force
         problem = "the force is mostly negative: palpate reversed its sign, compression is positive"
         findings.append(Check.DIRECTION.finding(problem, "pass --flip-force to confirm"))
-    finite = np.isfinite(force) & np.isfinite(depth)
+    finite = finite_rows(force, depth)
     if "penetration" not in requested and not grows(depth[finite], force[finite]):
         depth = -depth
         problem = "the force grows as the position decreases: palpate reversed the position's sign"
@@ -335,7 +336,7 @@ def check_force_direction(
 
 def direction_of_growth(position: Floats, force: Floats) -> tuple[Floats | None, float]:
     """Return the direction of the motion in which the force grows, and its standard error, rad."""
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(force)
+    finite = finite_rows(position, force)
     f = force[finite]
     if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
         return None, math.inf

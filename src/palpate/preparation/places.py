@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact, VelocityFilter, add_step, run_slices
+from palpate.contact import Contact, VelocityFilter, add_step, run_slices, true_runs
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -23,7 +23,7 @@ from palpate.preparation.tip import FIRM
 from palpate.preparation.touch import exclude_load_transfer
 from palpate.preparation.velocity import describe_filter, estimate_velocities
 from palpate.stages import log_stage
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 # Episodes: intervals in which the probe stays at one place on the material.
 
@@ -83,9 +83,9 @@ def find_episodes(time: Floats, position: Floats, force: Floats, radius: float) 
     return sorted(episodes, key=attrgetter("start"))
 
 
-def _longest_free(taken: NDArray[np.bool_], start: int, stop: int) -> tuple[int, int] | None:
+def _longest_free(taken: Mask, start: int, stop: int) -> tuple[int, int] | None:
     """The longest run of an interval without taken samples."""
-    free = [run for run in run_slices(taken[start:stop]) if not taken[start + run.start]]
+    free = true_runs(~taken[start:stop])
     longest = max(free, key=lambda run: run.stop - run.start, default=None)
     return None if longest is None else (start + longest.start, start + longest.stop)
 

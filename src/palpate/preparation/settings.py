@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.preparation.options import OPTIONS, Options, SurfaceRule
+from palpate.preparation.options import Options, SurfaceRule
 from palpate.preparation.roles import Columns
 from palpate.recordings.poses import UNIT_LENGTH, rotate
 from palpate.recordings.recording import UNITS, unit_size
@@ -18,6 +18,7 @@ from palpate.validation import Floats, check_choice, instance, number_in, pair_i
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
+LARGEST = {"tool_weight": 1e6, "mass": 1e6, "rate": 1e9, "spot": 1e6}  # N, kg, Hz and m
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,10 +47,10 @@ class Preparation(Options):
         for channel, unit in units.items():
             _check_unit(channel, unit)
         object.__setattr__(self, "flip", check_flip(self.flip))
-        for name, option in OPTIONS.items():
+        for name, largest in LARGEST.items():
             value = getattr(self, name)
-            if option.limits is not None and value is not None:
-                number_in(name, value, *option.limits, open_low=option.above)
+            if value is not None:
+                number_in(name, value, 0.0, largest, open_low=name in ("rate", "spot"))
         self._check_times()
         self._check_axes()
         if self.payload is not None:

@@ -4,17 +4,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import add_step, run_slices
+from palpate.contact import add_step, finite_rows, true_runs
 from palpate.digits import rounded
 from palpate.estimators.least_squares import Fitted, robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
-from palpate.preparation.resolution import deviation_of_mean, noise_of
 from palpate.preparation.options import SurfaceRule
-from palpate.validation import Floats
+from palpate.preparation.resolution import deviation_of_mean, noise_of
+from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ
 # Limits of the light branch, which shows the surface, over the peak force. Drag and drift stay
@@ -103,7 +102,7 @@ def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRu
     rule : str
         ``"threshold"``, ``"baseline"``, ``"fit"``, or ``"estimate"``, which is as ``"fit"`` here.
     """
-    finite = np.isfinite(depth) & np.isfinite(force) & np.isfinite(velocity)
+    finite = finite_rows(depth, force, velocity)
     x = depth[finite]
     v = velocity[finite]
     f = force[finite]
@@ -143,12 +142,12 @@ def _find_crossing(x: Floats, f: Floats, least: float) -> Surface | None:
     return Surface(position, math.hypot(scatter, excess), f"where the force exceeds {least:.2g} N")
 
 
-def find_presses(f: Floats, least: float, peak: float) -> NDArray[np.bool_]:
+def find_presses(f: Floats, least: float, peak: float) -> Mask:
     """Find the runs of a force above a least one that reach 40 % of its peak."""
     pressed = f > least
     mask = np.zeros(f.size, dtype=bool)
-    for run in run_slices(pressed):
-        mask[run] = pressed[run.start] and f[run].max() >= HEAVIEST * peak
+    for run in true_runs(pressed):
+        mask[run] = f[run].max() >= HEAVIEST * peak
     return mask
 
 

@@ -3,13 +3,12 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.contact import Contact, run_slices
+from palpate.contact import Contact, finite_rows, true_runs
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.surface import find_presses
 from palpate.recordings.poses import align_signs
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
@@ -20,7 +19,7 @@ LARGEST_TURN = math.radians(2.0)
 
 def largest_turn(orientation: Floats) -> float:
     """Return the largest angle between the orientation and its value halfway, rad."""
-    finite = orientation[np.isfinite(orientation).all(axis=1)]
+    finite = orientation[finite_rows(orientation)]
     length = np.linalg.norm(finite, axis=1)
     unit = finite[length > 0.0] / length[length > 0.0, None]
     if not len(unit):
@@ -49,7 +48,7 @@ def report_unknown_tip(problem: str, mark: Mark = "trust") -> Finding:
     return Check.ORIENTATION.finding(problem, remedy, mark=mark)
 
 
-def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
+def find_upright(force: Floats, orientation: Floats) -> Mask:
     """Find the runs around each touch in which the tool has the orientation of the touch.
 
     Parameters
@@ -70,12 +69,12 @@ def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
     nearest = np.where(is_closer, touches[following], touches[previous])
     nearest[pressing] = touches
     upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
-    for run in run_slices(upright):
-        upright[run] &= pressing[run].any()
+    for run in true_runs(upright.copy()):
+        upright[run] = pressing[run].any()
     return upright
 
 
-def find_firm_presses(force: Floats) -> NDArray[np.bool_]:
+def find_firm_presses(force: Floats) -> Mask:
     """Find the presses above a tenth of the largest force."""
     peak = float(np.nanpercentile(force, 99.0))
     return find_presses(np.nan_to_num(force), FIRM * peak, peak)
@@ -89,12 +88,12 @@ def _angle_between(a: Floats, b: Floats) -> Floats:
     return angle
 
 
-def report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_]) -> list[Finding]:
+def report_turn(force: Floats, orientation: Floats, upright: Mask) -> list[Finding]:
     """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
     pressing = find_firm_presses(force)
     angle = 0.0
-    for run in run_slices(upright):
-        if upright[run.start] and pressing[run].any():
+    for run in true_runs(upright):
+        if pressing[run].any():
             turns = align_signs(orientation[run][pressing[run]])
             angle = max(angle, float(_angle_between(turns, turns.mean(axis=0)).max()))
     if angle <= UPRIGHT:

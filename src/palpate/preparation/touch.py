@@ -1,19 +1,19 @@
 """The touches of a contact, whether there are any, and where another place carries the load."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import Contact, run_slices
+from palpate.contact import Contact, finite_rows, run_slices, true_runs
 from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.resolution import noise_of
 from palpate.settings import ContactGate
-from palpate.validation import Floats, Plain
+from palpate.validation import Floats, Integers, Mask, Plain
 
 BREAK = 0.8  # force at which contact ends, as a fraction of that at which it begins
 # s. A shorter time out of contact is noise at the surface, or a bounce.
@@ -62,8 +62,7 @@ def find_touches(contact: Contact, gate: ContactGate | None = None) -> list[Touc
         time = contact.time[segment]
         force = np.nan_to_num(contact.force[segment])
         depth = np.nan_to_num(contact.penetration[segment])
-        runs = [run for run in run_slices(force > limit) if force[run.start] > limit]
-        for start, stop in _join_close_runs(runs, time.tolist()):
+        for start, stop in _join_close_runs(true_runs(force > limit), time.tolist()):
             peak = float(force[start:stop].max())
             if peak > chosen.make_force:
                 deepest = float(depth[start:stop].max())
@@ -74,7 +73,7 @@ def find_touches(contact: Contact, gate: ContactGate | None = None) -> list[Touc
     return touches
 
 
-def _join_close_runs(runs: list[slice], time: list[float]) -> list[tuple[int, int]]:
+def _join_close_runs(runs: Iterable[slice], time: list[float]) -> list[tuple[int, int]]:
     joined = list[tuple[int, int]]()
     for run in runs:
         start = run.start
@@ -95,7 +94,7 @@ def depends_on_position(force: Floats, position: Floats) -> bool:
     """
     f = force.reshape(len(force), -1)
     p = position.reshape(len(position), -1)
-    finite = np.isfinite(f).all(axis=1) & np.isfinite(p).all(axis=1)
+    finite = finite_rows(f, p)
     f = f[finite]
     p = p[finite]
     if len(f) < FEWEST_TO_DEPEND:
@@ -114,7 +113,7 @@ def depends_on_position(force: Floats, position: Floats) -> bool:
 def never_touches(force: Floats, position: Floats) -> bool:
     """Whether a force, tared or not, is constant within its noise, wherever the probe is."""
     f = force.reshape(len(force), -1)
-    finite = f[np.isfinite(f).all(axis=1)]
+    finite = f[finite_rows(f)]
     if not len(finite):
         return False
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in finite.T))
@@ -163,8 +162,8 @@ def exclude_load_transfer(contact: Contact) -> Contact:
 
 
 def find_load_transfer(
-    depth: Floats, velocity: Floats, force: Floats, segment: NDArray[np.int64]
-) -> tuple[NDArray[np.bool_], Finding] | None:
+    depth: Floats, velocity: Floats, force: Floats, segment: Integers
+) -> tuple[Mask, Finding] | None:
     """Return the samples while another place carries the load, and a finding; None without any."""
     gate = ContactGate(*_core.gate_of(depth, velocity, force))
     inside = gate.makes(depth, force) & np.isfinite(velocity)

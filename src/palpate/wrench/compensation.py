@@ -7,12 +7,12 @@ from typing import Any, Literal
 import numpy as np
 
 import palpate._core as _core
-from palpate.contact import Delay, run_slices
+from palpate.contact import Delay, finite_rows, run_slices, typical_step
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.recordings.poses import interpolate_columns, rotate
 from palpate.settings import Configured
-from palpate.validation import Floats, arguments, check_choice, instance, number_in
-from palpate.wrench.consensus import BLOCK, Mask
+from palpate.validation import Floats, Mask, arguments, check_choice, instance, number_in
+from palpate.wrench.consensus import BLOCK
 from palpate.wrench.fit import PayloadFit
 from palpate.wrench.marks import mark_payload
 from palpate.wrench.motion import WINDOW, FlangeMotion, motion_of
@@ -156,7 +156,7 @@ def compensate(
     recorded = interpolate_columns(shifted, log.time, smooth)
     in_flange = external_force(fit, quick, shifted, recorded) @ payload.mount.T
     force = rotate(in_flange, orientation)
-    kept = np.isfinite(force).all(axis=1) & (shifted >= log.time[0]) & (shifted <= log.time[-1])
+    kept = finite_rows(force) & (shifted >= log.time[0]) & (shifted <= log.time[-1])
     shifted = shifted[kept]
     k = np.clip(np.searchsorted(fit.blocks.start, shifted) - 1, 0, None)
     free = fit.free[k] & (shifted <= fit.blocks.stop[k])
@@ -166,7 +166,7 @@ def compensate(
 
 def _average(time: Floats, log: PosedWrench, fit: PayloadFit) -> Floats:
     """Return means of the sensor's force over the time of a sample, with the payload's sign."""
-    step, wrench_step = (float(np.median(np.diff(clock))) for clock in (time, log.time))
+    step, wrench_step = (typical_step(clock) for clock in (time, log.time))
     half = round(0.5 * min(step, LONGEST_MEAN) / wrench_step)
     weights = np.full(2 * half + 1, fit.payload.sign / (2 * half + 1))
     steady = without_zeroings(log.time, log.wrench[:, :3], fit.zeroed)

@@ -6,14 +6,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.contact import Delay, run_slices
+from palpate.contact import Delay, run_slices, true_runs
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.recordings.recording import GRAVITY
-from palpate.validation import Floats
+from palpate.validation import Floats, Integers
 from palpate.wrench.consensus import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.wrench.payload import TENSOR, Payload
+from palpate.wrench.payload import TENSOR, Payload, load_of
 from palpate.wrench.zeroing import Zeroing
 
 SHIFT = 30e-3  # s, of the difference for the clock
@@ -35,7 +34,6 @@ FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
 MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
 MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
-AXES = np.array([k == TENSOR for k in range(6)], dtype=np.float64)  # of the inertia
 OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 
@@ -62,23 +60,15 @@ def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (motion[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ motion[:, 9 + TENSOR] @ mount
-    square = np.trace(products, axis1=1, axis2=2)[:, None, None]
-    swing = square * np.eye(3) - skew(a) - products
-    by_a, by_w = (np.einsum("kij,nj->nik", AXES, turning) for turning in (a, w))
-    columns = np.zeros((len(motion), 6, 13))
-    columns[:, :3, 0] = g
-    columns[:, :3, ARM] = swing
-    columns[:, :3, LEVER] = swing
-    columns[:, 3:, ARM] = -skew(g + swing @ lever)
-    columns[:, 3:, INERTIA] = -by_a - skew(w) @ by_w
-    return columns
+    columns = [load_of(unit, g, w, a, products, lever) for unit in np.eye(13)]
+    return np.stack(columns, axis=2)
 
 
 def open_runs(mask: Mask, least: int, margin: int) -> Mask:
     """Return the runs of at least so many blocks, without a margin at each end."""
     inner = np.zeros(len(mask), dtype=bool)
-    for run in run_slices(mask):
-        if mask[run.start] and run.stop - run.start >= least:
+    for run in true_runs(mask):
+        if run.stop - run.start >= least:
             inner[run.start + margin : run.stop - margin] = True
     return inner
 
@@ -102,7 +92,7 @@ class _Drift:
     ties: list[Floats]
 
     @classmethod
-    def of(cls, time: Floats, segment: NDArray[np.int64]) -> "_Drift":
+    def of(cls, time: Floats, segment: Integers) -> "_Drift":
         """Return the knots of a log, and separate ones after each zeroing."""
         spacing = max(KNOT, (time[-1] - time[0]) / MOST_KNOTS)
         columns = list[Floats]()
@@ -200,13 +190,11 @@ class _Linearization:
         """Return the weighted products of the columns, biases and residual of one axis."""
         residual = self.residual[:, axis, None]
         columns = np.hstack([self.jacobian[:, axis], self.columns, residual])
+        weighted = self.weight[:, axis, None] * columns
+        products = np.zeros((columns.shape[1],) * 2)
         # In chunks, because on a busy machine threads of BLAS wait for each other.
-        chunks = np.zeros((-(-len(columns) // CHUNK), CHUNK, columns.shape[1]))
-        weighted = np.zeros_like(chunks)
-        chunks.reshape(-1, columns.shape[1])[: len(columns)] = columns
-        rows = self.weight[:, axis, None] * columns
-        weighted.reshape(-1, columns.shape[1])[: len(columns)] = rows
-        products: Floats = (weighted.transpose(0, 2, 1) @ chunks).sum(axis=0)
+        for k in range(0, len(columns), CHUNK):
+            products += weighted[k : k + CHUNK].T @ columns[k : k + CHUNK]
         return products
 
     def _correct_blur(self, normal: Floats) -> tuple[Floats, Floats]:

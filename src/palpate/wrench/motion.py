@@ -3,12 +3,12 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import noise_of
+from palpate.contact import typical_step
 from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns, multiply, rotate
 from palpate.recordings.recording import GRAVITY
-from palpate.validation import Floats
+from palpate.validation import Floats, Integers
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of
 # degree 2 or 3 attenuates it by 9 %, which shifts the stiffness by 0.2 %.
@@ -63,7 +63,7 @@ class FlangeMotion:
         interpolated: Floats = (1.0 - u) * self.values[k, :9] + u * self.values[k + 1, :9]
         return interpolated
 
-    def _place(self, time: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def _place(self, time: Floats) -> tuple[Integers, Floats]:
         """Return the sample before each time, and the part of the step after it."""
         place = np.clip((time - self.start) / self.step, 0.0, len(self.values) - 1.000001)
         k = place.astype(np.int64)
@@ -85,7 +85,7 @@ def motion_of(
         Unit quaternions x, y, z, w.
     """
     pose = np.column_stack([position, align_signs(orientation)])
-    recorded_step = float(np.median(np.diff(time)))
+    recorded_step = typical_step(time)
     step = max(recorded_step, window / MOST_SAMPLES)
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
     if step > 1.5 * recorded_step:

@@ -29,6 +29,10 @@ _ERRORS = ("_error", "turn", "share", "free_time")  # ends of the names of what 
 _MARKS = ("mass_mark", "mount_mark", "delay_mark")
 
 
+def _unknown_vector() -> Floats:
+    return np.full(3, math.nan)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Payload:
     """The tool on a wrist sensor, the mount of the sensor, and its reading without contact.
@@ -100,9 +104,9 @@ class Payload:
     bias_times: Floats = field(default_factory=lambda: np.zeros(0))
     bias_changes: Floats = field(default_factory=lambda: np.zeros((0, 6)))
     mass_error: float = math.nan
-    centre_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
-    mount_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
-    lever_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
+    centre_error: Floats = field(default_factory=_unknown_vector)
+    mount_error: Floats = field(default_factory=_unknown_vector)
+    lever_error: Floats = field(default_factory=_unknown_vector)
     bias_error: Floats = field(default_factory=lambda: np.full(6, math.nan))
     inertia_error: Floats | None = None
     delay_error: float = math.nan

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate._core import noise_of
-from palpate.contact import Delay, run_slices
+from palpate.contact import Delay, true_runs, typical_step
 from palpate.validation import Floats
 from palpate.wrench.consensus import Blocks, blocks_of, largest_consensus
 from palpate.wrench.payload import Payload
@@ -38,7 +38,7 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
     The step is between lines through the means before and after, so that a force that grows is
     none.
     """
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     size = max(round(STEP_WINDOW / step), 3)
     reach = 2 * size + STEP_GAP
     if len(time) < 2 * reach + 2:
@@ -63,10 +63,9 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
     large = force > np.maximum(STEP_NOISES * np.linalg.norm(noise[:3]), LEAST_STEP)
     large &= np.linalg.norm(leaving[:, :3], axis=1) < AFTER_STEP * force
     zeroings = list[Zeroing]()
-    for run in run_slices(large):
-        if large[run.start]:
-            k = run.start + int(np.argmax(force[run]))
-            zeroings.append(Zeroing(float(time[middle[k]]), steps[k]))
+    for run in true_runs(large):
+        k = run.start + int(np.argmax(force[run]))
+        zeroings.append(Zeroing(float(time[middle[k]]), steps[k]))
     largest = sorted(zeroings, key=lambda zeroing: -zeroing.size)[:MOST_ZEROINGS]
     return sorted(largest, key=lambda zeroing: zeroing.time)
 
@@ -74,7 +73,7 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
 def without_zeroings(time: Floats, wrench: Floats, zeroed: Sequence[Zeroing]) -> Floats:
     """Return the wrench without the steps; unknown next to them."""
     wrench = wrench.copy()
-    reach = (STEP_GAP + 0.5) * float(np.median(np.diff(time)))
+    reach = (STEP_GAP + 0.5) * typical_step(time)
     for zeroing in zeroed:
         wrench[time >= zeroing.time] -= zeroing.step[: wrench.shape[1]]
         wrench[np.abs(time - zeroing.time) < reach] = np.nan
