@@ -1,6 +1,5 @@
 """A contact: penetration, velocity and force on one clock, and how each was obtained."""
 
-import itertools
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,9 +12,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
+from palpate.rows import run_slices as run_slices
 from palpate.validation import (
     Floats,
-    Mask,
     Plain,
     check_field,
     number,
@@ -287,29 +286,3 @@ def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
             "time must be finite and increase within a segment; "
             f"sample {first} is {time[first]} s{before}"
         )
-
-
-def run_slices(labels: NDArray[Any]) -> Iterator[slice]:
-    """Slices of the runs of equal labels, in order."""
-    borders = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    for start, stop in itertools.pairwise([0, *borders.tolist(), len(labels)]):
-        if stop > start:
-            yield slice(start, stop)
-
-
-def true_runs(mask: Mask) -> Iterator[slice]:
-    """Slices of the runs in which a mask is true, in order."""
-    return (run for run in run_slices(mask) if mask[run.start])
-
-
-def finite_rows(*arrays: Floats) -> Mask:
-    """Whether a row is finite in all arrays, of shape (k,) or (k, n)."""
-    finite = (np.isfinite(array) for array in arrays)
-    rows = [mask if mask.ndim == 1 else mask.all(axis=1) for mask in finite]
-    every: Mask = np.logical_and.reduce(rows)
-    return every
-
-
-def typical_step(time: Floats) -> float:
-    """Median time between samples, s."""
-    return float(np.median(np.diff(time)))

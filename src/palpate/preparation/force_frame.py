@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from palpate.contact import between, true_runs, typical_step
+from palpate.contact import between
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
@@ -30,6 +30,7 @@ from palpate.preparation.tare import never_free, tare_force
 from palpate.preparation.velocity import step_of
 from palpate.recordings import Recording
 from palpate.recordings.poses import IN_BASE, interpolate_columns
+from palpate.rows import true_runs, typical_step
 from palpate.settings import ForceFrame
 from palpate.stages import log_stage
 from palpate.validation import Floats, Mask
@@ -95,12 +96,20 @@ def _frame_in_recording(
     problem = f"the force is in the frame {force!r}, the position in {position!r}"
     if roles.orientation:
         problem += ": palpate rotates it by the orientation, assuming it is in the tool's axes"
-        remedy = "pass --force-frame base if both frames have the same axes"
-        findings.append(Check.FORCE_FRAME.finding(problem, remedy))
+        findings.append(
+            Check.FORCE_FRAME.finding(
+                problem, "pass --force-frame base if both frames have the same axes"
+            )
+        )
         return "tool"
     problem += ", and there is no orientation to convert one to the other"
-    remedy = "record the pose, or pass the contact normal, such as --normal z"
-    findings.append(Check.FORCE_FRAME.finding(problem, remedy, severity="with-care"))
+    findings.append(
+        Check.FORCE_FRAME.finding(
+            problem,
+            "record the pose, or pass the contact normal, such as --normal z",
+            severity="with-care",
+        )
+    )
     return "base"
 
 
@@ -207,7 +216,7 @@ class _Trial:
         return None if motion is None else (angle_between_axes(motion, normal), normal)
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class _ForceReader:
     """The choice of the reading of a log, whose recording may not state it.
 
@@ -232,17 +241,12 @@ class _ForceReader:
     default: ForceFrame
 
     def __post_init__(self) -> None:
-        if self._in_doubt and not are_quaternions(self._orientation):
+        orientation = self.signals.orientation
+        assert orientation is not None
+        self._orientation = orientation
+        self._source = self.roles.recording.source
+        if self._in_doubt and not are_quaternions(orientation):
             self.frame = "base"
-
-    @property
-    def _source(self) -> str:
-        return self.roles.recording.source
-
-    @property
-    def _orientation(self) -> Floats:
-        assert self.signals.orientation is not None
-        return self.signals.orientation
 
     @property
     def _in_doubt(self) -> bool:
@@ -286,8 +290,8 @@ class _ForceReader:
         """Report what was chosen; raise if it is no reading for a payload."""
         if self.default == "tool" and reading.frame == "base":
             problem = "the force is in the axes of the position, and a payload needs one in the "
-            remedy = "pass --force-frame tool if it is"
-            raise RecordingError.of(self._source, f"{problem}sensor's; {remedy}")
+            remedy = "sensor's; pass --force-frame tool if it is"
+            raise RecordingError.of(self._source, problem + remedy)
         findings = [report_frame(reading, evidence)] if self._in_doubt else []
         if reading.frame == "tool" and not order_stated:
             findings.append(report_order(reading, evidence, self.roles.orientation))
@@ -312,8 +316,18 @@ class _ForceReader:
             if reading.frame == "tool":
                 turned = reading.turn(self._orientation)
                 trial.signals = replace(self.signals, orientation=turned)
+            if reading.frame == "tool" and log is not None:
                 try:
-                    trial.compensated = self._compensate(reading, turned, log, trials)
+                    trial.compensated = compensate(
+                        self.signals.time,
+                        unit_quaternions(turned, self._source),
+                        log,
+                        reading,
+                        self._source,
+                        known=self.settings.payload,
+                        weight=self.settings.tool_weight,
+                        tried=reading.sign < 0.0 and replace(reading, sign=1.0) in trials,
+                    )
                 except RecordingError as error:
                     refusals.append(error)
                     continue
@@ -321,26 +335,6 @@ class _ForceReader:
         if not trials:
             raise refusals[0]
         return trials
-
-    def _compensate(
-        self,
-        reading: Reading,
-        orientation: Floats,
-        log: PosedWrench | None,
-        trials: dict[Reading, _Trial],
-    ) -> Compensated | None:
-        if log is None:
-            return None
-        return compensate(
-            self.signals.time,
-            unit_quaternions(orientation, self._source),
-            log,
-            reading,
-            self._source,
-            known=self.settings.payload,
-            weight=self.settings.tool_weight,
-            tried=reading.sign < 0.0 and replace(reading, sign=1.0) in trials,
-        )
 
     def _choose_by_contact(self, trials: list[_Trial], *, enough: bool) -> tuple[_Trial, bool]:
         """Return the reading whose force points along the motion, else the first.
@@ -468,8 +462,11 @@ def check_saturation(force: Floats) -> list[Finding]:
     moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
     constant = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
     if constant:
-        problem = f"the force along {constant} is constant: the sensor does not measure it"
-        findings.append(Check.FORCE_AXES.finding(problem))
+        findings.append(
+            Check.FORCE_AXES.finding(
+                f"the force along {constant} is constant: the sensor does not measure it"
+            )
+        )
     limits = np.array([MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T])
     for k, column in enumerate(force.T):
         for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
@@ -479,9 +476,12 @@ def check_saturation(force: Floats) -> list[Finding]:
                     f"the force along {'xyz'[k]} stays at {edge:.3g} N for {percent(share)} of the "
                     "recording while the others change: it is probably saturated"
                 )
-                remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if share > MANY else "with-care"
-                findings.append(Check.SATURATED_AXIS.finding(problem, remedy, mark=mark))
+                findings.append(
+                    Check.SATURATED_AXIS.finding(
+                        problem, "press less deeply, or use a sensor with a larger range", mark=mark
+                    )
+                )
     return findings
 
 

@@ -127,12 +127,10 @@ def _with_parameters_of(
     """Give a function the parameters of a class, for type checkers, ``help`` and ``inspect``."""
 
     def declare(function: Callable[..., Contact]) -> Callable[_Parameters, Contact]:
-        signature = inspect.signature(holder)
-        parameters = [*signature.parameters.values()]
-        parameters.sort(key=lambda parameter: parameter.name in Options.__slots__)
+        parameters = inspect.signature(holder).parameters.values()
+        ordered = sorted(parameters, key=lambda parameter: parameter.name in Options.__slots__)
         described: Any = function
-        described.__signature__ = inspect.Signature(parameters, return_annotation=Contact)
-        described.__annotations__ = {each.name: each.annotation for each in parameters}
+        described.__signature__ = inspect.Signature(ordered, return_annotation=Contact)
         texts = [
             (kind.__doc__ or "").partition("-\n")[2].rstrip()
             for kind in (PrepareArguments, Options)
@@ -395,8 +393,13 @@ def _report_commanded_channels(roles: Roles) -> list[Finding]:
             problem = f"channel {names[0]!r} looks like a commanded {kind}, not a measured one"
             if kind == "position":
                 problem += ": the robot's own compliance is in the numbers"
-            remedy = f"record the measured {kind} and name its channel with --{kind}"
-            findings.append(Check.CHANNELS.finding(problem, remedy, mark="with-care"))
+            findings.append(
+                Check.CHANNELS.finding(
+                    problem,
+                    f"record the measured {kind} and name its channel with --{kind}",
+                    mark="with-care",
+                )
+            )
     return findings
 
 
@@ -414,8 +417,12 @@ def _report_unused_settings(
     names = " and ".join(name for name, idle in unused.items() if idle)
     if not names:
         return []
-    problem = f"{names} had no effect: position and force do not both have three axes"
-    return [Check.OPTIONS.finding(problem, f"drop {names}")]
+    return [
+        Check.OPTIONS.finding(
+            f"{names} had no effect: position and force do not both have three axes",
+            f"drop {names}",
+        )
+    ]
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:

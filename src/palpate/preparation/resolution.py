@@ -6,7 +6,8 @@ import numpy as np
 
 import palpate._core as _core
 from palpate._core import noise_of as noise_of
-from palpate.contact import Contact, finite_rows
+from palpate.contact import Contact
+from palpate.rows import finite_rows
 from palpate.validation import Floats, Mask
 
 FEWEST_RESTING, FEWEST_PRESSED = 20, 3  # samples at the value of the dead band; of these in contact

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 import palpate._core as _core
-from palpate.contact import add_step, finite_rows, true_runs
+from palpate.contact import add_step
 from palpate.digits import rounded
 from palpate.estimators.least_squares import Fitted, robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
 from palpate.preparation.options import SurfaceRule
 from palpate.preparation.resolution import deviation_of_mean, noise_of
+from palpate.rows import finite_rows, true_runs
 from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ

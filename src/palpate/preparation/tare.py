@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from palpate.contact import add_step, finite_rows, typical_step
+from palpate.contact import add_step
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -14,6 +14,7 @@ from palpate.preparation.normal import normal_from_motion
 from palpate.preparation.resolution import correlation_inflation, noise_of
 from palpate.preparation.settings import Preparation, rotate_to_base
 from palpate.recordings.poses import INVERSE
+from palpate.rows import finite_rows, norm, row_norms, typical_step
 from palpate.validation import Floats, Integers, Mask
 
 # Samples out of contact: as many as half a second has, within these limits. On 180 simulated
@@ -64,8 +65,12 @@ class Baseline:
         add_step(made, "force", f"minus {offsets} N, its mean {self.times}")
         if self.drift:
             drift = rounded(self.drift, 3)
-            problem = f"the force offset drifts by {drift} N: palpate subtracted the drift"
-            findings.append(Check.TARE.finding(problem, "let the sensor warm up"))
+            findings.append(
+                Check.TARE.finding(
+                    f"the force offset drifts by {drift} N: palpate subtracted the drift",
+                    "let the sensor warm up",
+                )
+            )
             add_step(made, "force", f"minus its drift of {drift} N")
 
 
@@ -210,7 +215,7 @@ def estimate_baseline(time: Floats, force: Floats, free: Mask) -> Baseline:
         error = np.sqrt(variance / energy * correlation_inflation(residual))
         if np.any(np.abs(slope) > DRIFTS * error):
             zero = zero + (time - t.mean())[:, None] * slope
-            drift = float(np.linalg.norm(slope) * np.ptp(time))
+            drift = norm(slope) * float(np.ptp(time))
     return Baseline(free, zero.reshape(force.shape), drift, describe_free_air(free))
 
 
@@ -237,8 +242,12 @@ def tare_force(
     baseline = _baseline_in_space(signals, settings, source)
     findings = list[Finding]()
     if baseline is None:
-        problem = "palpate found no free air and did not tare the force"
-        findings.append(Check.NO_TARE.finding(problem, "record a second in free air"))
+        findings.append(
+            Check.NO_TARE.finding(
+                "palpate found no free air and did not tare the force",
+                "record a second in free air",
+            )
+        )
     else:
         signals = replace(signals, force=signals.force - baseline.zero)
         if down is not None and weight:
@@ -274,7 +283,7 @@ def _baseline_in_space(signals: Signals, settings: Preparation, source: str) -> 
 def _refuse_idle_weight(force: Floats, down: Floats, weight: float, source: str) -> None:
     """Reject a weight that is constant in the frame of the force, so that the tare removes it."""
     finite = finite_rows(force, down)
-    peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
+    peak = float(np.nanpercentile(row_norms(force), 99.0))
     reach = float(np.linalg.norm(np.ptp(down[finite], axis=0))) if finite.any() else 0.0
     if weight * reach <= NOTHING * peak:
         from palpate.wrench.search import idle_weight

@@ -4,10 +4,11 @@ import math
 
 import numpy as np
 
-from palpate.contact import Contact, finite_rows, true_runs
+from palpate.contact import Contact
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.surface import find_presses
 from palpate.recordings.poses import align_signs
+from palpate.rows import finite_rows, row_norms, true_runs
 from palpate.validation import Floats, Mask
 
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
@@ -20,7 +21,7 @@ LARGEST_TURN = math.radians(2.0)
 def largest_turn(orientation: Floats) -> float:
     """Return the largest angle between the orientation and its value halfway, rad."""
     finite = orientation[finite_rows(orientation)]
-    length = np.linalg.norm(finite, axis=1)
+    length = row_norms(finite)
     unit = finite[length > 0.0] / length[length > 0.0, None]
     if not len(unit):
         return 0.0
@@ -38,14 +39,22 @@ def report_turning_weight(orientation: Floats, weight: float | None) -> list[Fin
         f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
         "along each axis of the sensor, and --tool-weight is missing"
     )
-    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
-    return [Check.ORIENTATION.finding(problem, remedy, mark="with-care")]
+    return [
+        Check.ORIENTATION.finding(
+            problem,
+            "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation",
+            mark="with-care",
+        )
+    ]
 
 
 def report_unknown_tip(problem: str, mark: Mark = "trust") -> Finding:
     """Report that the pose is not that of the tip."""
-    remedy = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
-    return Check.ORIENTATION.finding(problem, remedy, mark=mark)
+    return Check.ORIENTATION.finding(
+        problem,
+        "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose",
+        mark=mark,
+    )
 
 
 def find_upright(force: Floats, orientation: Floats) -> Mask:
@@ -82,7 +91,7 @@ def find_firm_presses(force: Floats) -> Mask:
 
 def _angle_between(a: Floats, b: Floats) -> Floats:
     """Return the angles of the rotations between quaternions, rad."""
-    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    lengths = row_norms(a) * row_norms(b)
     cosine = np.abs((a * b).sum(axis=-1)) / lengths
     angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))
     return angle

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 import palpate._core as _core
-from palpate.contact import Contact, finite_rows, run_slices, true_runs
+from palpate.contact import Contact
 from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.resolution import noise_of
+from palpate.rows import finite_rows, run_slices, true_runs
 from palpate.settings import ContactGate
 from palpate.validation import Floats, Integers, Mask, Plain
 
@@ -201,8 +202,11 @@ def find_load_transfer(
         f"in {transfers} touches the force rises while the probe withdraws, so that another place "
         f"carries the load: the rest of them, {percent(share)} of the contact, is left out"
     )
-    remedy = "if it is the material's own force, run again with --no-reject-outliers"
-    return excluded, Check.LOAD_TRANSFER.finding(problem, remedy, severity="with-care")
+    return excluded, Check.LOAD_TRANSFER.finding(
+        problem,
+        "if it is the material's own force, run again with --no-reject-outliers",
+        severity="with-care",
+    )
 
 
 def _jumps(rise: Floats) -> bool:

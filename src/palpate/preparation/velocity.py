@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 import palpate._core as _core
 from palpate._core import largest_of as largest_of
 from palpate._core import step_of as step_of
-from palpate.contact import Contact, VelocityFilter, typical_step
+from palpate.contact import Contact, VelocityFilter
 from palpate.digits import format_quantity
+from palpate.rows import norm, typical_step
 from palpate.validation import Floats, Mask, number_in
 
 Indices = NDArray[np.intp]
@@ -71,7 +72,7 @@ def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
 def noise_gain(used: VelocityFilter) -> float:
     """Standard deviation of the velocity due to white noise σ of the position, over σ/h."""
     if used.penalty is None:
-        return float(np.linalg.norm(_slope_weights(used.samples, used.degree)))
+        return norm(_slope_weights(used.samples, used.degree))
     turn = (np.arange(2048) + 0.5) * np.pi / 2048
     return float(np.sqrt(np.mean((turn * filter_gain(used, turn)) ** 2)))
 

@@ -7,9 +7,10 @@ from typing import Any, Literal
 import numpy as np
 
 import palpate._core as _core
-from palpate.contact import Delay, finite_rows, run_slices, typical_step
+from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.recordings.poses import interpolate_columns, rotate
+from palpate.rows import finite_rows, run_slices, typical_step
 from palpate.settings import Configured
 from palpate.validation import Floats, Mask, arguments, check_choice, instance, number_in
 from palpate.wrench.consensus import BLOCK

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from palpate._core import noise_of
-from palpate.contact import Delay, finite_rows, typical_step
+from palpate.contact import Delay
 from palpate.recordings.recording import GRAVITY
+from palpate.rows import finite_rows, norm, row_norms, typical_step
 from palpate.validation import Floats, Integers, Mask
 from palpate.wrench.motion import FlangeMotion
 from palpate.wrench.payload import Payload
@@ -59,7 +60,7 @@ class Blocks:
     @property
     def floor(self) -> float:
         """Least tolerance of a consensus, N."""
-        return 3.0 * float(np.linalg.norm(self.noise[:3])) + 0.03
+        return 3.0 * norm(self.noise[:3]) + 0.03
 
     def motion_before(self, delay: float, columns: int = 20) -> Floats:
         """Return the means of the first columns of the motion some seconds before."""
@@ -70,7 +71,7 @@ class Blocks:
 
         A clock that is 50 ms off, and the lever of a tool that turns, must not exclude free air.
         """
-        turning = np.linalg.norm(motion[:, 3:6], axis=1)
+        turning = row_norms(motion[:, 3:6])
         tolerance: Floats = self.floor + 0.02 * GRAVITY * turning + 0.05 * motion[:, 16]
         return tolerance
 
@@ -158,7 +159,7 @@ def largest_consensus(
     random = np.random.default_rng(0)
     clock = 0.0 if delay is None else delay.seconds
     motion = blocks.motion_before(clock)
-    rate = np.linalg.norm(motion[:, 3:6], axis=1)
+    rate = row_norms(motion[:, 3:6])
     path = np.cumsum((motion[:, 15] / MOVED + rate / TURNED + 0.05) * blocks.duration)
     drawn = np.unique(np.searchsorted(path, np.linspace(path[0], path[-1], DRAWN)))
     sample = blocks.taken(drawn)

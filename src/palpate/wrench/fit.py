@@ -7,11 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from palpate.contact import Delay, run_slices, true_runs
+from palpate.contact import Delay
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.recordings.recording import GRAVITY
-from palpate.validation import Floats, Integers
-from palpate.wrench.consensus import LONGEST_DELAY, Blocks, Mask, largest_consensus
+from palpate.rows import norm, row_norms, run_slices, true_runs
+from palpate.validation import Floats, Integers, Mask
+from palpate.wrench.consensus import LONGEST_DELAY, Blocks, largest_consensus
 from palpate.wrench.payload import TENSOR, Payload, load_of
 from palpate.wrench.zeroing import Zeroing
 
@@ -39,16 +40,12 @@ OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    crossed = np.zeros((*vectors.shape, 3))
-    for k, (row, column) in enumerate(((1, 2), (2, 0), (0, 1))):
-        crossed[..., row, column] = -vectors[..., k]
-        crossed[..., column, row] = vectors[..., k]
-    return crossed
+    return np.cross(np.eye(3), vectors[..., None, :])
 
 
 def rotation(vector: Floats) -> Floats:
     """Return the rotation matrix of a rotation vector, by Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
+    angle = norm(vector)
     cross = skew(vector)
     sine = np.sinc(angle / math.pi)
     versine = 0.5 * np.sinc(0.5 * angle / math.pi) ** 2
@@ -62,15 +59,6 @@ def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     products = mount.T @ motion[:, 9 + TENSOR] @ mount
     columns = [load_of(unit, g, w, a, products, lever) for unit in np.eye(13)]
     return np.stack(columns, axis=2)
-
-
-def open_runs(mask: Mask, least: int, margin: int) -> Mask:
-    """Return the runs of at least so many blocks, without a margin at each end."""
-    inner = np.zeros(len(mask), dtype=bool)
-    for run in true_runs(mask):
-        if run.stop - run.start >= least:
-            inner[run.start + margin : run.stop - margin] = True
-    return inner
 
 
 @dataclass(slots=True, eq=False)
@@ -302,9 +290,9 @@ def fit_payload(
     biases = np.tile(bias, (len(drift.knots), 1))
     allowed = blocks.tolerance(motion)
     # The inertia of a heavy tool, by arms that are not known yet, exceeds that.
-    accelerating = allowed - blocks.floor + ARMS * np.linalg.norm(motion[:, 6:9], axis=1)
+    accelerating = allowed - blocks.floor + ARMS * row_norms(motion[:, 6:9])
     inertia = max(mass - 1.0, 0.0) * accelerating
-    rest = np.linalg.norm(unloaded[:, :3] - consensus.bias, axis=1)
+    rest = row_norms(unloaded[:, :3] - consensus.bias)
     free = rest < 2.0 * (allowed + inertia)
     least = np.repeat([blocks.floor / math.sqrt(3.0), 0.02], 3)
     scale = np.maximum(1.0, least / blocks.noise)
@@ -353,24 +341,29 @@ def _residual_sizes(
     residual: Floats, sigma: Floats, slack: Floats | float
 ) -> tuple[Floats, Floats]:
     """Return the sizes of force and torque over the cut of Tukey's weight."""
-    force = np.linalg.norm(residual[:, :3] / sigma[:3], axis=1) / math.sqrt(3.0)
-    torque = np.linalg.norm(residual[:, 3:] / sigma[3:], axis=1) / math.sqrt(3.0)
+    force = row_norms(residual[:, :3] / sigma[:3]) / math.sqrt(3.0)
+    torque = row_norms(residual[:, 3:] / sigma[3:]) / math.sqrt(3.0)
     return force / CUT / slack, torque / (4.0 * CUT) / slack
 
 
 def _limit_move(move: Floats, fixed: Sequence[int]) -> Floats:
     """Return a move without the fixed parameters, of at most 0.3 rad and 30 ms."""
     move[list(fixed)] = 0.0
-    move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
+    move[MOUNT] *= min(1.0, 0.3 / max(norm(move[MOUNT]), 1e-300))
     move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
     return move
 
 
 def _free_runs(fitting: Mask, blocks: Blocks) -> Mask:
-    """Return the blocks that fit for long enough to be free air."""
+    """Return the runs of blocks that fit for long enough to be free air, without their ends."""
     span = float(np.median(blocks.duration))
     least, margin = (math.ceil(time / span - 1e-6) for time in (SHORTEST_FREE, MARGIN))
-    return open_runs(fitting, max(least, 3), max(margin, 1))
+    margin = max(margin, 1)
+    free = np.zeros(len(fitting), dtype=bool)
+    for run in true_runs(fitting):
+        if run.stop - run.start >= max(least, 3):
+            free[run.start + margin : run.stop - margin] = True
+    return free
 
 
 def _prior(

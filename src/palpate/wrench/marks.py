@@ -43,8 +43,12 @@ def mark_payload(fit: PayloadFit, *, delay_given: bool) -> PayloadFit:
         findings.append(Check.PAYLOAD.finding(f"{problem}open", f"{remedy}on the material"))
     if fit.zeroed:
         times = ", ".join(f"{zeroing.time:.2f} s" for zeroing in fit.zeroed)
-        problem = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
-        findings.append(Check.ZEROED.finding(problem, "zero the sensor before the log begins"))
+        findings.append(
+            Check.ZEROED.finding(
+                f"the sensor was zeroed during the log, at {times}: palpate took the step out",
+                "zero the sensor before the log begins",
+            )
+        )
     marked = replace(
         payload,
         mass_mark=mass,
@@ -83,16 +87,24 @@ def _report_misfit(fit: PayloadFit) -> list[Finding]:
             f"the force in free air fits the weight of the tool {fit.scatter:.1f} times worse than "
             "its noise explains"
         )
-        remedy = "move more slowly, or check that the z axis of the pose points up"
-        findings.append(Check.PAYLOAD.finding(problem, remedy, severity="with-care"))
+        findings.append(
+            Check.PAYLOAD.finding(
+                problem,
+                "move more slowly, or check that the z axis of the pose points up",
+                severity="with-care",
+            )
+        )
     newtons, share = _difference_from_weight(fit)
     if share > LEAST_DIFFERENCE:
         problem = (
             f"as the tool turns, the force in free air differs from its weight by {newtons:.2g} N, "
             f"{percent(share)} of it: a cable, or the gain or crosstalk of the sensor"
         )
-        remedy = "fix the cable to the tool, or calibrate the sensor"
-        findings.append(Check.PAYLOAD.finding(problem, remedy, mark="with-care"))
+        findings.append(
+            Check.PAYLOAD.finding(
+                problem, "fix the cable to the tool, or calibrate the sensor", mark="with-care"
+            )
+        )
     return findings
 
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate._core import noise_of
-from palpate.contact import typical_step
 from palpate.recordings.poses import INVERSE, align_signs, interpolate_columns, multiply, rotate
 from palpate.recordings.recording import GRAVITY
+from palpate.rows import row_norms, typical_step
 from palpate.validation import Floats, Integers
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of
@@ -124,7 +124,7 @@ def _motion(start: float, pose: Floats, half: int, step: float) -> FlangeMotion:
     down = np.array([0.0, 0.0, -1.0])
     g = rotate(GRAVITY * down - second[:, :3], inverse)
     products = [w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]]
-    sizes = [np.linalg.norm(slope[:, :3], axis=1) for slope in (first, second)]
+    sizes = [row_norms(slope[:, :3]) for slope in (first, second)]
     values = np.column_stack([g, w, a, *products, *sizes, rotate(down, inverse)])
     return FlangeMotion(start, step, values, _integrate(values))
 

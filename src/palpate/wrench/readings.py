@@ -14,12 +14,12 @@ from palpate.contact import Delay
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
 from palpate.recordings.recording import GRAVITY
+from palpate.rows import row_norms
 from palpate.settings import ForceFrame
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 from palpate.wrench.consensus import (
     Blocks,
     Consensus,
-    Mask,
     blocks_of,
     fit_weight,
     largest_consensus,
@@ -110,10 +110,10 @@ def fitting_readings(
         fits[reading] = largest_consensus(blocks, known, delay)
     # As of the consensus, but one for all: a flange that does not turn would have a smaller one.
     moving = np.array([blocks.motion_before(0.0) for blocks in logs.values()])
-    turning = np.linalg.norm(moving[:, :, 3:6], axis=2).max(axis=0)
+    turning = row_norms(moving[:, :, 3:6]).max(axis=0)
     tolerance = blocks.floor + 0.02 * GRAVITY * turning + 0.05 * moving[0, :, 16]
     sizes = {
-        reading: np.linalg.norm(consensus.residual(logs[reading]), axis=1) / tolerance
+        reading: row_norms(consensus.residual(logs[reading])) / tolerance
         for reading, consensus in fits.items()
     }
     best = min(sizes, key=lambda reading: float(np.minimum(sizes[reading], FARTHEST).sum()))
@@ -155,19 +155,22 @@ def _describe_choice(evidence: str | None, choice: str) -> str:
 def report_frame(reading: Reading, evidence: str | None) -> Finding:
     """Report the frame of the force, and the evidence for it."""
     choice = _describe_choice(evidence, f"that of {_FRAMES[reading.frame]}")
-    remedy = "pass --force-frame base if the sensor does not"
     if reading.frame == "base":
-        remedy = "pass --force-frame tool if the sensor rotates with the tool"
+        option = "--force-frame tool if the sensor rotates with the tool"
+    else:
+        option = "--force-frame base if the sensor does not"
     problem = f"the recording does not state the frame of the force; {choice}"
-    return Check.FORCE_FRAME.finding(problem, remedy)
+    return Check.FORCE_FRAME.finding(problem, f"pass {option}")
 
 
 def report_order(reading: Reading, evidence: str | None, names: Sequence[str]) -> Finding:
     """Report the order of the quaternion, and the evidence for it."""
     choice = _describe_choice(evidence, "w, x, y, z" if reading.scalar_first else "x, y, z, w")
-    problem = f"the recording does not state the order of {', '.join(names)}; {choice}"
     option = _option_of(names, scalar_first=reading.scalar_first)
-    return Check.ORIENTATION.finding(problem, f"pass {option} to confirm")
+    return Check.ORIENTATION.finding(
+        f"the recording does not state the order of {', '.join(names)}; {choice}",
+        f"pass {option} to confirm",
+    )
 
 
 def _option_of(names: Sequence[str], *, scalar_first: bool) -> str:

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate._core import noise_of
-from palpate.contact import Delay, true_runs, typical_step
+from palpate.contact import Delay
+from palpate.rows import norm, row_norms, true_runs, typical_step
 from palpate.validation import Floats
 from palpate.wrench.consensus import Blocks, blocks_of, largest_consensus
 from palpate.wrench.payload import Payload
@@ -29,7 +30,7 @@ class Zeroing:
     @property
     def size(self) -> float:
         """Size of the step of the force, N."""
-        return float(np.linalg.norm(self.step[:3]))
+        return norm(self.step[:3])
 
 
 def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
@@ -59,9 +60,9 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
     leaving = next_mean - ahead * (mean(STEP_GAP + size) - next_mean)
     steps = leaving - arriving
     noise = np.array([noise_of(column) for column in finite.T]) * math.sqrt(2.0 * 5.0 / size)
-    force = np.linalg.norm(steps[:, :3], axis=1)
-    large = force > np.maximum(STEP_NOISES * np.linalg.norm(noise[:3]), LEAST_STEP)
-    large &= np.linalg.norm(leaving[:, :3], axis=1) < AFTER_STEP * force
+    force = row_norms(steps[:, :3])
+    large = force > np.maximum(STEP_NOISES * norm(noise[:3]), LEAST_STEP)
+    large &= row_norms(leaving[:, :3]) < AFTER_STEP * force
     zeroings = list[Zeroing]()
     for run in true_runs(large):
         k = run.start + int(np.argmax(force[run]))
