@@ -18,6 +18,12 @@ from palpate.preparation.normal import (
     direction_of_growth,
     normal_from_forces,
 )
+from palpate.preparation.orientation import (
+    describe_choice,
+    order_in_doubt,
+    report_order,
+    states_order,
+)
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.roles import Roles, choose_roles
 from palpate.preparation.settings import (
@@ -37,17 +43,7 @@ from palpate.validation import Floats, Mask
 from palpate.wrench.compensation import Compensated, PosedWrench, compensate
 from palpate.wrench.log import PayloadLog, summarize
 from palpate.wrench.marks import mark_payload
-from palpate.wrench.readings import (
-    SECOND_BEST,
-    Reading,
-    fitting_readings,
-    frame_in_doubt,
-    order_in_doubt,
-    possible_readings,
-    report_frame,
-    report_order,
-    states_order,
-)
+from palpate.wrench.readings import SECOND_BEST, Reading, fitting_readings, possible_readings
 from palpate.wrench.search import SLOW
 
 FEWEST_TIMES = 20  # samples
@@ -111,6 +107,27 @@ def _frame_in_recording(
         )
     )
     return "base"
+
+
+_FRAMES = {"tool": "the tool", "base": "the position"}
+
+
+def report_frame(reading: Reading, evidence: str | None) -> Finding:
+    """Report the frame of the force, and the evidence for it."""
+    choice = describe_choice(evidence, f"that of {_FRAMES[reading.frame]}")
+    if reading.frame == "base":
+        option = "--force-frame tool if the sensor rotates with the tool"
+    else:
+        option = "--force-frame base if the sensor does not"
+    problem = f"the recording does not state the frame of the force; {choice}"
+    return Check.FORCE_FRAME.finding(problem, f"pass {option}")
+
+
+def frame_in_doubt(source: str) -> RecordingError:
+    """Return the error for a force whose frame cannot be found."""
+    problem = "the recording does not state the frame of the force, and neither free air nor "
+    remedy = "pass --force-frame tool if the sensor rotates with the tool, else --force-frame base"
+    return RecordingError.of(source, f"{problem}contact decides; {remedy}")
 
 
 # A wrench and its pose.

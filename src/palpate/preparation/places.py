@@ -16,10 +16,10 @@ from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
 from palpate.preparation.clocks import Signals
 from palpate.preparation.normal import AlongNormal, parse_normal, project_on_normal
+from palpate.preparation.orientation import FIRM
 from palpate.preparation.prepared import Place
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surface import Surface, find_surface, report_assumed_surface
-from palpate.preparation.tip import FIRM
 from palpate.preparation.touch import exclude_load_transfer
 from palpate.preparation.velocity import describe_filter, estimate_velocities
 from palpate.rows import norm, row_norms, run_slices, true_runs

@@ -1,21 +1,67 @@
-"""The tip of a tool that turns: the pose of a flange, or of a sensor, is not that of the tip."""
+"""The orientation of the tool: the order of its quaternion, its turns, and where the tip is."""
 
 import math
+import shlex
+from collections.abc import Sequence
 
 import numpy as np
 
 from palpate.contact import Contact
+from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.surface import find_presses
 from palpate.recordings.poses import align_signs
 from palpate.rows import finite_rows, row_norms, true_runs
 from palpate.validation import Floats, Mask
+from palpate.wrench.readings import Reading
 
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
 #: A rotation by more than this shifts 3 % of the tool's weight from one axis to another: 0.3 N for
 #: a kilogram, a tenth of a soft contact.
 LARGEST_TURN = math.radians(2.0)
+
+
+# The order of a quaternion.
+
+
+def states_order(orientation: Sequence[str], option: str | None) -> bool:
+    """Whether the order of four channels is stated: by an option, or by their letters x to w."""
+    pairs = zip(orientation[-1], orientation[0], strict=False)
+    differing = [last for last, first in pairs if last != first]
+    return "," in (option or "") or "".join(differing).lower() == "w"
+
+
+def report_order(reading: Reading, evidence: str | None, names: Sequence[str]) -> Finding:
+    """Report the order of the quaternion, and the evidence for it."""
+    choice = describe_choice(evidence, "w, x, y, z" if reading.scalar_first else "x, y, z, w")
+    option = _option_of(names, scalar_first=reading.scalar_first)
+    return Check.ORIENTATION.finding(
+        f"the recording does not state the order of {', '.join(names)}; {choice}",
+        f"pass {option} to confirm",
+    )
+
+
+def describe_choice(evidence: str | None, choice: str) -> str:
+    """Describe a choice and the evidence for it."""
+    return f"palpate assumes {choice}" if evidence is None else f"by the {evidence} it is {choice}"
+
+
+def _option_of(names: Sequence[str], *, scalar_first: bool) -> str:
+    ordered = (*names[1:], names[0]) if scalar_first else names
+    return f"--orientation {shlex.quote(','.join(ordered))}"
+
+
+def order_in_doubt(source: str, names: Sequence[str]) -> RecordingError:
+    """Return the error for quaternions whose order cannot be found."""
+    problem = f"the recording does not state the order of {', '.join(names)}, and neither free air "
+    scalar_last = _option_of(names, scalar_first=False)
+    scalar_first = _option_of(names, scalar_first=True)
+    remedy = f"pass {scalar_last} for x, y, z, w, or {scalar_first} for w, x, y, z"
+    return RecordingError.of(source, f"{problem}nor contact decides; {remedy}")
+
+
+# A tool that turns: the pose of a flange, or of a sensor, is not that of the tip.
 
 
 def largest_turn(orientation: Floats) -> float:
