@@ -461,8 +461,12 @@ def measure_payload(recording: Recording, settings: Preparation) -> PayloadLog:
 # Saturated axes.
 
 SHORTEST = 5  # samples in a row
-MOVES, STEPS = 8.0, 3.0  # change of the other axes meanwhile: σ and steps of resolution
-SOME, MANY = 0.002, 0.02  # fractions of the recording
+# change of the other axes meanwhile: σ and steps of resolution
+MOVES = 8.0
+STEPS = 3.0
+# fractions of the recording
+SOME = 0.002
+MANY = 0.02
 
 
 def check_saturation(force: Floats) -> list[Finding]:

@@ -304,7 +304,8 @@ def _align_signs(
 # An error of 5° shortens the depth by 0.4 % and changes the stiffness of a law with exponent 2 by
 # 1 %; 20° give 6 % and 13 %. A tool is aligned with its sensor to better than 3°, and friction of
 # 0.3 inclines the force by 17°.
-LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(20.0)
+LARGE_ANGLE = math.radians(5.0)
+TOO_LARGE_ANGLE = math.radians(20.0)
 BLOCKS_OF_DIRECTION = 8  # blocks whose scatter gives the uncertainty of the direction
 ERRORS_OF_DIRECTION = 3.0  # standard errors of the direction
 STRIDE = 5  # samples over which changes are computed; over fewer, noise dominates

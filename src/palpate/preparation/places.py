@@ -30,7 +30,9 @@ from palpate.validation import Floats, Mask
 
 SHORTEST = 1.0  # s
 FEWEST_OF_AN_EPISODE = 60  # samples
-FEW, FARTHER = 12, 4.001  # samples of an interval that may rule it out; squares of the radius
+# samples of an interval that may rule it out; squares of the radius
+FEW = 12
+FARTHER = 4.001
 STRIDES = 4000  # most starts to try; in a longer recording, every k-th sample
 
 

@@ -10,7 +10,9 @@ from palpate.contact import Contact
 from palpate.rows import finite_rows
 from palpate.validation import Floats, Mask
 
-FEWEST_RESTING, FEWEST_PRESSED = 20, 3  # samples at the value of the dead band; of these in contact
+# samples at the value of the dead band; of these in contact
+FEWEST_RESTING = 20
+FEWEST_PRESSED = 3
 ABOVE_NOISE = 4.0  # σ or steps, from that value to the next
 
 

@@ -19,16 +19,20 @@ from palpate.validation import Floats, Mask
 NOISES_OF_CONTACT = 6.0  # σ
 # Limits of the light branch, which shows the surface, over the peak force. Drag and drift stay
 # below 3 %.
-LIGHTEST, HEAVIEST = 0.03, 0.4
+LIGHTEST = 0.03
+HEAVIEST = 0.4
 FEWEST_LIGHT = 8  # samples of the light branch
 # Samples in free air for a search of the surface: 20, in a short recording a tenth, at least 8.
-MOST_NEEDED, SHARE_NEEDED, LEAST_NEEDED = 20, 0.1, 8
+MOST_NEEDED = 20
+SHARE_NEEDED = 0.1
+LEAST_NEEDED = 8
 MOST_FITTED = 4000  # samples
 # Standard deviations of the baseline rule; a fit that ends beyond does not fit the light branch.
 FARTHEST = 4.0
 # A flat punch has 1, a sphere 1.5, a cone 2. An exponent far from these compensates for a wrong
 # surface; the light branch alone is then more accurate.
-LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
+LEAST_EXPONENT = 0.7
+MOST_EXPONENT = 2.6
 GROWTHS = (1.0, 1.5, 2.0)  # exponents of the force: flat punch or foam, sphere, cone
 
 

@@ -19,7 +19,9 @@ from palpate.validation import Floats, Integers, Mask
 
 # Samples out of contact: as many as half a second has, within these limits. On 180 simulated
 # episodes at 30 Hz 7 % of the stiffnesses were wrong by more than 10 % with 50, and 2 % with 20.
-FREE_TIME, FEWEST_FREE, ENOUGH_FREE = 0.5, 20, 50
+FREE_TIME = 0.5
+FEWEST_FREE = 20
+ENOUGH_FREE = 50
 BINS = 64  # number of bins of the height
 LEAST_FREE = 0.05  # fraction of the range of heights; less is a turning point, no free approach
 # Used fraction of the free bins: the lowest may be in light contact if the force grows as a square.

@@ -20,7 +20,9 @@ BREAK = 0.8  # force at which contact ends, as a fraction of that at which it be
 # s. A shorter time out of contact is noise at the surface, or a bounce.
 SHORTEST_LIFT = 0.05
 NOISES_OF_TOUCH = 6.0  # σ of the norm of the force: a larger change is a touch
-FEWEST_TO_DEPEND, LEAST_EXPLAINED, TINY = 20, 0.05, 1e-300
+FEWEST_TO_DEPEND = 20
+LEAST_EXPLAINED = 0.05
+TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,14 +130,18 @@ def never_touches(force: Floats, position: Floats) -> bool:
 # While the probe withdraws, no passive material pushes harder than at the turning point. A heel
 # does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is 20 ms
 # late also continues to rise, but only while the depth is still within a few per cent.
-RISE, RISE_OF_LARGEST, WITHDRAWN = 1.05, 0.05, 0.95
+RISE = 1.05
+RISE_OF_LARGEST = 0.05
+WITHDRAWN = 0.95
 FEWEST = 2  # touches, and half of all: a border between two materials is no load transfer
 SHORTEST = 20  # samples in a touch that counts
 # Samples, or a tenth of the duration of the rise. A jump within this time by most of the rise, or
 # by half of the force, is the border of another material. Within this time heels rise by at most
 # 0.7 of the rise and 0.3 of the force, borders by 0.75 and 1 or more.
 SUDDEN = 5
-LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less has no effect, more leaves too little
+# of the contact: less has no effect, more leaves too little
+LEAST_PART = 0.05
+MOST_PART = 0.9
 
 
 def exclude_load_transfer(contact: Contact) -> Contact:

@@ -25,7 +25,9 @@ from palpate.wrench.zeroing import without_zeroings
 # In a log.
 
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
-RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
+# s of the local mean, and blocks that draw it to zero
+RETARE = 3.0
+RETARE_BLOCKS = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -212,7 +214,9 @@ def external_force(fit: PayloadFit, motion: FlangeMotion, time: Floats, force: F
 # In a control loop.
 
 MOTION_WINDOW = 0.1  # s
-FEWEST_SAMPLES, MOST_SAMPLES = 7, 151  # a quartic needs five; the filter holds the larger number
+# a quartic needs five; the filter holds the larger number
+FEWEST_SAMPLES = 7
+MOST_SAMPLES = 151
 
 
 class PayloadCompensation(Configured, _core.PayloadCompensation):

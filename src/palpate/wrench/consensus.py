@@ -14,12 +14,20 @@ from palpate.validation import Floats, Integers, Mask
 from palpate.wrench.motion import FlangeMotion
 from palpate.wrench.payload import Payload
 
-BLOCK, MOST_BLOCKS = 0.02, 3000  # s of a mean; longer where a log has more blocks
-DRAWS, DRAWN, POINTS = 500, 1000, 5  # of the consensus: hypotheses, blocks scored, blocks of each
+# s of a mean; longer where a log has more blocks
+BLOCK = 0.02
+MOST_BLOCKS = 3000
+# of the consensus: hypotheses, blocks scored, blocks of each
+DRAWS = 500
+DRAWN = 1000
+POINTS = 5
 # A block is near another until the tool has moved or turned so far, m and rad: a press that is held
 # is one pose, however long. Drawn by time, six holds of 8 s passed for free air.
-MOVED, TURNED = 2e-3, 0.02
-LONGEST_DELAY, DELAY_GRID = 0.1, 0.01  # s
+MOVED = 2e-3
+TURNED = 0.02
+# s
+LONGEST_DELAY = 0.1
+DELAY_GRID = 0.01
 
 
 @dataclass(slots=True, eq=False)

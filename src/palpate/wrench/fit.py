@@ -18,24 +18,40 @@ from palpate.wrench.zeroing import Zeroing
 
 SHIFT = 30e-3  # s, of the difference for the clock
 CUT = 6.0  # of Tukey's weight, in scales
-ROUNDS, FIRST_ROUNDS, CONVERGED = 14, 4, 0.05  # Gauss–Newton steps; standard errors
-SHORTEST_FREE, MARGIN = 0.16, 0.04  # s of a run in free air, and excluded at each end
+# Gauss–Newton steps; standard errors
+ROUNDS = 14
+FIRST_ROUNDS = 4
+CONVERGED = 0.05
+# s of a run in free air, and excluded at each end
+SHORTEST_FREE = 0.16
+MARGIN = 0.04
 FEWEST_FREE = 50  # blocks
-KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in a long log
+# s between the knots of the bias; farther apart in a long log
+KNOT = 5.0
+MOST_KNOTS = 40
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 ARMS = 0.15  # m, of sensor and centre of mass, as first allowed for
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
 # The filter of the motion attenuates the acceleration, which raises the mass: by 0.2 % at 2.4 and
 # 3.5 Hz and 0.9 % at 5 Hz where inertia alone tells it.
-FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
+FILTER_ERROR = 3e-4
+BY_INERTIA = 1e-2
 # Noise of the pose in the columns: largest part of their squares that is subtracted, and its error.
-MOST_BLURRED, UNSURE_BLUR = 0.9, 0.2
+MOST_BLURRED = 0.9
+UNSURE_BLUR = 0.2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
-MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
-MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
-OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
+MASS = 0
+ARM = slice(1, 4)
+INERTIA = slice(4, 10)
+LEVER = slice(10, 13)
+MOUNT = slice(13, 16)
+CLOCK = 16
+SIZE = 17
+# columns to fix
+OF_MOUNT = range(13, 16)
+EVERYTHING = range(16)
 
 
 def skew(vectors: Floats) -> Floats:

@@ -18,8 +18,12 @@ NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
 # Force that depends on gravity otherwise than a weight: least fraction of it that is reported,
 # least spread of gravity over the largest, least size over the changes of the bias. 26 logs without
 # a fault have at most 0.5 % or 0.1; a gain or crosstalk of 2 % or a cable gives 0.6 % and 0.14.
-LEAST_DIFFERENCE, LEAST_SPREAD, BY_DRIFT = 5e-3, 0.1, 0.12
-UNKNOWN_MASS, LARGEST_SHARE = 1.0, 0.05  # kg of a tool at most; of the stiffness, without a word
+LEAST_DIFFERENCE = 5e-3
+LEAST_SPREAD = 0.1
+BY_DRIFT = 0.12
+# kg of a tool at most; of the stiffness, without a word
+UNKNOWN_MASS = 1.0
+LARGEST_SHARE = 0.05
 TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
 
 

@@ -12,7 +12,8 @@ from palpate.validation import Floats, Integers
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of
 # degree 2 or 3 attenuates it by 9 %, which shifts the stiffness by 0.2 %.
-WINDOW, DEGREE = 0.1, 4
+WINDOW = 0.1
+DEGREE = 4
 MOST_SAMPLES = 50  # in a window
 
 

@@ -27,8 +27,11 @@ from palpate.wrench.payload import Payload
 
 SECOND_BEST = 1.5  # times what the best reading leaves; a reading that leaves less may be right
 # Share of the log in free air; a smaller one fits by chance, up to so many times better.
-ENOUGH, BY_CHANCE = 0.2, 5.0
-FREE, FARTHEST = 3.0, 10.0  # tolerances: of free air, and the largest that counts
+ENOUGH = 0.2
+BY_CHANCE = 5.0
+# tolerances: of free air, and the largest that counts
+FREE = 3.0
+FARTHEST = 10.0
 
 
 @dataclass(frozen=True, slots=True)

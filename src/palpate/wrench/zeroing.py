@@ -13,8 +13,12 @@ from palpate.validation import Floats
 from palpate.wrench.consensus import Blocks, blocks_of, largest_consensus
 from palpate.wrench.payload import Payload
 
-STEP_WINDOW, STEP_GAP = 0.01, 2  # s of a mean on either side, and samples between the two
-STEP_NOISES, LEAST_STEP = 12.0, 0.2  # of the step: standard errors, N
+# s of a mean on either side, and samples between the two
+STEP_WINDOW = 0.01
+STEP_GAP = 2
+# of the step: standard errors, N
+STEP_NOISES = 12.0
+LEAST_STEP = 0.2
 AFTER_STEP = 0.5  # fraction of the force before that may be left after
 EXPLAINED = 0.985  # cost of the consensus without the step, over that with it
 MOST_ZEROINGS = 3
