@@ -14,9 +14,9 @@ HOME = Path(palpate.__file__).parent
 #: function and for type checking.
 FLOORS = (
     "_core spelling", "errors", "validation digits writing stages remedies",
-    "settings force_laws findings", "contact", "estimators", "recordings", "channels", "wrench",
-    "preparation", "diagnosis", "quantities", "identification", "results", "figures", "reports",
-    "identifying", "design", "lab", "fleet exports", "_public", "palpate", "live", "cli",
+    "rows settings force_laws findings", "contact", "estimators", "recordings", "channels",
+    "wrench", "preparation", "diagnosis", "quantities", "identification", "results", "figures",
+    "reports", "identifying", "design", "lab", "fleet exports", "_public", "palpate", "live", "cli",
     "__main__",
 )  # fmt: skip
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}

@@ -1,6 +1,5 @@
 """A contact: penetration, velocity and force on one clock, and how each was obtained."""
 
-import itertools
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
+from palpate.rows import run_slices as run_slices
 from palpate.validation import (
     Floats,
     Plain,
@@ -286,11 +286,3 @@ def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
             "time must be finite and increase within a segment; "
             f"sample {first} is {time[first]} s{before}"
         )
-
-
-def run_slices(labels: NDArray[Any]) -> Iterator[slice]:
-    """Slices of the runs of equal labels, in order."""
-    borders = np.flatnonzero(labels[1:] != labels[:-1]) + 1
-    for start, stop in itertools.pairwise([0, *borders.tolist(), len(labels)]):
-        if stop > start:
-            yield slice(start, stop)

@@ -22,8 +22,8 @@ from palpate import (
 from palpate.channels.frames import rotate_to_base
 from palpate.digits import with_error
 from palpate.preparation.normal import normal_from_forces, parse_normal
+from palpate.preparation.orientation import largest_turn
 from palpate.preparation.surface import find_surface
-from palpate.preparation.tip import largest_turn
 from palpate.preparation.touch import never_touches
 
 

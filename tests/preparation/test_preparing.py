@@ -1,10 +1,12 @@
 """From a recording, a file, a frame or arrays to a contact: one way, the same numbers."""
 
 import dataclasses
+import inspect
 import math
 import pickle
 import sys
 import types
+from pathlib import Path
 
 import faults
 import numpy as np
@@ -18,6 +20,7 @@ import palpate
 from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Settings
+from palpate.preparation.options import Options, describe_option
 from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import velocity_of
 from palpate.recordings import opening
@@ -422,3 +425,26 @@ def test_a_commanded_position_calls_for_care_and_says_whose_compliance_is_in_it(
         "commanded position, not a measured one: the robot's own compliance is in the numbers"
         in (finding.message)
     )
+
+
+@pytest.mark.parametrize("name", [option.name for option in dataclasses.fields(Options)])
+def test_an_option_is_described_once_for_python_the_command_line_and_the_docs(name):
+    parameter = inspect.signature(prepare).parameters[name]
+    assert parameter.default == getattr(Options(), name)
+    assert prepare.__doc__.count(f"\n    {name} : ") == 1
+    described = describe_option(name)
+    assert described.endswith(".")
+    assert described[:20] in " ".join(prepare.__doc__.replace('``"', "").replace('"``', "").split())
+    table = Path(__file__).parents[2] / "docs" / "preparing.md"
+    assert f"`{name}=" in table.read_text(encoding="utf-8")
+
+
+def test_a_wrong_argument_of_prepare_is_named_by_python():
+    with pytest.raises(TypeError, match=r"prepare\(\) got an unexpected keyword argument 'tara'"):
+        prepare(tara="find")
+
+
+@pytest.mark.parametrize("flip", ["force", ["force"], ("force",)])
+def test_one_name_to_flip_is_as_good_as_a_list_of_one(flip):
+    contact = prepare(**ARRAYS | {"force": -SIGNALS.force}, flip=flip)
+    np.testing.assert_array_equal(contact.force, SIGNALS.force)

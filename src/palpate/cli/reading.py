@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, get_args
 
 from cyclopts import Parameter
 
@@ -23,6 +23,7 @@ from palpate.cli.options import (
 )
 from palpate.cli.printing import open_with_progress
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
+from palpate.preparation.options import SurfaceRule, describe_option
 from palpate.writing import as_toml, check_marked, write_text
 
 if TYPE_CHECKING:
@@ -40,12 +41,16 @@ _PREPARED = Parameter(group=PREPARED)
 _FLAG = Parameter(group=PREPARED, negative="")
 
 _Axis: TypeAlias = Literal["x", "y", "z", "-x", "-y", "-z"]
-_Surface: TypeAlias = Literal["threshold", "baseline", "fit", "estimate"]
 
 
 def negative_number_parameter(metavar: str) -> Parameter:
     """An option whose value may begin with a minus sign, such as -3ms."""
     return Parameter(group=PREPARED, allow_leading_hyphen=True, metavar=metavar, show_choices=False)
+
+
+def _help(name: str, example: str = "") -> Parameter:
+    """The description that :class:`~palpate.preparation.options.Options` has of an option."""
+    return Parameter(help=describe_option(name, example))
 
 
 @Parameter(name="*")
@@ -73,10 +78,12 @@ class ReadingOptions:
     "Torque of the sensor, x,y,z channels, or a topic (default: that of the force's sensor)."
     unit: Annotated[tuple[Unit, ...], _READ] = ()
     "Units, such as penetration=mm,force=mN (default: from the file or channel names, else SI)."
-    rate: Annotated[float | None, _READ] = None
-    "Sample rate, Hz, for a file without time."
-    no_time: Annotated[bool, Parameter(group=READ, negative="")] = False
-    "Identify the stiffness alone, of a curve without time; --start and --stop count samples."
+    rate: Annotated[float | None, _READ, _help("rate")] = None
+    no_time: Annotated[
+        bool,
+        Parameter(group=READ, negative=""),
+        _help("no_time", "; --start and --stop count samples"),
+    ] = False
     curve: Annotated[int | None, _READ] = None
     "Index, from 0, of the curve to read in a file with several."
     episode: Annotated[int | None, _READ] = None
@@ -91,48 +98,71 @@ class ReadingOptions:
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
     "Use samples up to this time, s."
-    strict: Annotated[bool, Parameter(group=READ, negative="")] = False
-    "Fail on bad rows or damaged files instead of skipping them with a warning."
+    strict: Annotated[
+        bool, Parameter(group=READ, negative=""), _help("strict", "; on damaged files too")
+    ] = False
 
     min_penetration: Annotated[float | None, si_parameter("penetration", "DEPTH", PREPARED)] = None
     "Least penetration in contact, such as 2mm (default: chosen by the method or from the data)."
     min_force: Annotated[float | None, si_parameter("force", "FORCE", PREPARED)] = None
     "Least force in contact, such as 0.5N (default: chosen by the method or from the data)."
-    velocity_window: Annotated[float | None, si_parameter("time", "DURATION", PREPARED)] = None
-    "Window of a parabola for the velocity, such as 30ms (default: a smoothing spline)."
+    velocity_window: Annotated[
+        float | None,
+        si_parameter("time", "DURATION", PREPARED),
+        _help("velocity_window", ", such as 30ms"),
+    ] = None
     flip_force: Annotated[bool, _FLAG] = False
     "Reverse the sign of the force: compression must be positive."
     flip_penetration: Annotated[bool, _FLAG] = False
     "Reverse the sign of the penetration: into the material must be positive."
-    tare: Annotated[Literal["find"] | str | None, negative_number_parameter("find|SPAN")] = None
-    "Subtract the mean force between START:STOP, s; find detects free air and subtracts its mean."
-    delay: Annotated[Literal["find"] | str | None, negative_number_parameter("find|DURATION")] = (
-        None
-    )
-    """Delay of the force behind the position, such as 5ms, or 5ms+-0.2ms with its standard error;
-    find estimates it, palpate skew measures it (default: 0ms+-1ms)."""
+    tare: Annotated[
+        Literal["find"] | str | None,
+        negative_number_parameter("find|SPAN"),
+        _help("tare", ", such as 0:2"),
+    ] = None
+    delay: Annotated[
+        Literal["find"] | str | None,
+        negative_number_parameter("find|DURATION"),
+        _help("delay", ", such as 5ms or 5ms+-0.2ms"),
+    ] = None
     reject_outliers: Annotated[bool, _PREPARED] = True
     "Exclude dropouts, spikes, saturated samples and touches from where another place is loaded."
-    surface: Annotated[_Surface | str | None, negative_number_parameter("DEPTH")] = None
-    "Surface: a depth (0.7mm), threshold, baseline, fit or estimate (default: 0; position: fit)."
+    surface: Annotated[
+        SurfaceRule | str | None,
+        negative_number_parameter("DEPTH"),
+        _help("surface", ", such as 0.7mm"),
+    ] = None
     exponent: Annotated[float | None, _PREPARED] = None
     "Fix the exponent of the law, known from the shape of the tip, such as 1.5 for a sphere."
     weak_prior: Annotated[bool, _PREPARED] = True
     "Keep B >= 0 and n from 1 to 2 where a motion one way leaves them open."
-    normal: Annotated[_Axis | str | None, negative_number_parameter("DIRECTION")] = None
-    "Contact normal, out of the material: x, y, z, -x, -y, -z or three numbers (default: found)."
-    force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED] = None
-    "Frame of the force: tool (rotated by the orientation) or base (default: as in the file)."
-    tool_weight: Annotated[str | None, Parameter(group=PREPARED, metavar="WEIGHT")] = None
-    "Weight of the tool on the sensor, such as 1.2N, along -z of the position's frame."
-    payload: Annotated[Path | None, Parameter(group=PREPARED, metavar="FILE")] = None
-    "Tool on the sensor, saved by palpate payload, for a log whose tool does not turn enough."
-    tip_offset: Annotated[str | None, negative_number_parameter("X,Y,Z")] = None
-    "Tip from the origin of a pose that is not its own, in the axes of the pose: 3mm,0,140mm."
-    mass: Annotated[float | None, si_parameter({"kg": 1.0, "g": 1e-3}, "MASS", PREPARED)] = None
-    "Mass between force sensor and material, such as 20g; its inertia leaves the force."
-    spot: Annotated[Literal["inf"] | str | None, negative_number_parameter("DEPTH")] = None
-    "Farthest travel of the probe within one place, such as 5mm, or inf (default: 2 mm)."
+    normal: Annotated[
+        _Axis | str | None, negative_number_parameter("DIRECTION"), _help("normal")
+    ] = None
+    force_frame: Annotated[Literal["tool", "base"] | None, _PREPARED, _help("force_frame")] = None
+    tool_weight: Annotated[
+        str | None,
+        Parameter(group=PREPARED, metavar="WEIGHT"),
+        _help("tool_weight", ", such as 1.2N"),
+    ] = None
+    payload: Annotated[
+        Path | None,
+        Parameter(group=PREPARED, metavar="FILE"),
+        _help("payload", ": the file of palpate payload --save-config"),
+    ] = None
+    tip_offset: Annotated[
+        str | None, negative_number_parameter("X,Y,Z"), _help("tip_offset", ", such as 3mm,0,140mm")
+    ] = None
+    mass: Annotated[
+        float | None,
+        si_parameter({"kg": 1.0, "g": 1e-3}, "MASS", PREPARED),
+        _help("mass", ", such as 20g"),
+    ] = None
+    spot: Annotated[
+        Literal["inf"] | str | None,
+        negative_number_parameter("DEPTH"),
+        _help("spot", ", such as 5mm"),
+    ] = None
 
     save_config: Annotated[Path | None, Parameter(group=KEPT)] = None
     "Write the options to this TOML file, with the choices that palpate made as comments."
@@ -247,7 +277,7 @@ class ReadingOptions:
 
     @property
     def _surface(self) -> Any:
-        if self.surface in (None, "estimate", "fit", "baseline", "threshold"):
+        if self.surface in (None, *get_args(SurfaceRule)):
             return self.surface
         try:
             return quantity("--surface", str(self.surface), "penetration")

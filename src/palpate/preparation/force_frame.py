@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.channels.frames import IN_BASE, are_quaternions, interpolate_columns, unit_quaternions
 from palpate.channels.roles import Roles, choose_roles
 from palpate.channels.signals import Signals, build_signals
-from palpate.contact import between, run_slices
+from palpate.contact import between
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
@@ -21,28 +20,25 @@ from palpate.preparation.normal import (
     direction_of_growth,
     normal_from_forces,
 )
+from palpate.preparation.orientation import (
+    describe_choice,
+    order_in_doubt,
+    report_order,
+    states_order,
+)
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.settings import Preparation, check_delay
 from palpate.preparation.tare import never_free, tare_force
 from palpate.preparation.velocity import step_of
 from palpate.recordings import Recording
+from palpate.rows import true_runs, typical_step
 from palpate.settings import ForceFrame
 from palpate.stages import log_stage
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 from palpate.wrench.compensation import Compensated, PosedWrench, compensate
 from palpate.wrench.log import PayloadLog, summarize
 from palpate.wrench.marks import mark_payload
-from palpate.wrench.readings import (
-    SECOND_BEST,
-    Reading,
-    fitting_readings,
-    frame_in_doubt,
-    order_in_doubt,
-    possible_readings,
-    report_frame,
-    report_order,
-    states_order,
-)
+from palpate.wrench.readings import SECOND_BEST, Reading, fitting_readings, possible_readings
 from palpate.wrench.search import SLOW
 
 FEWEST_TIMES = 20  # samples
@@ -91,13 +87,42 @@ def _frame_in_recording(
     problem = f"the force is in the frame {force!r}, the position in {position!r}"
     if roles.orientation:
         problem += ": palpate rotates it by the orientation, assuming it is in the tool's axes"
-        remedy = "pass --force-frame base if both frames have the same axes"
-        findings.append(Check.FORCE_FRAME.finding(problem, remedy))
+        findings.append(
+            Check.FORCE_FRAME.finding(
+                problem, "pass --force-frame base if both frames have the same axes"
+            )
+        )
         return "tool"
     problem += ", and there is no orientation to convert one to the other"
-    remedy = "record the pose, or pass the contact normal, such as --normal z"
-    findings.append(Check.FORCE_FRAME.finding(problem, remedy, severity="with-care"))
+    findings.append(
+        Check.FORCE_FRAME.finding(
+            problem,
+            "record the pose, or pass the contact normal, such as --normal z",
+            severity="with-care",
+        )
+    )
     return "base"
+
+
+_FRAMES = {"tool": "the tool", "base": "the position"}
+
+
+def report_frame(reading: Reading, evidence: str | None) -> Finding:
+    """Report the frame of the force, and the evidence for it."""
+    choice = describe_choice(evidence, f"that of {_FRAMES[reading.frame]}")
+    if reading.frame == "base":
+        option = "--force-frame tool if the sensor rotates with the tool"
+    else:
+        option = "--force-frame base if the sensor does not"
+    problem = f"the recording does not state the frame of the force; {choice}"
+    return Check.FORCE_FRAME.finding(problem, f"pass {option}")
+
+
+def frame_in_doubt(source: str) -> RecordingError:
+    """Return the error for a force whose frame cannot be found."""
+    problem = "the recording does not state the frame of the force, and neither free air nor "
+    remedy = "pass --force-frame tool if the sensor rotates with the tool, else --force-frame base"
+    return RecordingError.of(source, f"{problem}contact decides; {remedy}")
 
 
 # A wrench and its pose.
@@ -139,12 +164,12 @@ def pose_wrench(signals: Signals, settings: Preparation, source: str) -> PosedWr
         wrench = -wrench
     delay = None
     if settings.delay and not isinstance(settings.delay, str):
-        delay = check_delay("delay", settings.delay, float(np.median(np.diff(stamps))))
+        delay = check_delay("delay", settings.delay, typical_step(stamps))
     turned = interpolate_columns(stamps, turn_times, orientation)
     return PosedWrench(stamps, position, turned, time, wrench, delay)
 
 
-def _is_likely(values: Floats) -> NDArray[np.bool_]:
+def _is_likely(values: Floats) -> Mask:
     """Whether values have no bit error."""
     finite = np.abs(values[np.isfinite(values)])
     return np.abs(values) <= (UNLIKELY * np.percentile(finite, 99.0) if finite.size else 0.0)
@@ -203,7 +228,7 @@ class _Trial:
         return None if motion is None else (angle_between_axes(motion, normal), normal)
 
 
-@dataclass(slots=True, eq=False)
+@dataclass(eq=False)
 class _ForceReader:
     """The choice of the reading of a log, whose recording may not state it.
 
@@ -228,17 +253,12 @@ class _ForceReader:
     default: ForceFrame
 
     def __post_init__(self) -> None:
-        if self._in_doubt and not are_quaternions(self._orientation):
+        orientation = self.signals.orientation
+        assert orientation is not None
+        self._orientation = orientation
+        self._source = self.roles.recording.source
+        if self._in_doubt and not are_quaternions(orientation):
             self.frame = "base"
-
-    @property
-    def _source(self) -> str:
-        return self.roles.recording.source
-
-    @property
-    def _orientation(self) -> Floats:
-        assert self.signals.orientation is not None
-        return self.signals.orientation
 
     @property
     def _in_doubt(self) -> bool:
@@ -282,8 +302,8 @@ class _ForceReader:
         """Report what was chosen; raise if it is no reading for a payload."""
         if self.default == "tool" and reading.frame == "base":
             problem = "the force is in the axes of the position, and a payload needs one in the "
-            remedy = "pass --force-frame tool if it is"
-            raise RecordingError.of(self._source, f"{problem}sensor's; {remedy}")
+            remedy = "sensor's; pass --force-frame tool if it is"
+            raise RecordingError.of(self._source, problem + remedy)
         findings = [report_frame(reading, evidence)] if self._in_doubt else []
         if reading.frame == "tool" and not order_stated:
             findings.append(report_order(reading, evidence, self.roles.orientation))
@@ -308,8 +328,18 @@ class _ForceReader:
             if reading.frame == "tool":
                 turned = reading.turn(self._orientation)
                 trial.signals = replace(self.signals, orientation=turned)
+            if reading.frame == "tool" and log is not None:
                 try:
-                    trial.compensated = self._compensate(reading, turned, log, trials)
+                    trial.compensated = compensate(
+                        self.signals.time,
+                        unit_quaternions(turned, self._source),
+                        log,
+                        reading,
+                        self._source,
+                        known=self.settings.payload,
+                        weight=self.settings.tool_weight,
+                        tried=reading.sign < 0.0 and replace(reading, sign=1.0) in trials,
+                    )
                 except RecordingError as error:
                     refusals.append(error)
                     continue
@@ -317,26 +347,6 @@ class _ForceReader:
         if not trials:
             raise refusals[0]
         return trials
-
-    def _compensate(
-        self,
-        reading: Reading,
-        orientation: Floats,
-        log: PosedWrench | None,
-        trials: dict[Reading, _Trial],
-    ) -> Compensated | None:
-        if log is None:
-            return None
-        return compensate(
-            self.signals.time,
-            unit_quaternions(orientation, self._source),
-            log,
-            reading,
-            self._source,
-            known=self.settings.payload,
-            weight=self.settings.tool_weight,
-            tried=reading.sign < 0.0 and replace(reading, sign=1.0) in trials,
-        )
 
     def _choose_by_contact(self, trials: list[_Trial], *, enough: bool) -> tuple[_Trial, bool]:
         """Return the reading whose force points along the motion, else the first.
@@ -446,8 +456,12 @@ def measure_payload(recording: Recording, settings: Preparation) -> PayloadLog:
 # Saturated axes.
 
 SHORTEST = 5  # samples in a row
-MOVES, STEPS = 8.0, 3.0  # change of the other axes meanwhile: σ and steps of resolution
-SOME, MANY = 0.002, 0.02  # fractions of the recording
+# change of the other axes meanwhile: σ and steps of resolution
+MOVES = 8.0
+STEPS = 3.0
+# fractions of the recording
+SOME = 0.002
+MANY = 0.02
 
 
 def check_saturation(force: Floats) -> list[Finding]:
@@ -464,8 +478,11 @@ def check_saturation(force: Floats) -> list[Finding]:
     moves = [bool(np.isfinite(c).any() and np.nanmin(c) < np.nanmax(c)) for c in force.T]
     constant = " and ".join(axis for axis, moving in zip("xyz", moves, strict=True) if not moving)
     if constant:
-        problem = f"the force along {constant} is constant: the sensor does not measure it"
-        findings.append(Check.FORCE_AXES.finding(problem))
+        findings.append(
+            Check.FORCE_AXES.finding(
+                f"the force along {constant} is constant: the sensor does not measure it"
+            )
+        )
     limits = np.array([MOVES * noise_of(column) + STEPS * step_of(column) for column in force.T])
     for k, column in enumerate(force.T):
         for edge in (np.nanmax(column), np.nanmin(column)) if moves[k] else ():
@@ -475,9 +492,12 @@ def check_saturation(force: Floats) -> list[Finding]:
                     f"the force along {'xyz'[k]} stays at {edge:.3g} N for {percent(share)} of the "
                     "recording while the others change: it is probably saturated"
                 )
-                remedy = "press less deeply, or use a sensor with a larger range"
                 mark: Mark = "do-not-trust" if share > MANY else "with-care"
-                findings.append(Check.SATURATED_AXIS.finding(problem, remedy, mark=mark))
+                findings.append(
+                    Check.SATURATED_AXIS.finding(
+                        problem, "press less deeply, or use a sensor with a larger range", mark=mark
+                    )
+                )
     return findings
 
 
@@ -486,9 +506,9 @@ def _count_saturated(force: Floats, limits: Floats, axis: int, edge: float) -> i
     column = force[:, axis]
     others = np.arange(force.shape[1]) != axis
     count = 0
-    for run in run_slices(column == edge):
+    for run in true_runs(column == edge):
         length = run.stop - run.start
-        if column[run.start] == edge and length >= SHORTEST:
+        if length >= SHORTEST:
             changes = np.ptp(force[run], axis=0)
             if (changes > limits)[others].any():
                 count += length

@@ -3,6 +3,7 @@
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,6 +25,10 @@ from palpate.recordings import Recording
 from palpate.recordings.units import UNITS, unit_size
 from palpate.stages import stage
 from palpate.validation import signals as checked_signals
+
+if TYPE_CHECKING:
+    from palpate.preparation.surface import Surface
+    from palpate.preparation.tare import Baseline
 
 _LOGGER = logging.getLogger(__name__)
 # m. The estimator's own search finds a surface nearer than this to zero without help.
@@ -195,17 +200,9 @@ def _subtract_offset(contact: Contact, prepared: Prepared) -> tuple[Contact, Pre
     with stage(_LOGGER, "free air"):
         height = -contact.penetration
         baseline = find_baseline(contact.time, height, contact.force, tare, contact.source)
-    made = dict(contact.provenance)
-    findings = list(contact.findings)
-    baseline.report(made, findings)
     force = contact.force - baseline.zero
-    contact = replace(
-        contact,
-        force=force,
-        provenance=made,
-        tare_deviation=deviation_of_mean(force, baseline.free),
-        findings=tuple(findings),
-    )
+    deviation = deviation_of_mean(force, baseline.free)
+    contact = _report(replace(contact, force=force, tare_deviation=deviation), baseline)
     return contact, replace(prepared, zero=baseline.mean, drift=baseline.drift)
 
 
@@ -221,14 +218,15 @@ def _move_to_surface(contact: Contact, prepared: Prepared) -> tuple[Contact, Pre
     by_estimator = rule == "estimate"
     if by_estimator and (surface.assumed or abs(surface.position) <= SEARCHED):
         return contact, prepared  # the estimator finds the surface itself
+    depth = contact.penetration - surface.position
+    deviation = None if by_estimator else surface.deviation or None
+    contact = replace(contact, penetration=depth, surface_deviation=deviation)
+    return _report(contact, surface), replace(prepared, surface=surface)
+
+
+def _report(contact: Contact, step: "Baseline | Surface") -> Contact:
+    """Return the contact with the description and the findings of a step."""
     made = dict(contact.provenance)
     findings = list(contact.findings)
-    surface.report(made, findings)
-    contact = replace(
-        contact,
-        penetration=contact.penetration - surface.position,
-        provenance=made,
-        surface_deviation=None if by_estimator else surface.deviation or None,
-        findings=tuple(findings),
-    )
-    return contact, replace(prepared, surface=surface)
+    step.report(made, findings)
+    return replace(contact, provenance=made, findings=tuple(findings))

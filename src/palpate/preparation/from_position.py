@@ -16,25 +16,25 @@ from palpate.preparation.delay import remove_delay
 from palpate.preparation.force_frame import find_stated_frame, read_force
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.normal import AlongNormal, parse_normal, project_on_normal
-from palpate.preparation.places import divide_at_places, join_places, report_travel
-from palpate.preparation.prepared import Prepared
-from palpate.preparation.resolution import deviation_of_mean
-from palpate.preparation.settings import Preparation
-from palpate.preparation.tare import Baseline, describe_free_air, tare_force
-from palpate.preparation.tip import (
+from palpate.preparation.orientation import (
     find_upright,
     inertia_share,
     report_turn,
     report_turning_weight,
     report_unknown_tip,
+    states_order,
 )
+from palpate.preparation.places import divide_at_places, join_places, report_travel
+from palpate.preparation.prepared import Prepared
+from palpate.preparation.resolution import deviation_of_mean
+from palpate.preparation.settings import Preparation
+from palpate.preparation.tare import Baseline, describe_free_air, tare_force
 from palpate.preparation.velocity import subtract_inertia
 from palpate.recordings import Recording
 from palpate.stages import stage
 from palpate.validation import Floats
 from palpate.wrench.compensation import Compensated
 from palpate.wrench.marks import report_unknown_inertia
-from palpate.wrench.readings import states_order
 
 _LOGGER = logging.getLogger(__name__)
 

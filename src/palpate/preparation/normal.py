@@ -10,6 +10,7 @@ from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.touch import depends_on_position
+from palpate.rows import finite_rows, norm, row_norms
 from palpate.validation import Floats, shown
 
 AXES = {
@@ -63,7 +64,7 @@ def parse_normal(direction: str | Sequence[float]) -> Normal:
         allowed = "x, y, z, -x, -y, -z or three numbers such as 0.8,0.25,0.54"
         raise InvalidParameterError(f"normal must be {allowed}, not {shown(direction)}") from None
     vector = vector / np.abs(vector).max()  # the norm of large numbers overflows
-    return Normal(vector / np.linalg.norm(vector))
+    return Normal(vector / norm(vector))
 
 
 def normal_from_forces(force: Floats, position: Floats, source: str = "") -> Normal:
@@ -90,13 +91,13 @@ def normal_from_forces(force: Floats, position: Floats, source: str = "") -> Nor
     RecordingError
         The forces have no common direction, or too few samples.
     """
-    finite = np.isfinite(force).all(axis=1) & np.isfinite(position).all(axis=1)
+    finite = finite_rows(force, position)
     if not finite.any():
         remedy = "if the rows join several topics, name the column of their times with --time"
         raise RecordingError.of(source, f"no sample has both a position and a force; {remedy}")
     f = force[finite]
     p = position[finite]
-    size = np.linalg.norm(f, axis=1)
+    size = row_norms(f)
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in f.T))
     firm = size > NOISES * noise
     if not firm.any():
@@ -105,11 +106,11 @@ def normal_from_forces(force: Floats, position: Floats, source: str = "") -> Nor
         remedy = "if the probe touches, pass the normal, such as --normal z"
         raise NoContactError.of(source, f"no contact found: no force exceeds the noise; {remedy}")
     total = (f[firm] * size[firm, None]).sum(axis=0)
-    length = float(np.linalg.norm(total))
+    length = norm(total)
     if not 0.0 < length < math.inf:
         raise no_normal(source, "the forces have no common direction")
     n = total / length
-    across = np.linalg.norm(np.cross(f[firm], n), axis=1)
+    across = row_norms(np.cross(f[firm], n))
     angle = np.arctan2(across, f[firm] @ n)
     weight = size[firm] ** 2
     spread = math.sqrt(float((weight * angle**2).sum() / weight.sum()))
@@ -127,11 +128,11 @@ def no_normal(source: str, reason: str) -> RecordingError:
 
 def normal_from_motion(position: Floats, force: Floats, source: str) -> Normal:
     """Find the normal, opposite to the motion in which the force grows: −Σ ΔF Δp."""
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(force)
+    finite = finite_rows(position, force)
     size = np.abs(force[finite])
     stride = min(STRIDE, max(len(size) // 4, 1))
     total = -_products(position[finite], size, stride).sum(axis=0)
-    length = float(np.linalg.norm(total))
+    length = norm(total)
     if not length > 0.0:
         raise no_normal(source, "the force does not change with the position")
     return Normal(total / length)
@@ -216,9 +217,12 @@ def project_on_normal(
         return _align_signs(-(position @ normal.vector), force, normal, ("penetration", *flip))
     normal = normal_from_motion(position, force, source)
     result = _align_signs(-(position @ normal.vector), force, normal, ("penetration", *flip))
-    problem = "palpate found the contact normal from the motion in which the force grows"
     remedy = "pass it if known, such as --normal z"
-    result.findings.append(Check.DIRECTION.finding(problem, remedy))
+    result.findings.append(
+        Check.DIRECTION.finding(
+            "palpate found the contact normal from the motion in which the force grows", remedy
+        )
+    )
     return result
 
 
@@ -233,8 +237,12 @@ def _project_vectors(
         if "force" in flip:  # a requested sign takes precedence
             normal = Normal(-normal.vector, normal.spread)
         else:
-            problem = "the recorded force acts on the material: palpate reversed its sign"
-            findings.append(Check.DIRECTION.finding(problem, "pass --flip-force to confirm"))
+            findings.append(
+                Check.DIRECTION.finding(
+                    "the recorded force acts on the material: palpate reversed its sign",
+                    "pass --flip-force to confirm",
+                )
+            )
     depth = -(position @ normal.vector)
     if given_normal is not None:
         findings += _check_given_normal(depth, compression)
@@ -252,9 +260,13 @@ def _check_given_normal(depth: Floats, force: Floats) -> list[Finding]:
         symptom = "decreases as the probe goes in"
     else:
         return []
-    remedy = "reverse the sign of --normal, or pass --flip-force"
-    problem = f"along the given normal the force {symptom}"
-    return [Check.DIRECTION.finding(problem, remedy, mark="do-not-trust")]
+    return [
+        Check.DIRECTION.finding(
+            f"along the given normal the force {symptom}",
+            "reverse the sign of --normal, or pass --flip-force",
+            mark="do-not-trust",
+        )
+    ]
 
 
 def _is_negative(force: Floats) -> bool:
@@ -269,13 +281,21 @@ def _align_signs(
     findings = list[Finding]()
     if "force" not in requested and _is_negative(force):
         force = -force
-        problem = "the force is mostly negative: palpate reversed its sign, compression is positive"
-        findings.append(Check.DIRECTION.finding(problem, "pass --flip-force to confirm"))
-    finite = np.isfinite(force) & np.isfinite(depth)
+        findings.append(
+            Check.DIRECTION.finding(
+                "the force is mostly negative: palpate reversed its sign, compression is positive",
+                "pass --flip-force to confirm",
+            )
+        )
+    finite = finite_rows(force, depth)
     if "penetration" not in requested and not grows(depth[finite], force[finite]):
         depth = -depth
-        problem = "the force grows as the position decreases: palpate reversed the position's sign"
-        findings.append(Check.DIRECTION.finding(problem, "pass --flip-penetration to confirm"))
+        findings.append(
+            Check.DIRECTION.finding(
+                "the force grows as the position decreases: palpate reversed the position's sign",
+                "pass --flip-penetration to confirm",
+            )
+        )
     return AlongNormal(depth, force, normal, findings)
 
 
@@ -284,7 +304,8 @@ def _align_signs(
 # An error of 5° shortens the depth by 0.4 % and changes the stiffness of a law with exponent 2 by
 # 1 %; 20° give 6 % and 13 %. A tool is aligned with its sensor to better than 3°, and friction of
 # 0.3 inclines the force by 17°.
-LARGE_ANGLE, TOO_LARGE_ANGLE = math.radians(5.0), math.radians(20.0)
+LARGE_ANGLE = math.radians(5.0)
+TOO_LARGE_ANGLE = math.radians(20.0)
 BLOCKS_OF_DIRECTION = 8  # blocks whose scatter gives the uncertainty of the direction
 ERRORS_OF_DIRECTION = 3.0  # standard errors of the direction
 STRIDE = 5  # samples over which changes are computed; over fewer, noise dominates
@@ -328,21 +349,26 @@ def check_force_direction(
         f"{subject} {math.degrees(angle):.0f}° away from the {reference}: a wrong frame, a "
         "reversed or swapped axis, a force offset, friction, or a probe that slides down a slope"
     )
-    remedy = "compare the axes of force and position, then pass --force-frame tool or --normal z"
     mark: Mark = "do-not-trust" if angle > TOO_LARGE_ANGLE else "with-care"
-    return [Check.DIRECTION.finding(problem, remedy, mark=mark)]
+    return [
+        Check.DIRECTION.finding(
+            problem,
+            "compare the axes of force and position, then pass --force-frame tool or --normal z",
+            mark=mark,
+        )
+    ]
 
 
 def direction_of_growth(position: Floats, force: Floats) -> tuple[Floats | None, float]:
     """Return the direction of the motion in which the force grows, and its standard error, rad."""
-    finite = np.isfinite(position).all(axis=1) & np.isfinite(force)
+    finite = finite_rows(position, force)
     f = force[finite]
     if len(f) < 2 * BLOCKS_OF_DIRECTION * STRIDE:
         return None, math.inf
     blocks = np.array_split(_products(position[finite], f, STRIDE), BLOCKS_OF_DIRECTION)
     sums = np.array([block.sum(axis=0) for block in blocks])
     total = sums.sum(axis=0)
-    length = float(np.linalg.norm(total))
+    length = norm(total)
     if not 0.0 < length < math.inf:
         return None, math.inf
     direction: Floats = total / length
@@ -359,5 +385,5 @@ def _products(position: Floats, force: Floats, stride: int) -> Floats:
 
 def angle_between_axes(a: Floats, b: Floats) -> float:
     """Return the angle between two axes, regardless of their signs, rad."""
-    across = float(np.linalg.norm(np.cross(a, b)))
+    across = norm(np.cross(a, b))
     return math.atan2(across, abs(float(a @ b)))

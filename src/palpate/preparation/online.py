@@ -11,6 +11,7 @@ from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.errors import InvalidParameterError
 from palpate.preparation.settings import check_delay, check_flip
 from palpate.preparation.velocity import window_samples
+from palpate.rows import norm
 from palpate.settings import Configured
 from palpate.validation import (
     Floats,
@@ -189,7 +190,7 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
 
 def _unit_vector(direction: "ArrayLike") -> list[float]:
     vector = signal("direction", direction)
-    length = float(np.linalg.norm(vector))
+    length = norm(vector)
     if vector.size != 3 or not 1e-100 < length < 1e100:
         raise InvalidParameterError(
             f"direction must be 3 numbers, not all zero, not {shown(direction)}"

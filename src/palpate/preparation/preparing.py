@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from operator import attrgetter
-from typing import Annotated, Any, ParamSpec, Protocol, TypeAlias
+from typing import Any, ParamSpec, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -21,13 +21,14 @@ from palpate.preparation.from_penetration import (
     contact_from_penetration,
     drop_velocity,
 )
-from palpate.preparation.options import Option, Options, describe_options
+from palpate.preparation.options import Options
 from palpate.preparation.settings import Preparation
 from palpate.recordings import Recording, open_recording
 from palpate.recordings.opening import within
 from palpate.recordings.tables_in_memory import recording_of_table
 from palpate.recordings.units import is_wanted
 from palpate.stages import stage
+from palpate.validation import Integers
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -60,81 +61,48 @@ Recorded: TypeAlias = (
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class PrepareArguments(Options):
-    """The arguments of :func:`prepare`: a recording or arrays, and how to prepare them."""
+    """The arguments of :func:`prepare`: a recording or arrays, and how to prepare them.
 
-    recording: Annotated[
-        "Recorded | None",
-        Option(
-            "Recording, path or data frame, optional",
-            "The recording",
-            default="made from the arrays",
-        ),
-    ] = field(default=None, kw_only=False)
-    companion: Annotated[
-        "Recorded | None",
-        Option(
-            "Recording, path or data frame, optional",
-            "A second recording of the same contact by another recorder: one gives the position, "
-            "the other the force",
-            "palpate finds the offset of their clocks and moves the force to the position's clock; "
-            "a ``delay`` is the whole offset, which is then not searched.",
-        ),
-    ] = None
-    columns: Annotated[
-        Columns | None,
-        Option("Columns, optional", "Names of the recording's channels", default="auto-detect"),
-    ] = None
-    time: Annotated[
-        "ArrayLike | None",
-        Option("array_like, shape (k,), optional", "s, instead of a recording"),
-    ] = None
-    penetration: Annotated[
-        "ArrayLike | None",
-        Option("array_like, shape (k,), optional", "m, positive inside the material"),
-    ] = None
-    force: Annotated[
-        "ArrayLike | None",
-        Option("array_like, shape (k,) or (k, 3), optional", "N, compression positive"),
-    ] = None
-    velocity: Annotated[
-        "ArrayLike | None",
-        Option("array_like, shape (k,), optional", "m/s, positive while penetrating"),
-    ] = None
-    segment: Annotated[
-        "ArrayLike | None",
-        Option(
-            "array_like, shape (k,), optional",
-            "One label per sample, in addition to these arrays; a new label starts a new contact",
-        ),
-    ] = None
-    position: Annotated[
-        "ArrayLike | None",
-        Option(
-            "array_like, shape (k,) or (k, 3), optional",
-            "m, the position of the probe along one axis or in space, in place of a penetration; "
-            "then ``force`` may have the same shape",
-        ),
-    ] = None
-    source: Annotated[
-        str | None,
-        Option("str, optional", "Name of the origin", default="the source of the recording"),
-    ] = None
-    provenance: Annotated[
-        "Mapping[str, str] | None",
-        Option(
-            "mapping, optional",
-            "Notes on how the arrays were obtained; notes of palpate under the same key replace "
-            "them",
-        ),
-    ] = None
-    units: Annotated[
-        "Mapping[str, str] | None",
-        Option(
-            "mapping, optional",
-            'Units of channels, such as ``{"penetration": "mm", "force": "mN"}``',
-            default="from the recording, else from the names of the channels, else SI",
-        ),
-    ] = None
+    Parameters
+    ----------
+    recording : Recording, path or data frame, optional
+        The recording. Default: made from the arrays.
+    companion : Recording, path or data frame, optional
+        A second recording of the same contact by another recorder: one gives the position, the
+        other the force. palpate finds the offset of their clocks and moves the force to the
+        position's clock; a ``delay`` is the whole offset, which is then not searched.
+    columns : Columns, optional
+        Names of the recording's channels. Default: auto-detect.
+    time, penetration, force : array_like, shape (k,), optional
+        s, m (positive inside the material) and N (compression positive), instead of a recording.
+    velocity : array_like, shape (k,), optional
+        m/s, positive while penetrating, in addition to these arrays.
+    segment : array_like, shape (k,), optional
+        One label per sample, in addition to these arrays; a new label starts a new contact.
+    position : array_like, shape (k,) or (k, 3), optional
+        m, the position of the probe along one axis or in space, in place of a penetration; then
+        ``force`` may have the same shape.
+    source : str, optional
+        Name of the origin. Default: the source of the recording.
+    provenance : mapping, optional
+        Notes on how the arrays were obtained; notes of palpate under the same key replace them.
+    units : mapping, optional
+        Units of channels, such as ``{"penetration": "mm", "force": "mN"}``. Default: from the
+        recording, else from the names of the channels, else SI.
+    """
+
+    recording: "Recorded | None" = field(default=None, kw_only=False)
+    companion: "Recorded | None" = None
+    columns: Columns | None = None
+    time: "ArrayLike | None" = None
+    penetration: "ArrayLike | None" = None
+    force: "ArrayLike | None" = None
+    velocity: "ArrayLike | None" = None
+    segment: "ArrayLike | None" = None
+    position: "ArrayLike | None" = None
+    source: str | None = None
+    provenance: "Mapping[str, str] | None" = None
+    units: "Mapping[str, str] | None" = None
 
     @property
     def arrays(self) -> dict[str, ArrayLike]:
@@ -159,30 +127,18 @@ def _with_parameters_of(
     """Give a function the parameters of a class, for type checkers, ``help`` and ``inspect``."""
 
     def declare(function: Callable[..., Contact]) -> Callable[_Parameters, Contact]:
-        parameters = [
-            parameter.replace(annotation=_spell_type(parameter.annotation))
-            for parameter in inspect.signature(holder).parameters.values()
-        ]
-        inherited = describe_options(Options)
-        parameters.sort(key=lambda parameter: parameter.name in inherited)
+        parameters = inspect.signature(holder).parameters.values()
+        ordered = sorted(parameters, key=lambda parameter: parameter.name in Options.__slots__)
         described: Any = function
-        described.__signature__ = inspect.Signature(parameters, return_annotation=Contact)
-        options = describe_options(PrepareArguments)
-        text = "".join(
-            f"    {parameter.name} : {options[parameter.name].kind}\n"
-            f"        {options[parameter.name].docstring}\n"
-            for parameter in parameters
-        )
-        described.__doc__ = (function.__doc__ or "").replace("    {parameters}\n", text)
+        described.__signature__ = inspect.Signature(ordered, return_annotation=Contact)
+        texts = [
+            (kind.__doc__ or "").partition("-\n")[2].rstrip()
+            for kind in (PrepareArguments, Options)
+        ]
+        described.__doc__ = (function.__doc__ or "").replace("    {parameters}", "\n".join(texts))
         return described  # type: ignore[no-any-return]
 
     return declare
-
-
-def _spell_type(annotation: Any) -> Any:
-    """Return an annotation without its description."""
-    bare = getattr(annotation, "__origin__", annotation)
-    return getattr(bare, "__forward_arg__", bare)
 
 
 @_with_parameters_of(PrepareArguments)
@@ -430,8 +386,13 @@ def _report_commanded_channels(roles: Roles) -> list[Finding]:
             problem = f"channel {names[0]!r} looks like a commanded {kind}, not a measured one"
             if kind == "position":
                 problem += ": the robot's own compliance is in the numbers"
-            remedy = f"record the measured {kind} and name its channel with --{kind}"
-            findings.append(Check.CHANNELS.finding(problem, remedy, mark="with-care"))
+            findings.append(
+                Check.CHANNELS.finding(
+                    problem,
+                    f"record the measured {kind} and name its channel with --{kind}",
+                    mark="with-care",
+                )
+            )
     return findings
 
 
@@ -449,8 +410,12 @@ def _report_unused_settings(
     names = " and ".join(name for name, idle in unused.items() if idle)
     if not names:
         return []
-    problem = f"{names} had no effect: position and force do not both have three axes"
-    return [Check.OPTIONS.finding(problem, f"drop {names}")]
+    return [
+        Check.OPTIONS.finding(
+            f"{names} had no effect: position and force do not both have three axes",
+            f"drop {names}",
+        )
+    ]
 
 
 def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
@@ -496,7 +461,7 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
     start = contacts[0]
     if len(contacts) == 1:
         return start
-    labels = list[NDArray[np.int64]]()
+    labels = list[Integers]()
     number = 0
     for contact in contacts:
         labels.append(contact.segment + number)

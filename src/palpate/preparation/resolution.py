@@ -3,14 +3,16 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._core import noise_of as noise_of
 from palpate.contact import Contact
-from palpate.validation import Floats
+from palpate.rows import finite_rows
+from palpate.validation import Floats, Mask
 
-FEWEST_RESTING, FEWEST_PRESSED = 20, 3  # samples at the value of the dead band; of these in contact
+# samples at the value of the dead band; of these in contact
+FEWEST_RESTING = 20
+FEWEST_PRESSED = 3
 ABOVE_NOISE = 4.0  # σ or steps, from that value to the next
 
 
@@ -21,7 +23,7 @@ def find_dead_band(contact: Contact) -> float:
     above it. The probe is in contact there, but no deeper than at twice that force: otherwise the
     sensor failed.
     """
-    finite = np.isfinite(contact.force) & np.isfinite(contact.penetration)
+    finite = finite_rows(contact.force, contact.penetration)
     force = contact.force[finite]
     depth = contact.penetration[finite]
     if np.count_nonzero(force[1:] == force[:-1]) < FEWEST_RESTING:
@@ -72,7 +74,7 @@ def estimate_resolutions(penetration: Floats, *, threads: int = 1) -> Floats:
 LEAST_DEVIATION = 1e-6  # over the largest force: no force sensor is more accurate than 1e-5
 
 
-def deviation_of_mean(force: Floats, free: NDArray[np.bool_]) -> float:
+def deviation_of_mean(force: Floats, free: Mask) -> float:
     """Return the standard deviation of the offset after subtracting a mean, N.
 
     s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)

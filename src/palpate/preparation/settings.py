@@ -8,13 +8,14 @@ from typing import Any, get_args
 from palpate.channels.roles import Columns
 from palpate.contact import Delay
 from palpate.errors import InvalidParameterError
-from palpate.preparation.options import OPTIONS, Options, SurfaceRule
+from palpate.preparation.options import Options, SurfaceRule
 from palpate.recordings.units import UNITS, unit_size
 from palpate.settings import ForceFrame
 from palpate.validation import check_choice, instance, number_in, pair_in, shown, vector_in
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s
+LARGEST = {"tool_weight": 1e6, "mass": 1e6, "rate": 1e9, "spot": 1e6}  # N, kg, Hz and m
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -43,10 +44,10 @@ class Preparation(Options):
         for channel, unit in units.items():
             _check_unit(channel, unit)
         object.__setattr__(self, "flip", check_flip(self.flip))
-        for name, option in OPTIONS.items():
+        for name, largest in LARGEST.items():
             value = getattr(self, name)
-            if option.limits is not None and value is not None:
-                number_in(name, value, *option.limits, open_low=option.above)
+            if value is not None:
+                number_in(name, value, 0.0, largest, open_low=name in ("rate", "spot"))
         self._check_times()
         self._check_axes()
         if self.payload is not None:

@@ -4,31 +4,35 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import add_step, run_slices
+from palpate.contact import add_step
 from palpate.digits import rounded
 from palpate.estimators.least_squares import Fitted, robust_covariance
 from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
 from palpate.preparation.options import SurfaceRule
 from palpate.preparation.resolution import deviation_of_mean, noise_of
-from palpate.validation import Floats
+from palpate.rows import finite_rows, true_runs
+from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ
 # Limits of the light branch, which shows the surface, over the peak force. Drag and drift stay
 # below 3 %.
-LIGHTEST, HEAVIEST = 0.03, 0.4
+LIGHTEST = 0.03
+HEAVIEST = 0.4
 FEWEST_LIGHT = 8  # samples of the light branch
 # Samples in free air for a search of the surface: 20, in a short recording a tenth, at least 8.
-MOST_NEEDED, SHARE_NEEDED, LEAST_NEEDED = 20, 0.1, 8
+MOST_NEEDED = 20
+SHARE_NEEDED = 0.1
+LEAST_NEEDED = 8
 MOST_FITTED = 4000  # samples
 # Standard deviations of the baseline rule; a fit that ends beyond does not fit the light branch.
 FARTHEST = 4.0
 # A flat punch has 1, a sphere 1.5, a cone 2. An exponent far from these compensates for a wrong
 # surface; the light branch alone is then more accurate.
-LEAST_EXPONENT, MOST_EXPONENT = 0.7, 2.6
+LEAST_EXPONENT = 0.7
+MOST_EXPONENT = 2.6
 GROWTHS = (1.0, 1.5, 2.0)  # exponents of the force: flat punch or foam, sphere, cone
 
 
@@ -103,7 +107,7 @@ def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRu
     rule : str
         ``"threshold"``, ``"baseline"``, ``"fit"``, or ``"estimate"``, which is as ``"fit"`` here.
     """
-    finite = np.isfinite(depth) & np.isfinite(force) & np.isfinite(velocity)
+    finite = finite_rows(depth, force, velocity)
     x = depth[finite]
     v = velocity[finite]
     f = force[finite]
@@ -143,12 +147,12 @@ def _find_crossing(x: Floats, f: Floats, least: float) -> Surface | None:
     return Surface(position, math.hypot(scatter, excess), f"where the force exceeds {least:.2g} N")
 
 
-def find_presses(f: Floats, least: float, peak: float) -> NDArray[np.bool_]:
+def find_presses(f: Floats, least: float, peak: float) -> Mask:
     """Find the runs of a force above a least one that reach 40 % of its peak."""
     pressed = f > least
     mask = np.zeros(f.size, dtype=bool)
-    for run in run_slices(pressed):
-        mask[run] = pressed[run.start] and f[run].max() >= HEAVIEST * peak
+    for run in true_runs(pressed):
+        mask[run] = f[run].max() >= HEAVIEST * peak
     return mask
 
 

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.channels.frames import INVERSE, rotate_to_base
 from palpate.channels.signals import Signals
@@ -15,11 +14,14 @@ from palpate.findings import Check, Finding
 from palpate.preparation.normal import normal_from_motion
 from palpate.preparation.resolution import correlation_inflation, noise_of
 from palpate.preparation.settings import Preparation
-from palpate.validation import Floats
+from palpate.rows import finite_rows, norm, row_norms, typical_step
+from palpate.validation import Floats, Integers, Mask
 
 # Samples out of contact: as many as half a second has, within these limits. On 180 simulated
 # episodes at 30 Hz 7 % of the stiffnesses were wrong by more than 10 % with 50, and 2 % with 20.
-FREE_TIME, FEWEST_FREE, ENOUGH_FREE = 0.5, 20, 50
+FREE_TIME = 0.5
+FEWEST_FREE = 20
+ENOUGH_FREE = 50
 BINS = 64  # number of bins of the height
 LEAST_FREE = 0.05  # fraction of the range of heights; less is a turning point, no free approach
 # Used fraction of the free bins: the lowest may be in light contact if the force grows as a square.
@@ -48,7 +50,7 @@ class Baseline:
         When the mean was measured, as text.
     """
 
-    free: NDArray[np.bool_]
+    free: Mask
     zero: Floats
     drift: float
     times: str
@@ -65,12 +67,16 @@ class Baseline:
         add_step(made, "force", f"minus {offsets} N, its mean {self.times}")
         if self.drift:
             drift = rounded(self.drift, 3)
-            problem = f"the force offset drifts by {drift} N: palpate subtracted the drift"
-            findings.append(Check.TARE.finding(problem, "let the sensor warm up"))
+            findings.append(
+                Check.TARE.finding(
+                    f"the force offset drifts by {drift} N: palpate subtracted the drift",
+                    "let the sensor warm up",
+                )
+            )
             add_step(made, "force", f"minus its drift of {drift} N")
 
 
-def describe_free_air(free: NDArray[np.bool_]) -> str:
+def describe_free_air(free: Mask) -> str:
     """Describe when the mean offset was measured."""
     return f"over {np.count_nonzero(free)} samples in free air"
 
@@ -108,8 +114,7 @@ def baseline_between(
         There is no sample between them.
     """
     start, stop = times
-    free = (time >= start) & (time <= stop)
-    free &= np.isfinite(force).reshape(len(free), -1).all(axis=1)
+    free = (time >= start) & (time <= stop) & finite_rows(force)
     if not free.any():
         problem = f"there is no sample between {start:g} s and {stop:g} s for --tare"
         raise RecordingError.of(source, problem)
@@ -123,7 +128,7 @@ def never_free(source: str) -> RecordingError:
     return RecordingError.of(source, f"{problem}, such as --tare 0:2")
 
 
-def find_free_air(time: Floats, height: Floats, force: Floats) -> NDArray[np.bool_] | None:
+def find_free_air(time: Floats, height: Floats, force: Floats) -> Mask | None:
     """Find the samples in free air: from the highest down, while the force stays constant.
 
     The range of heights is divided into bins. From the highest down, a bin is free if its mean
@@ -143,10 +148,10 @@ def find_free_air(time: Floats, height: Floats, force: Floats) -> NDArray[np.boo
     numpy.ndarray of bool or None
         None if there is no free air: half a second, but 20 to 50 samples, over 5 % of the heights.
     """
-    step = float(np.median(np.diff(time))) if time.size > 1 else math.inf
+    step = typical_step(time) if time.size > 1 else math.inf
     fewest = min(max(FREE_TIME / step if step > 0.0 else math.inf, FEWEST_FREE), ENOUGH_FREE)
     f = force[:, None] if force.ndim == 1 else force
-    finite = np.isfinite(height) & np.isfinite(f).all(axis=1)
+    finite = finite_rows(height, f)
     h = height[finite]
     if h.size < fewest:
         return None
@@ -163,7 +168,7 @@ def find_free_air(time: Floats, height: Floats, force: Floats) -> NDArray[np.boo
     return free
 
 
-def _count_free_bins(place: NDArray[np.int64], force: Floats) -> int:
+def _count_free_bins(place: Integers, force: Floats) -> int:
     """Return the number of free bins, from the highest down."""
     noise = np.array([noise_of(component) for component in force.T])
     span = np.ptp(np.percentile(force, [1.0, 99.0], axis=0), axis=0).max()
@@ -183,7 +188,7 @@ def _count_free_bins(place: NDArray[np.int64], force: Floats) -> int:
     return BINS
 
 
-def estimate_baseline(time: Floats, force: Floats, free: NDArray[np.bool_]) -> Baseline:
+def estimate_baseline(time: Floats, force: Floats, free: Mask) -> Baseline:
     """Return the mean force in free air, with its drift if that is significant.
 
     Parameters
@@ -196,7 +201,7 @@ def estimate_baseline(time: Floats, force: Floats, free: NDArray[np.bool_]) -> B
         Samples in free air.
     """
     f = force[:, None] if force.ndim == 1 else force
-    free = free & np.isfinite(f).all(axis=1)
+    free = free & finite_rows(f)
     t = time[free]
     mean = f[free].mean(axis=0)
     changes = f[free] - mean
@@ -212,7 +217,7 @@ def estimate_baseline(time: Floats, force: Floats, free: NDArray[np.bool_]) -> B
         error = np.sqrt(variance / energy * correlation_inflation(residual))
         if np.any(np.abs(slope) > DRIFTS * error):
             zero = zero + (time - t.mean())[:, None] * slope
-            drift = float(np.linalg.norm(slope) * np.ptp(time))
+            drift = norm(slope) * float(np.ptp(time))
     return Baseline(free, zero.reshape(force.shape), drift, describe_free_air(free))
 
 
@@ -239,8 +244,12 @@ def tare_force(
     baseline = _baseline_in_space(signals, settings, source)
     findings = list[Finding]()
     if baseline is None:
-        problem = "palpate found no free air and did not tare the force"
-        findings.append(Check.NO_TARE.finding(problem, "record a second in free air"))
+        findings.append(
+            Check.NO_TARE.finding(
+                "palpate found no free air and did not tare the force",
+                "record a second in free air",
+            )
+        )
     else:
         signals = replace(signals, force=signals.force - baseline.zero)
         if down is not None and weight:
@@ -275,8 +284,8 @@ def _baseline_in_space(signals: Signals, settings: Preparation, source: str) -> 
 
 def _refuse_idle_weight(force: Floats, down: Floats, weight: float, source: str) -> None:
     """Reject a weight that is constant in the frame of the force, so that the tare removes it."""
-    finite = np.isfinite(force).all(axis=1) & np.isfinite(down).all(axis=1)
-    peak = float(np.nanpercentile(np.linalg.norm(force, axis=1), 99.0))
+    finite = finite_rows(force, down)
+    peak = float(np.nanpercentile(row_norms(force), 99.0))
     reach = float(np.linalg.norm(np.ptp(down[finite], axis=0))) if finite.any() else 0.0
     if weight * reach <= NOTHING * peak:
         from palpate.wrench.search import idle_weight
@@ -284,7 +293,7 @@ def _refuse_idle_weight(force: Floats, down: Floats, weight: float, source: str)
         raise idle_weight(weight, source)
 
 
-def _find_free_end(signals: Signals, force: Floats) -> NDArray[np.bool_] | None:
+def _find_free_end(signals: Signals, force: Floats) -> Mask | None:
     """Find free air at one end of the motion along the normal, where the force is constant.
 
     It tries both ends, because the sign of the force is not known yet. The normal is found from
@@ -294,7 +303,7 @@ def _find_free_end(signals: Signals, force: Floats) -> NDArray[np.bool_] | None:
     if height.ndim == 2 and force.ndim == 1:
         height = height @ normal_from_motion(height, force, "").vector
     elif height.ndim == 2:  # the direction in which the force varies most, whatever its offset
-        finite = force[np.isfinite(force).all(axis=1)]
+        finite = force[finite_rows(force)]
         height = height @ np.linalg.svd(finite - finite.mean(axis=0), full_matrices=False)[2][0]
     ends = (find_free_air(signals.time, side * height, signals.force) for side in (1.0, -1.0))
     return max((end for end in ends if end is not None), key=np.count_nonzero, default=None)

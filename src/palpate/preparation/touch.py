@@ -1,25 +1,28 @@
 """The touches of a contact, whether there are any, and where another place carries the load."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
-from palpate.contact import Contact, run_slices
+from palpate.contact import Contact
 from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.resolution import noise_of
+from palpate.rows import finite_rows, run_slices, true_runs
 from palpate.settings import ContactGate
-from palpate.validation import Floats, Plain
+from palpate.validation import Floats, Integers, Mask, Plain
 
 BREAK = 0.8  # force at which contact ends, as a fraction of that at which it begins
 # s. A shorter time out of contact is noise at the surface, or a bounce.
 SHORTEST_LIFT = 0.05
 NOISES_OF_TOUCH = 6.0  # σ of the norm of the force: a larger change is a touch
-FEWEST_TO_DEPEND, LEAST_EXPLAINED, TINY = 20, 0.05, 1e-300
+FEWEST_TO_DEPEND = 20
+LEAST_EXPLAINED = 0.05
+TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +65,7 @@ def find_touches(contact: Contact, gate: ContactGate | None = None) -> list[Touc
         time = contact.time[segment]
         force = np.nan_to_num(contact.force[segment])
         depth = np.nan_to_num(contact.penetration[segment])
-        runs = [run for run in run_slices(force > limit) if force[run.start] > limit]
-        for start, stop in _join_close_runs(runs, time.tolist()):
+        for start, stop in _join_close_runs(true_runs(force > limit), time.tolist()):
             peak = float(force[start:stop].max())
             if peak > chosen.make_force:
                 deepest = float(depth[start:stop].max())
@@ -74,7 +76,7 @@ def find_touches(contact: Contact, gate: ContactGate | None = None) -> list[Touc
     return touches
 
 
-def _join_close_runs(runs: list[slice], time: list[float]) -> list[tuple[int, int]]:
+def _join_close_runs(runs: Iterable[slice], time: list[float]) -> list[tuple[int, int]]:
     joined = list[tuple[int, int]]()
     for run in runs:
         start = run.start
@@ -95,7 +97,7 @@ def depends_on_position(force: Floats, position: Floats) -> bool:
     """
     f = force.reshape(len(force), -1)
     p = position.reshape(len(position), -1)
-    finite = np.isfinite(f).all(axis=1) & np.isfinite(p).all(axis=1)
+    finite = finite_rows(f, p)
     f = f[finite]
     p = p[finite]
     if len(f) < FEWEST_TO_DEPEND:
@@ -114,7 +116,7 @@ def depends_on_position(force: Floats, position: Floats) -> bool:
 def never_touches(force: Floats, position: Floats) -> bool:
     """Whether a force, tared or not, is constant within its noise, wherever the probe is."""
     f = force.reshape(len(force), -1)
-    finite = f[np.isfinite(f).all(axis=1)]
+    finite = f[finite_rows(f)]
     if not len(finite):
         return False
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in finite.T))
@@ -128,14 +130,18 @@ def never_touches(force: Floats, position: Floats) -> bool:
 # While the probe withdraws, no passive material pushes harder than at the turning point. A heel
 # does when the foot has rolled on: 5 to 60 % more, while it rises by a fifth. A force that is 20 ms
 # late also continues to rise, but only while the depth is still within a few per cent.
-RISE, RISE_OF_LARGEST, WITHDRAWN = 1.05, 0.05, 0.95
+RISE = 1.05
+RISE_OF_LARGEST = 0.05
+WITHDRAWN = 0.95
 FEWEST = 2  # touches, and half of all: a border between two materials is no load transfer
 SHORTEST = 20  # samples in a touch that counts
 # Samples, or a tenth of the duration of the rise. A jump within this time by most of the rise, or
 # by half of the force, is the border of another material. Within this time heels rise by at most
 # 0.7 of the rise and 0.3 of the force, borders by 0.75 and 1 or more.
 SUDDEN = 5
-LEAST_PART, MOST_PART = 0.05, 0.9  # of the contact: less has no effect, more leaves too little
+# of the contact: less has no effect, more leaves too little
+LEAST_PART = 0.05
+MOST_PART = 0.9
 
 
 def exclude_load_transfer(contact: Contact) -> Contact:
@@ -163,8 +169,8 @@ def exclude_load_transfer(contact: Contact) -> Contact:
 
 
 def find_load_transfer(
-    depth: Floats, velocity: Floats, force: Floats, segment: NDArray[np.int64]
-) -> tuple[NDArray[np.bool_], Finding] | None:
+    depth: Floats, velocity: Floats, force: Floats, segment: Integers
+) -> tuple[Mask, Finding] | None:
     """Return the samples while another place carries the load, and a finding; None without any."""
     gate = ContactGate(*_core.gate_of(depth, velocity, force))
     inside = gate.makes(depth, force) & np.isfinite(velocity)
@@ -202,8 +208,11 @@ def find_load_transfer(
         f"in {transfers} touches the force rises while the probe withdraws, so that another place "
         f"carries the load: the rest of them, {percent(share)} of the contact, is left out"
     )
-    remedy = "if it is the material's own force, run again with --no-reject-outliers"
-    return excluded, Check.LOAD_TRANSFER.finding(problem, remedy, severity="with-care")
+    return excluded, Check.LOAD_TRANSFER.finding(
+        problem,
+        "if it is the material's own force, run again with --no-reject-outliers",
+        severity="with-care",
+    )
 
 
 def _jumps(rise: Floats) -> bool:

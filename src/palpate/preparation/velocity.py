@@ -12,7 +12,8 @@ from palpate._core import largest_of as largest_of
 from palpate._core import step_of as step_of
 from palpate.contact import Contact, VelocityFilter
 from palpate.digits import format_quantity
-from palpate.validation import Floats, number_in
+from palpate.rows import norm, typical_step
+from palpate.validation import Floats, Mask, number_in
 
 Indices = NDArray[np.intp]
 
@@ -71,7 +72,7 @@ def filter_gain(used: VelocityFilter, turn: "float | Floats") -> Floats:
 def noise_gain(used: VelocityFilter) -> float:
     """Standard deviation of the velocity due to white noise σ of the position, over σ/h."""
     if used.penalty is None:
-        return float(np.linalg.norm(_slope_weights(used.samples, used.degree)))
+        return norm(_slope_weights(used.samples, used.degree))
     turn = (np.arange(2048) + 0.5) * np.pi / 2048
     return float(np.sqrt(np.mean((turn * filter_gain(used, turn)) ** 2)))
 
@@ -215,8 +216,8 @@ def velocities_of_rows(
     count, samples = penetration.shape
     velocity = np.empty(penetration.shape)
     penalties = np.empty(count)
-    compiled: NDArray[np.bool_] = np.zeros(count, dtype=bool)  # rows for the compiled loop
-    step = float(np.median(np.diff(time))) if time.ndim == 1 and samples > 1 else 0.0
+    compiled: Mask = np.zeros(count, dtype=bool)  # rows for the compiled loop
+    step = typical_step(time) if time.ndim == 1 and samples > 1 else 0.0
     if step > 0.0 and samples >= FEWEST_OF_SPLINE:
         compiled[:] = np.isfinite(penetration).all(axis=1)
         longest = _longest_window(window_samples(step), samples)
@@ -294,19 +295,17 @@ def _fit_parabolas(t: Floats, x: Floats, windows: Indices, samples: Indices) -> 
 # Spikes of a channel, and its resolution.
 
 
-def find_spikes(values: Floats) -> NDArray[np.bool_]:
+def find_spikes(values: Floats) -> Mask:
     """Mask of the spikes.
 
     A spike differs from the median of five by more than max(8 σ, 2 %, 1.5 steps), one of the two
     samples at an end by twice that, and by more than three times the range of its four neighbours.
     """
-    spikes: NDArray[np.bool_] = spikes_of_rows(values[None])[0]
+    spikes: Mask = spikes_of_rows(values[None])[0]
     return spikes
 
 
-def spikes_of_rows(
-    values: Floats, *, screened: bool = False, threads: int = 1
-) -> NDArray[np.bool_]:
+def spikes_of_rows(values: Floats, *, screened: bool = False, threads: int = 1) -> Mask:
     """Mask of the spikes in each row, among finite samples.
 
     Parameters

@@ -291,6 +291,9 @@ class _ApproachFit:
     ) -> tuple[Floats, Floats]:
         """Return K, d, F₀, s and an extra parameter, if any, with standard errors.
 
+        Not by :func:`~palpate.estimators.least_squares.least_squares`: the weight of a sample
+        depends on its distance to the contact point, which is fitted.
+
         Parameters
         ----------
         begin : numpy.ndarray

@@ -8,11 +8,12 @@ import numpy as np
 
 import palpate._core as _core
 from palpate.channels.frames import interpolate_columns, rotate
-from palpate.contact import Delay, run_slices
+from palpate.contact import Delay
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.rows import finite_rows, run_slices, typical_step
 from palpate.settings import Configured
-from palpate.validation import Floats, arguments, check_choice, instance, number_in
-from palpate.wrench.consensus import BLOCK, Mask
+from palpate.validation import Floats, Mask, arguments, check_choice, instance, number_in
+from palpate.wrench.consensus import BLOCK
 from palpate.wrench.fit import PayloadFit
 from palpate.wrench.marks import mark_payload
 from palpate.wrench.motion import WINDOW, FlangeMotion, motion_of
@@ -24,7 +25,9 @@ from palpate.wrench.zeroing import without_zeroings
 # In a log.
 
 LONGEST_MEAN = 4e-3  # s of the wrench for one sample: 0.1 % is lost of an oscillation at 6 Hz
-RETARE, RETARE_BLOCKS = 3.0, 10.0  # s of the local mean, and blocks that draw it to zero
+# s of the local mean, and blocks that draw it to zero
+RETARE = 3.0
+RETARE_BLOCKS = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -156,7 +159,7 @@ def compensate(
     recorded = interpolate_columns(shifted, log.time, smooth)
     in_flange = external_force(fit, quick, shifted, recorded) @ payload.mount.T
     force = rotate(in_flange, orientation)
-    kept = np.isfinite(force).all(axis=1) & (shifted >= log.time[0]) & (shifted <= log.time[-1])
+    kept = finite_rows(force) & (shifted >= log.time[0]) & (shifted <= log.time[-1])
     shifted = shifted[kept]
     k = np.clip(np.searchsorted(fit.blocks.start, shifted) - 1, 0, None)
     free = fit.free[k] & (shifted <= fit.blocks.stop[k])
@@ -166,7 +169,7 @@ def compensate(
 
 def _average(time: Floats, log: PosedWrench, fit: PayloadFit) -> Floats:
     """Return means of the sensor's force over the time of a sample, with the payload's sign."""
-    step, wrench_step = (float(np.median(np.diff(clock))) for clock in (time, log.time))
+    step, wrench_step = (typical_step(clock) for clock in (time, log.time))
     half = round(0.5 * min(step, LONGEST_MEAN) / wrench_step)
     weights = np.full(2 * half + 1, fit.payload.sign / (2 * half + 1))
     steady = without_zeroings(log.time, log.wrench[:, :3], fit.zeroed)
@@ -211,7 +214,9 @@ def external_force(fit: PayloadFit, motion: FlangeMotion, time: Floats, force: F
 # In a control loop.
 
 MOTION_WINDOW = 0.1  # s
-FEWEST_SAMPLES, MOST_SAMPLES = 7, 151  # a quartic needs five; the filter holds the larger number
+# a quartic needs five; the filter holds the larger number
+FEWEST_SAMPLES = 7
+MOST_SAMPLES = 151
 
 
 class PayloadCompensation(Configured, _core.PayloadCompensation):

@@ -5,24 +5,29 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import noise_of
 from palpate.contact import Delay
 from palpate.recordings.units import GRAVITY
-from palpate.validation import Floats
+from palpate.rows import finite_rows, norm, row_norms, typical_step
+from palpate.validation import Floats, Integers, Mask
 from palpate.wrench.motion import FlangeMotion
 from palpate.wrench.payload import Payload
 
-Mask = NDArray[np.bool_]
-
-BLOCK, MOST_BLOCKS = 0.02, 3000  # s of a mean; longer where a log has more blocks
-DRAWS, DRAWN, POINTS = 500, 1000, 5  # of the consensus: hypotheses, blocks scored, blocks of each
-TOGETHER = 10  # hypotheses that are scored at once
+# s of a mean; longer where a log has more blocks
+BLOCK = 0.02
+MOST_BLOCKS = 3000
+# of the consensus: hypotheses, blocks scored, blocks of each
+DRAWS = 500
+DRAWN = 1000
+POINTS = 5
 # A block is near another until the tool has moved or turned so far, m and rad: a press that is held
 # is one pose, however long. Drawn by time, six holds of 8 s passed for free air.
-MOVED, TURNED = 2e-3, 0.02
-LONGEST_DELAY, DELAY_GRID = 0.1, 0.01  # s
+MOVED = 2e-3
+TURNED = 0.02
+# s
+LONGEST_DELAY = 0.1
+DELAY_GRID = 0.01
 
 
 @dataclass(slots=True, eq=False)
@@ -47,7 +52,7 @@ class Blocks:
     stop: Floats
     wrench: Floats
     noise: Floats
-    segment: NDArray[np.int64]
+    segment: Integers
     motion: FlangeMotion
 
     @property
@@ -63,7 +68,7 @@ class Blocks:
     @property
     def floor(self) -> float:
         """Least tolerance of a consensus, N."""
-        return 3.0 * float(np.linalg.norm(self.noise[:3])) + 0.03
+        return 3.0 * norm(self.noise[:3]) + 0.03
 
     def motion_before(self, delay: float, columns: int = 20) -> Floats:
         """Return the means of the first columns of the motion some seconds before."""
@@ -74,11 +79,11 @@ class Blocks:
 
         A clock that is 50 ms off, and the lever of a tool that turns, must not exclude free air.
         """
-        turning = np.linalg.norm(motion[:, 3:6], axis=1)
+        turning = row_norms(motion[:, 3:6])
         tolerance: Floats = self.floor + 0.02 * GRAVITY * turning + 0.05 * motion[:, 16]
         return tolerance
 
-    def taken(self, keep: Mask | NDArray[np.int64]) -> "Blocks":
+    def taken(self, keep: Mask | Integers) -> "Blocks":
         """Return the selected blocks."""
         names = "start", "stop", "wrench", "segment"
         return replace(self, **{name: getattr(self, name)[keep] for name in names})
@@ -88,7 +93,7 @@ def blocks_of(
     time: Floats, wrench: Floats, motion: FlangeMotion, zeroed: Floats | None = None
 ) -> Blocks:
     """Return the means of a wrench, shape (k, 6), inside the motion and between zeroings, s."""
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     span = min(time[-1], motion.stop) - max(time[0], motion.start)
     size = max(round(max(BLOCK, span / MOST_BLOCKS) / step), 1)
     count = len(time) // size
@@ -99,7 +104,7 @@ def blocks_of(
     borders = np.zeros(0) if zeroed is None else zeroed
     segment = np.searchsorted(borders, start)
     keep = (start - LONGEST_DELAY > motion.start) & (stop + LONGEST_DELAY < motion.stop)
-    keep &= np.isfinite(means[:, :3]).all(axis=1) & (stop - start < 1.5 * size * step)
+    keep &= finite_rows(means[:, :3]) & (stop - start < 1.5 * size * step)
     keep &= segment == np.searchsorted(borders, stop)
     blocks = Blocks(start, stop, np.nan_to_num(means), np.zeros(6), segment, motion).taken(keep)
     noise = np.array([noise_of(column) for column in wrench.T]) / math.sqrt(size)
@@ -162,7 +167,7 @@ def largest_consensus(
     random = np.random.default_rng(0)
     clock = 0.0 if delay is None else delay.seconds
     motion = blocks.motion_before(clock)
-    rate = np.linalg.norm(motion[:, 3:6], axis=1)
+    rate = row_norms(motion[:, 3:6])
     path = np.cumsum((motion[:, 15] / MOVED + rate / TURNED + 0.05) * blocks.duration)
     drawn = np.unique(np.searchsorted(path, np.linspace(path[0], path[-1], DRAWN)))
     sample = blocks.taken(drawn)
@@ -175,7 +180,8 @@ def largest_consensus(
         masses = np.full(DRAWS, known.mass)
         mounts = np.tile(known.mount, (DRAWS, 1, 1))
         biases = (f - known.mass * g @ known.mount)[picks].mean(axis=1)
-    costs = _truncated_squares(g, f, masses, mounts, biases, tolerance)
+    squares = _squares(g, f, masses, mounts, biases) / tolerance**2
+    costs = np.minimum(squares, 9.0).mean(axis=1)
     k = int(np.argmin(costs))
     best = Consensus(float(costs[k]), float(masses[k]), mounts[k], biases[k], clock)
     grid = np.array([clock])
@@ -206,44 +212,23 @@ def _search_delay(
     mount = np.tile(start.mount, (len(grid), 1, 1))
     bias = np.tile(start.bias, (len(grid), 1))
 
-    def squares() -> Floats:
-        residual = f - mass[:, None, None] * g @ mount - bias[:, None]
-        sums: Floats = (residual**2).sum(axis=2)
-        return sums
-
     for _ in range(3):
-        inside = np.clip(1.0 - squares() / (3.0 * tolerance) ** 2, 0.0, 1.0) ** 2 + 1e-12
+        inside = (
+            np.clip(1.0 - _squares(g, f, mass, mount, bias) / (3.0 * tolerance) ** 2, 0.0, 1.0) ** 2
+            + 1e-12
+        )
         if known is None:
             mass, mount, bias = fit_weight(g, f, inside)
         else:
             unloaded = inside[:, :, None] * (f - start.mass * g @ start.mount)
             bias = unloaded.sum(axis=1) / inside.sum(axis=1)[:, None]
-    costs = np.minimum(np.sqrt(squares()) / sample.floor, 10.0).sum(axis=1)
+    costs = np.minimum(np.sqrt(_squares(g, f, mass, mount, bias)) / sample.floor, 10.0).sum(axis=1)
     k = int(np.argmin(costs))
     return Consensus(start.cost, float(mass[k]), mount[k], bias[k], float(grid[k]))
 
 
-def _truncated_squares(
-    g: Floats, f: Floats, masses: Floats, mounts: Floats, biases: Floats, tolerance: Floats
-) -> Floats:
-    """Return the mean of min(|f − m Qᵀg − b|²/tolerance², 9) of each hypothesis.
-
-    The square is linear in products of f and g, so that a product of matrices gives it.
-    """
-    products = (f[:, :, None] * g[:, None]).reshape(len(f), 9)
-    squares = [(f**2).sum(axis=1), (g**2).sum(axis=1), np.ones(len(f))]
-    features = np.column_stack([products, f, g, *squares]) / tolerance[:, None] ** 2
-    turned = masses[:, None, None] * mounts
-    weights = np.column_stack(
-        [
-            -2.0 * turned.transpose(0, 2, 1).reshape(-1, 9),
-            -2.0 * biases,
-            2.0 * (turned @ biases[:, :, None])[:, :, 0],
-            np.ones(len(masses)),
-            masses**2,
-            (biases**2).sum(axis=1),
-        ]
-    ).T
-    # In batches, because on a busy machine threads of BLAS wait for each other.
-    batches = np.split(weights, range(TOGETHER, weights.shape[1], TOGETHER), axis=1)
-    return np.concatenate([np.minimum(features @ batch, 9.0).mean(axis=0) for batch in batches])
+def _squares(g: Floats, f: Floats, mass: Floats, mount: Floats, bias: Floats) -> Floats:
+    """Return |f − m Qᵀg − b|² of each block by each hypothesis, N²."""
+    residual = f - mass[:, None, None] * g @ mount - bias[:, None]
+    squares: Floats = (residual**2).sum(axis=2)
+    return squares

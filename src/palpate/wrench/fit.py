@@ -6,51 +6,62 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.contact import Delay, run_slices
+from palpate.contact import Delay
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.recordings.units import GRAVITY
-from palpate.validation import Floats
-from palpate.wrench.consensus import LONGEST_DELAY, Blocks, Mask, largest_consensus
-from palpate.wrench.payload import TENSOR, Payload
+from palpate.rows import norm, row_norms, run_slices, true_runs
+from palpate.validation import Floats, Integers, Mask
+from palpate.wrench.consensus import LONGEST_DELAY, Blocks, largest_consensus
+from palpate.wrench.payload import TENSOR, Payload, load_of
 from palpate.wrench.zeroing import Zeroing
 
 SHIFT = 30e-3  # s, of the difference for the clock
 CUT = 6.0  # of Tukey's weight, in scales
-ROUNDS, FIRST_ROUNDS, CONVERGED = 14, 4, 0.05  # Gauss–Newton steps; standard errors
-SHORTEST_FREE, MARGIN = 0.16, 0.04  # s of a run in free air, and excluded at each end
+# Gauss–Newton steps; standard errors
+ROUNDS = 14
+FIRST_ROUNDS = 4
+CONVERGED = 0.05
+# s of a run in free air, and excluded at each end
+SHORTEST_FREE = 0.16
+MARGIN = 0.04
 FEWEST_FREE = 50  # blocks
-KNOT, MOST_KNOTS = 5.0, 40  # s between the knots of the bias; farther apart in a long log
+# s between the knots of the bias; farther apart in a long log
+KNOT = 5.0
+MOST_KNOTS = 40
 CHUNK = 64  # rows
 WANDER = np.repeat([0.025, 1e-3], 3)  # N, N·m: expected change of the bias from knot to knot
 ARMS = 0.15  # m, of sensor and centre of mass, as first allowed for
 LEAST_TURN = 0.03  # standard deviation of the direction of gravity about an axis, rad
 # The filter of the motion attenuates the acceleration, which raises the mass: by 0.2 % at 2.4 and
 # 3.5 Hz and 0.9 % at 5 Hz where inertia alone tells it.
-FILTER_ERROR, BY_INERTIA = 3e-4, 1e-2
+FILTER_ERROR = 3e-4
+BY_INERTIA = 1e-2
 # Noise of the pose in the columns: largest part of their squares that is subtracted, and its error.
-MOST_BLURRED, UNSURE_BLUR = 0.9, 0.2
+MOST_BLURRED = 0.9
+UNSURE_BLUR = 0.2
 FIXED = 1e-9  # standard deviation of a known value
 # Columns of the fit: mass, m c, inertia, m d, mount, delay.
-MASS, ARM, INERTIA, LEVER = 0, slice(1, 4), slice(4, 10), slice(10, 13)
-MOUNT, CLOCK, SIZE = slice(13, 16), 16, 17
-AXES = np.array([k == TENSOR for k in range(6)], dtype=np.float64)  # of the inertia
-OF_MOUNT, EVERYTHING = range(13, 16), range(16)  # columns to fix
+MASS = 0
+ARM = slice(1, 4)
+INERTIA = slice(4, 10)
+LEVER = slice(10, 13)
+MOUNT = slice(13, 16)
+CLOCK = 16
+SIZE = 17
+# columns to fix
+OF_MOUNT = range(13, 16)
+EVERYTHING = range(16)
 
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    crossed = np.zeros((*vectors.shape, 3))
-    for k, (row, column) in enumerate(((1, 2), (2, 0), (0, 1))):
-        crossed[..., row, column] = -vectors[..., k]
-        crossed[..., column, row] = vectors[..., k]
-    return crossed
+    return np.cross(np.eye(3), vectors[..., None, :])
 
 
 def rotation(vector: Floats) -> Floats:
     """Return the rotation matrix of a rotation vector, by Rodrigues' formula."""
-    angle = float(np.linalg.norm(vector))
+    angle = norm(vector)
     cross = skew(vector)
     sine = np.sinc(angle / math.pi)
     versine = 0.5 * np.sinc(0.5 * angle / math.pi) ** 2
@@ -62,25 +73,8 @@ def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (motion[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ motion[:, 9 + TENSOR] @ mount
-    square = np.trace(products, axis1=1, axis2=2)[:, None, None]
-    swing = square * np.eye(3) - skew(a) - products
-    by_a, by_w = (np.einsum("kij,nj->nik", AXES, turning) for turning in (a, w))
-    columns = np.zeros((len(motion), 6, 13))
-    columns[:, :3, 0] = g
-    columns[:, :3, ARM] = swing
-    columns[:, :3, LEVER] = swing
-    columns[:, 3:, ARM] = -skew(g + swing @ lever)
-    columns[:, 3:, INERTIA] = -by_a - skew(w) @ by_w
-    return columns
-
-
-def open_runs(mask: Mask, least: int, margin: int) -> Mask:
-    """Return the runs of at least so many blocks, without a margin at each end."""
-    inner = np.zeros(len(mask), dtype=bool)
-    for run in run_slices(mask):
-        if mask[run.start] and run.stop - run.start >= least:
-            inner[run.start + margin : run.stop - margin] = True
-    return inner
+    columns = [load_of(unit, g, w, a, products, lever) for unit in np.eye(13)]
+    return np.stack(columns, axis=2)
 
 
 @dataclass(slots=True, eq=False)
@@ -102,7 +96,7 @@ class _Drift:
     ties: list[Floats]
 
     @classmethod
-    def of(cls, time: Floats, segment: NDArray[np.int64]) -> "_Drift":
+    def of(cls, time: Floats, segment: Integers) -> "_Drift":
         """Return the knots of a log, and separate ones after each zeroing."""
         spacing = max(KNOT, (time[-1] - time[0]) / MOST_KNOTS)
         columns = list[Floats]()
@@ -200,13 +194,11 @@ class _Linearization:
         """Return the weighted products of the columns, biases and residual of one axis."""
         residual = self.residual[:, axis, None]
         columns = np.hstack([self.jacobian[:, axis], self.columns, residual])
+        weighted = self.weight[:, axis, None] * columns
+        products = np.zeros((columns.shape[1],) * 2)
         # In chunks, because on a busy machine threads of BLAS wait for each other.
-        chunks = np.zeros((-(-len(columns) // CHUNK), CHUNK, columns.shape[1]))
-        weighted = np.zeros_like(chunks)
-        chunks.reshape(-1, columns.shape[1])[: len(columns)] = columns
-        rows = self.weight[:, axis, None] * columns
-        weighted.reshape(-1, columns.shape[1])[: len(columns)] = rows
-        products: Floats = (weighted.transpose(0, 2, 1) @ chunks).sum(axis=0)
+        for k in range(0, len(columns), CHUNK):
+            products += weighted[k : k + CHUNK].T @ columns[k : k + CHUNK]
         return products
 
     def _correct_blur(self, normal: Floats) -> tuple[Floats, Floats]:
@@ -314,9 +306,9 @@ def fit_payload(
     biases = np.tile(bias, (len(drift.knots), 1))
     allowed = blocks.tolerance(motion)
     # The inertia of a heavy tool, by arms that are not known yet, exceeds that.
-    accelerating = allowed - blocks.floor + ARMS * np.linalg.norm(motion[:, 6:9], axis=1)
+    accelerating = allowed - blocks.floor + ARMS * row_norms(motion[:, 6:9])
     inertia = max(mass - 1.0, 0.0) * accelerating
-    rest = np.linalg.norm(unloaded[:, :3] - consensus.bias, axis=1)
+    rest = row_norms(unloaded[:, :3] - consensus.bias)
     free = rest < 2.0 * (allowed + inertia)
     least = np.repeat([blocks.floor / math.sqrt(3.0), 0.02], 3)
     scale = np.maximum(1.0, least / blocks.noise)
@@ -365,24 +357,29 @@ def _residual_sizes(
     residual: Floats, sigma: Floats, slack: Floats | float
 ) -> tuple[Floats, Floats]:
     """Return the sizes of force and torque over the cut of Tukey's weight."""
-    force = np.linalg.norm(residual[:, :3] / sigma[:3], axis=1) / math.sqrt(3.0)
-    torque = np.linalg.norm(residual[:, 3:] / sigma[3:], axis=1) / math.sqrt(3.0)
+    force = row_norms(residual[:, :3] / sigma[:3]) / math.sqrt(3.0)
+    torque = row_norms(residual[:, 3:] / sigma[3:]) / math.sqrt(3.0)
     return force / CUT / slack, torque / (4.0 * CUT) / slack
 
 
 def _limit_move(move: Floats, fixed: Sequence[int]) -> Floats:
     """Return a move without the fixed parameters, of at most 0.3 rad and 30 ms."""
     move[list(fixed)] = 0.0
-    move[MOUNT] *= min(1.0, 0.3 / max(float(np.linalg.norm(move[MOUNT])), 1e-300))
+    move[MOUNT] *= min(1.0, 0.3 / max(norm(move[MOUNT]), 1e-300))
     move[CLOCK] = np.clip(move[CLOCK], -0.03, 0.03)
     return move
 
 
 def _free_runs(fitting: Mask, blocks: Blocks) -> Mask:
-    """Return the blocks that fit for long enough to be free air."""
+    """Return the runs of blocks that fit for long enough to be free air, without their ends."""
     span = float(np.median(blocks.duration))
     least, margin = (math.ceil(time / span - 1e-6) for time in (SHORTEST_FREE, MARGIN))
-    return open_runs(fitting, max(least, 3), max(margin, 1))
+    margin = max(margin, 1)
+    free = np.zeros(len(fitting), dtype=bool)
+    for run in true_runs(fitting):
+        if run.stop - run.start >= max(least, 3):
+            free[run.start + margin : run.stop - margin] = True
+    return free
 
 
 def _prior(

@@ -18,8 +18,12 @@ NO_TURN = math.radians(2.0)  # shifts 3 % of the weight from one axis to another
 # Force that depends on gravity otherwise than a weight: least fraction of it that is reported,
 # least spread of gravity over the largest, least size over the changes of the bias. 26 logs without
 # a fault have at most 0.5 % or 0.1; a gain or crosstalk of 2 % or a cable gives 0.6 % and 0.14.
-LEAST_DIFFERENCE, LEAST_SPREAD, BY_DRIFT = 5e-3, 0.1, 0.12
-UNKNOWN_MASS, LARGEST_SHARE = 1.0, 0.05  # kg of a tool at most; of the stiffness, without a word
+LEAST_DIFFERENCE = 5e-3
+LEAST_SPREAD = 0.1
+BY_DRIFT = 0.12
+# kg of a tool at most; of the stiffness, without a word
+UNKNOWN_MASS = 1.0
+LARGEST_SHARE = 0.05
 TURN_MORE = "turn the tool by 30° about two axes in free air, or pass --payload of a log that does"
 
 
@@ -43,8 +47,12 @@ def mark_payload(fit: PayloadFit, *, delay_given: bool) -> PayloadFit:
         findings.append(Check.PAYLOAD.finding(f"{problem}open", f"{remedy}on the material"))
     if fit.zeroed:
         times = ", ".join(f"{zeroing.time:.2f} s" for zeroing in fit.zeroed)
-        problem = f"the sensor was zeroed during the log, at {times}: palpate took the step out"
-        findings.append(Check.ZEROED.finding(problem, "zero the sensor before the log begins"))
+        findings.append(
+            Check.ZEROED.finding(
+                f"the sensor was zeroed during the log, at {times}: palpate took the step out",
+                "zero the sensor before the log begins",
+            )
+        )
     marked = replace(
         payload,
         mass_mark=mass,
@@ -83,16 +91,24 @@ def _report_misfit(fit: PayloadFit) -> list[Finding]:
             f"the force in free air fits the weight of the tool {fit.scatter:.1f} times worse than "
             "its noise explains"
         )
-        remedy = "move more slowly, or check that the z axis of the pose points up"
-        findings.append(Check.PAYLOAD.finding(problem, remedy, severity="with-care"))
+        findings.append(
+            Check.PAYLOAD.finding(
+                problem,
+                "move more slowly, or check that the z axis of the pose points up",
+                severity="with-care",
+            )
+        )
     newtons, share = _difference_from_weight(fit)
     if share > LEAST_DIFFERENCE:
         problem = (
             f"as the tool turns, the force in free air differs from its weight by {newtons:.2g} N, "
             f"{percent(share)} of it: a cable, or the gain or crosstalk of the sensor"
         )
-        remedy = "fix the cable to the tool, or calibrate the sensor"
-        findings.append(Check.PAYLOAD.finding(problem, remedy, mark="with-care"))
+        findings.append(
+            Check.PAYLOAD.finding(
+                problem, "fix the cable to the tool, or calibrate the sensor", mark="with-care"
+            )
+        )
     return findings
 
 

@@ -3,16 +3,17 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import noise_of
 from palpate.channels.frames import INVERSE, align_signs, interpolate_columns, multiply, rotate
 from palpate.recordings.units import GRAVITY
-from palpate.validation import Floats
+from palpate.rows import row_norms, typical_step
+from palpate.validation import Floats, Integers
 
 # A polynomial of degree 4 over 0.1 s passes an acceleration at 2.5 Hz to within 0.3 %; one of
 # degree 2 or 3 attenuates it by 9 %, which shifts the stiffness by 0.2 %.
-WINDOW, DEGREE = 0.1, 4
+WINDOW = 0.1
+DEGREE = 4
 MOST_SAMPLES = 50  # in a window
 
 
@@ -63,7 +64,7 @@ class FlangeMotion:
         interpolated: Floats = (1.0 - u) * self.values[k, :9] + u * self.values[k + 1, :9]
         return interpolated
 
-    def _place(self, time: Floats) -> tuple[NDArray[np.int64], Floats]:
+    def _place(self, time: Floats) -> tuple[Integers, Floats]:
         """Return the sample before each time, and the part of the step after it."""
         place = np.clip((time - self.start) / self.step, 0.0, len(self.values) - 1.000001)
         k = place.astype(np.int64)
@@ -85,7 +86,7 @@ def motion_of(
         Unit quaternions x, y, z, w.
     """
     pose = np.column_stack([position, align_signs(orientation)])
-    recorded_step = float(np.median(np.diff(time)))
+    recorded_step = typical_step(time)
     step = max(recorded_step, window / MOST_SAMPLES)
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step) + 1)
     if step > 1.5 * recorded_step:
@@ -124,7 +125,7 @@ def _motion(start: float, pose: Floats, half: int, step: float) -> FlangeMotion:
     down = np.array([0.0, 0.0, -1.0])
     g = rotate(GRAVITY * down - second[:, :3], inverse)
     products = [w * w, w[:, :1] * w[:, 1:], w[:, 1] * w[:, 2]]
-    sizes = [np.linalg.norm(slope[:, :3], axis=1) for slope in (first, second)]
+    sizes = [row_norms(slope[:, :3]) for slope in (first, second)]
     values = np.column_stack([g, w, a, *products, *sizes, rotate(down, inverse)])
     return FlangeMotion(start, step, values, _integrate(values))
 

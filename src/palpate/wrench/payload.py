@@ -20,14 +20,12 @@ from palpate.writing import as_toml, write_text
 VERSION = 1  # of the fields
 TENSOR = np.array([[0, 3, 4], [3, 1, 5], [4, 5, 2]])  # of xx, yy, zz, xy, xz, yz
 LARGEST = 1_000_000  # bytes; a payload has 2 kB, and 150 bytes for each knot of its drift
-#: Shapes of the arrays; −1 is the number of knots of the drift.
-_SHAPES = {
-    "centre": (3,), "mount": (3, 3), "bias": (6,), "inertia": (6,), "lever": (3,),
-    "bias_times": (-1,), "bias_changes": (-1, 6), "centre_error": (3,), "mount_error": (3,),
-    "lever_error": (3,), "bias_error": (6,), "inertia_error": (6,),
-}  # fmt: skip
 _ERRORS = ("_error", "turn", "share", "free_time")  # ends of the names of what may be unknown
 _MARKS = ("mass_mark", "mount_mark", "delay_mark")
+
+
+def _unknown_vector() -> Floats:
+    return np.full(3, math.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,9 +99,9 @@ class Payload:
     bias_times: Floats = field(default_factory=lambda: np.zeros(0))
     bias_changes: Floats = field(default_factory=lambda: np.zeros((0, 6)))
     mass_error: float = math.nan
-    centre_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
-    mount_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
-    lever_error: Floats = field(default_factory=lambda: np.full(3, math.nan))
+    centre_error: Floats = field(default_factory=_unknown_vector)
+    mount_error: Floats = field(default_factory=_unknown_vector)
+    lever_error: Floats = field(default_factory=_unknown_vector)
     bias_error: Floats = field(default_factory=lambda: np.full(6, math.nan))
     inertia_error: Floats | None = None
     delay_error: float = math.nan
@@ -305,13 +303,18 @@ def _parse_field(name: str, value: Any) -> Any:
         return MARKS[MARKS.index(value)]
     if name in ("version", "axes"):
         return int(value)
-    shape = _SHAPES.get(name, ())
+    shape = np.shape(getattr(_TEMPLATE, name))
     array = np.array(value, dtype=np.float64)
     if name == "bias_changes" and array.size == 0:
         array = array.reshape(0, 6)
-    fits = len(array.shape) == len(shape) and all(
-        length in (-1, size) for length, size in zip(shape, array.shape, strict=True)
-    )
+    any_length = 0 in shape and array.ndim == len(shape) and array.shape[1:] == shape[1:]
+    fits = array.shape == shape or any_length
     if not fits or not (name.endswith(_ERRORS) or np.isfinite(array).all()):
         raise ValueError
     return array if shape else float(array)
+
+
+#: A payload of arrays with their shapes; 0 is any length.
+_TEMPLATE = Payload(
+    0.0, np.zeros(3), np.eye(3), np.zeros(6), np.zeros(6), inertia_error=np.zeros(6)
+)

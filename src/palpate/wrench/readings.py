@@ -4,22 +4,19 @@ In free air the force of the right reading is the weight of the tool, m Qᵀ g +
 noise; that of a wrong reading is newtons off.
 """
 
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.contact import Delay
-from palpate.errors import RecordingError
-from palpate.findings import Check, Finding
 from palpate.recordings.units import GRAVITY
+from palpate.rows import row_norms
 from palpate.settings import ForceFrame
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 from palpate.wrench.consensus import (
     Blocks,
     Consensus,
-    Mask,
     blocks_of,
     fit_weight,
     largest_consensus,
@@ -30,8 +27,11 @@ from palpate.wrench.payload import Payload
 
 SECOND_BEST = 1.5  # times what the best reading leaves; a reading that leaves less may be right
 # Share of the log in free air; a smaller one fits by chance, up to so many times better.
-ENOUGH, BY_CHANCE = 0.2, 5.0
-FREE, FARTHEST = 3.0, 10.0  # tolerances: of free air, and the largest that counts
+ENOUGH = 0.2
+BY_CHANCE = 5.0
+# tolerances: of free air, and the largest that counts
+FREE = 3.0
+FARTHEST = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,13 +72,6 @@ def possible_readings(
     return base + tool if default == "base" else tool + base
 
 
-def states_order(orientation: Sequence[str], option: str | None) -> bool:
-    """Whether the order of four channels is stated: by an option, or by their letters x to w."""
-    pairs = zip(orientation[-1], orientation[0], strict=False)
-    differing = [last for last, first in pairs if last != first]
-    return "," in (option or "") or "".join(differing).lower() == "w"
-
-
 def fitting_readings(
     motions: Mapping[Reading, FlangeMotion],
     time: Floats,
@@ -110,10 +103,10 @@ def fitting_readings(
         fits[reading] = largest_consensus(blocks, known, delay)
     # As of the consensus, but one for all: a flange that does not turn would have a smaller one.
     moving = np.array([blocks.motion_before(0.0) for blocks in logs.values()])
-    turning = np.linalg.norm(moving[:, :, 3:6], axis=2).max(axis=0)
+    turning = row_norms(moving[:, :, 3:6]).max(axis=0)
     tolerance = blocks.floor + 0.02 * GRAVITY * turning + 0.05 * moving[0, :, 16]
     sizes = {
-        reading: np.linalg.norm(consensus.residual(logs[reading]), axis=1) / tolerance
+        reading: row_norms(consensus.residual(logs[reading])) / tolerance
         for reading, consensus in fits.items()
     }
     best = min(sizes, key=lambda reading: float(np.minimum(sizes[reading], FARTHEST).sum()))
@@ -141,51 +134,3 @@ def _residual_in(free: Mask, blocks: Blocks, delay: float, known: Payload | None
         load += (force - load).mean(axis=0)
     squares = np.square(force - load).sum(axis=1)
     return float(np.sqrt(squares.mean() + (blocks.floor / 3.0) ** 2))
-
-
-# Sentences on a choice, and the question where there is none.
-
-_FRAMES = {"tool": "the tool", "base": "the position"}
-
-
-def _describe_choice(evidence: str | None, choice: str) -> str:
-    return f"palpate assumes {choice}" if evidence is None else f"by the {evidence} it is {choice}"
-
-
-def report_frame(reading: Reading, evidence: str | None) -> Finding:
-    """Report the frame of the force, and the evidence for it."""
-    choice = _describe_choice(evidence, f"that of {_FRAMES[reading.frame]}")
-    remedy = "pass --force-frame base if the sensor does not"
-    if reading.frame == "base":
-        remedy = "pass --force-frame tool if the sensor rotates with the tool"
-    problem = f"the recording does not state the frame of the force; {choice}"
-    return Check.FORCE_FRAME.finding(problem, remedy)
-
-
-def report_order(reading: Reading, evidence: str | None, names: Sequence[str]) -> Finding:
-    """Report the order of the quaternion, and the evidence for it."""
-    choice = _describe_choice(evidence, "w, x, y, z" if reading.scalar_first else "x, y, z, w")
-    problem = f"the recording does not state the order of {', '.join(names)}; {choice}"
-    option = _option_of(names, scalar_first=reading.scalar_first)
-    return Check.ORIENTATION.finding(problem, f"pass {option} to confirm")
-
-
-def _option_of(names: Sequence[str], *, scalar_first: bool) -> str:
-    ordered = (*names[1:], names[0]) if scalar_first else names
-    return f"--orientation {shlex.quote(','.join(ordered))}"
-
-
-def frame_in_doubt(source: str) -> RecordingError:
-    """Return the error for a force whose frame cannot be found."""
-    problem = "the recording does not state the frame of the force, and neither free air nor "
-    remedy = "pass --force-frame tool if the sensor rotates with the tool, else --force-frame base"
-    return RecordingError.of(source, f"{problem}contact decides; {remedy}")
-
-
-def order_in_doubt(source: str, names: Sequence[str]) -> RecordingError:
-    """Return the error for quaternions whose order cannot be found."""
-    problem = f"the recording does not state the order of {', '.join(names)}, and neither free air "
-    scalar_last = _option_of(names, scalar_first=False)
-    scalar_first = _option_of(names, scalar_first=True)
-    remedy = f"pass {scalar_last} for x, y, z, w, or {scalar_first} for w, x, y, z"
-    return RecordingError.of(source, f"{problem}nor contact decides; {remedy}")

@@ -29,7 +29,9 @@ from palpate.wrench.zeroing import Zeroing, remove_zeroings
 # s of the filter of the motion in free air, against the noise of the pose. A tool that does not
 # turn has the shorter one: its mass is told by an acceleration that the filter attenuates.
 SLOW = 0.14
-LEAST_FREE, LEAST_FREE_TIME = 0.05, 1.0  # fraction of the log, s
+# fraction of the log, s
+LEAST_FREE = 0.05
+LEAST_FREE_TIME = 1.0
 UNKNOWN_TOOL = Payload(0.0, np.zeros(3), np.eye(3), np.zeros(6))
 TOOL_ERRORS = "mass_error", "centre_error", "mount_error", "lever_error"
 

@@ -7,13 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from palpate._core import noise_of
-from palpate.contact import Delay, run_slices
+from palpate.contact import Delay
+from palpate.rows import norm, row_norms, true_runs, typical_step
 from palpate.validation import Floats
 from palpate.wrench.consensus import Blocks, blocks_of, largest_consensus
 from palpate.wrench.payload import Payload
 
-STEP_WINDOW, STEP_GAP = 0.01, 2  # s of a mean on either side, and samples between the two
-STEP_NOISES, LEAST_STEP = 12.0, 0.2  # of the step: standard errors, N
+# s of a mean on either side, and samples between the two
+STEP_WINDOW = 0.01
+STEP_GAP = 2
+# of the step: standard errors, N
+STEP_NOISES = 12.0
+LEAST_STEP = 0.2
 AFTER_STEP = 0.5  # fraction of the force before that may be left after
 EXPLAINED = 0.985  # cost of the consensus without the step, over that with it
 MOST_ZEROINGS = 3
@@ -29,7 +34,7 @@ class Zeroing:
     @property
     def size(self) -> float:
         """Size of the step of the force, N."""
-        return float(np.linalg.norm(self.step[:3]))
+        return norm(self.step[:3])
 
 
 def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
@@ -38,7 +43,7 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
     The step is between lines through the means before and after, so that a force that grows is
     none.
     """
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     size = max(round(STEP_WINDOW / step), 3)
     reach = 2 * size + STEP_GAP
     if len(time) < 2 * reach + 2:
@@ -59,14 +64,13 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
     leaving = next_mean - ahead * (mean(STEP_GAP + size) - next_mean)
     steps = leaving - arriving
     noise = np.array([noise_of(column) for column in finite.T]) * math.sqrt(2.0 * 5.0 / size)
-    force = np.linalg.norm(steps[:, :3], axis=1)
-    large = force > np.maximum(STEP_NOISES * np.linalg.norm(noise[:3]), LEAST_STEP)
-    large &= np.linalg.norm(leaving[:, :3], axis=1) < AFTER_STEP * force
+    force = row_norms(steps[:, :3])
+    large = force > np.maximum(STEP_NOISES * norm(noise[:3]), LEAST_STEP)
+    large &= row_norms(leaving[:, :3]) < AFTER_STEP * force
     zeroings = list[Zeroing]()
-    for run in run_slices(large):
-        if large[run.start]:
-            k = run.start + int(np.argmax(force[run]))
-            zeroings.append(Zeroing(float(time[middle[k]]), steps[k]))
+    for run in true_runs(large):
+        k = run.start + int(np.argmax(force[run]))
+        zeroings.append(Zeroing(float(time[middle[k]]), steps[k]))
     largest = sorted(zeroings, key=lambda zeroing: -zeroing.size)[:MOST_ZEROINGS]
     return sorted(largest, key=lambda zeroing: zeroing.time)
 
@@ -74,7 +78,7 @@ def find_zeroings(time: Floats, wrench: Floats) -> list[Zeroing]:
 def without_zeroings(time: Floats, wrench: Floats, zeroed: Sequence[Zeroing]) -> Floats:
     """Return the wrench without the steps; unknown next to them."""
     wrench = wrench.copy()
-    reach = (STEP_GAP + 0.5) * float(np.median(np.diff(time)))
+    reach = (STEP_GAP + 0.5) * typical_step(time)
     for zeroing in zeroed:
         wrench[time >= zeroing.time] -= zeroing.step[: wrench.shape[1]]
         wrench[np.abs(time - zeroing.time) < reach] = np.nan

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimators.least_squares import nonnegative
+from palpate.estimators.least_squares import least_squares, nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -20,7 +20,6 @@ GOOD_ENOUGH = 0.25
 MOST_SPHERES = 8
 # Most samples for a fit; more do not change its second digit.
 _MOST_SAMPLES = 1000
-_MOST_STEPS = 60
 #: Rounding error, m, of differences between positions of some centimetres.
 ROUNDING = 1e-15
 
@@ -131,50 +130,25 @@ def _spread(x: Floats, exponent: float, count: int) -> Floats:
 def _springs(
     x: Floats, weight: Floats, wanted: Floats, gaps: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Return gaps, stiffnesses, and the error in %, by damped Gauss–Newton on the gaps.
+    """Return gaps, stiffnesses, and the error in %, by least squares of the gaps.
 
-    The stiffnesses follow from the gaps (variable projection, with Kaufman's gradient).
+    The stiffnesses follow from the gaps (variable projection, with Kaufman's gradient); the first
+    gap stays 0.
     """
     target = weight * wanted
-    stiffness, left = _stiffnesses(x, weight, target, gaps)
-    damping, cost = 1e-3, float(left @ left)
-    for _ in range(_MOST_STEPS if gaps.size > 1 else 0):
-        new = _step_gaps(x, weight, gaps, stiffness, left, damping)
-        new_stiffness, new_left = _stiffnesses(x, weight, target, new)
-        new_cost = float(new_left @ new_left)
-        if new_cost >= cost:
-            damping *= 4.0
-            if damping > 1e6:
-                break
-            continue
-        settled = cost - new_cost < 1e-6 * cost
-        gaps, stiffness, left, cost = new, new_stiffness, new_left, new_cost
-        damping = max(damping / 5.0, 1e-9)
-        if settled:
-            break
+    column = weight[:, None]
+
+    def model(others: Floats) -> tuple[Floats, Floats]:
+        """Residual and gradient of the force by all gaps but the first."""
+        depths = x[:, None] - np.concatenate([[0.0], others])
+        ramps = np.maximum(depths, 0.0) * column
+        stiffness = _not_negative(ramps, target)
+        slopes = (-1.0 * (depths > 0.0) * stiffness * column)[:, 1:]
+        basis = np.linalg.qr(ramps)[0]
+        return target - ramps @ stiffness, slopes - basis @ (basis.T @ slopes)
+
+    fit = least_squares(model, gaps[1:], (0.0, 0.999 * float(x.max())), enough=1e-6)
+    gaps = np.concatenate([[0.0], np.sort(fit.parameters)])
+    stiffness = _not_negative(np.maximum(x[:, None] - gaps, 0.0) * column, target)
+    cost = float(fit.residual @ fit.residual)
     return gaps, stiffness, 100.0 * (cost / float(target @ target)) ** 0.5
-
-
-def _stiffnesses(x: Floats, weight: Floats, target: Floats, gaps: Floats) -> tuple[Floats, Floats]:
-    """Return the best stiffnesses for these gaps, and the residuals."""
-    ramps = np.maximum(x[:, None] - gaps, 0.0) * weight[:, None]
-    stiffness = _not_negative(ramps, target)
-    return stiffness, target - ramps @ stiffness
-
-
-def _step_gaps(
-    x: Floats, weight: Floats, gaps: Floats, stiffness: Floats, left: Floats, damping: float
-) -> Floats:
-    """Return the gaps after a step; the first stays 0."""
-    beyond = x[:, None] > gaps
-    ramps = np.maximum(x[:, None] - gaps, 0.0) * weight[:, None]
-    slopes = (-1.0 * beyond * stiffness * weight[:, None])[:, 1:]
-    basis = np.linalg.qr(ramps)[0]
-    slopes = slopes - basis @ (basis.T @ slopes)
-    curvature = slopes.T @ slopes
-    scale = np.diag(curvature)
-    curvature = curvature + np.diag(damping * scale + 1e-12 * scale.max() + 1e-300)
-    step = np.linalg.solve(curvature, slopes.T @ left)
-    deepest = float(x.max())
-    new = np.sort(np.clip(gaps[1:] + step, 0.0, 0.999 * deepest))
-    return np.concatenate([[0.0], new])

@@ -1,15 +1,19 @@
-"""The tip of a tool that turns: the pose of a flange, or of a sensor, is not that of the tip."""
+"""The orientation of the tool: the order of its quaternion, its turns, and where the tip is."""
 
 import math
+import shlex
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.channels.frames import align_signs
-from palpate.contact import Contact, run_slices
+from palpate.contact import Contact
+from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.surface import find_presses
-from palpate.validation import Floats
+from palpate.rows import finite_rows, row_norms, true_runs
+from palpate.validation import Floats, Mask
+from palpate.wrench.readings import Reading
 
 FIRM = 0.1  # fraction of the largest force; an episode with less force is free air
 UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across and 0.06 mm along
@@ -18,10 +22,52 @@ UPRIGHT = math.radians(2.0)  # moves a tip that is 10 cm away by 3.5 mm across a
 LARGEST_TURN = math.radians(2.0)
 
 
+# The order of a quaternion.
+
+
+def states_order(orientation: Sequence[str], option: str | None) -> bool:
+    """Whether the order of four channels is stated: by an option, or by their letters x to w."""
+    pairs = zip(orientation[-1], orientation[0], strict=False)
+    differing = [last for last, first in pairs if last != first]
+    return "," in (option or "") or "".join(differing).lower() == "w"
+
+
+def report_order(reading: Reading, evidence: str | None, names: Sequence[str]) -> Finding:
+    """Report the order of the quaternion, and the evidence for it."""
+    choice = describe_choice(evidence, "w, x, y, z" if reading.scalar_first else "x, y, z, w")
+    option = _option_of(names, scalar_first=reading.scalar_first)
+    return Check.ORIENTATION.finding(
+        f"the recording does not state the order of {', '.join(names)}; {choice}",
+        f"pass {option} to confirm",
+    )
+
+
+def describe_choice(evidence: str | None, choice: str) -> str:
+    """Describe a choice and the evidence for it."""
+    return f"palpate assumes {choice}" if evidence is None else f"by the {evidence} it is {choice}"
+
+
+def _option_of(names: Sequence[str], *, scalar_first: bool) -> str:
+    ordered = (*names[1:], names[0]) if scalar_first else names
+    return f"--orientation {shlex.quote(','.join(ordered))}"
+
+
+def order_in_doubt(source: str, names: Sequence[str]) -> RecordingError:
+    """Return the error for quaternions whose order cannot be found."""
+    problem = f"the recording does not state the order of {', '.join(names)}, and neither free air "
+    scalar_last = _option_of(names, scalar_first=False)
+    scalar_first = _option_of(names, scalar_first=True)
+    remedy = f"pass {scalar_last} for x, y, z, w, or {scalar_first} for w, x, y, z"
+    return RecordingError.of(source, f"{problem}nor contact decides; {remedy}")
+
+
+# A tool that turns: the pose of a flange, or of a sensor, is not that of the tip.
+
+
 def largest_turn(orientation: Floats) -> float:
     """Return the largest angle between the orientation and its value halfway, rad."""
-    finite = orientation[np.isfinite(orientation).all(axis=1)]
-    length = np.linalg.norm(finite, axis=1)
+    finite = orientation[finite_rows(orientation)]
+    length = row_norms(finite)
     unit = finite[length > 0.0] / length[length > 0.0, None]
     if not len(unit):
         return 0.0
@@ -39,17 +85,25 @@ def report_turning_weight(orientation: Floats, weight: float | None) -> list[Fin
         f"the orientation changes by {math.degrees(angle):.0f}°, which changes the tool's weight "
         "along each axis of the sensor, and --tool-weight is missing"
     )
-    remedy = "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation"
-    return [Check.ORIENTATION.finding(problem, remedy, mark="with-care")]
+    return [
+        Check.ORIENTATION.finding(
+            problem,
+            "pass the weight of the tool, such as --tool-weight 1.2N, or keep its orientation",
+            mark="with-care",
+        )
+    ]
 
 
 def report_unknown_tip(problem: str, mark: Mark = "trust") -> Finding:
     """Report that the pose is not that of the tip."""
-    remedy = "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose"
-    return Check.ORIENTATION.finding(problem, remedy, mark=mark)
+    return Check.ORIENTATION.finding(
+        problem,
+        "pass --tip-offset x,y,z, from the pose to the tip in its axes, or record its pose",
+        mark=mark,
+    )
 
 
-def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
+def find_upright(force: Floats, orientation: Floats) -> Mask:
     """Find the runs around each touch in which the tool has the orientation of the touch.
 
     Parameters
@@ -70,12 +124,12 @@ def find_upright(force: Floats, orientation: Floats) -> NDArray[np.bool_]:
     nearest = np.where(is_closer, touches[following], touches[previous])
     nearest[pressing] = touches
     upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
-    for run in run_slices(upright):
-        upright[run] &= pressing[run].any()
+    for run in true_runs(upright.copy()):
+        upright[run] = pressing[run].any()
     return upright
 
 
-def find_firm_presses(force: Floats) -> NDArray[np.bool_]:
+def find_firm_presses(force: Floats) -> Mask:
     """Find the presses above a tenth of the largest force."""
     peak = float(np.nanpercentile(force, 99.0))
     return find_presses(np.nan_to_num(force), FIRM * peak, peak)
@@ -83,18 +137,18 @@ def find_firm_presses(force: Floats) -> NDArray[np.bool_]:
 
 def _angle_between(a: Floats, b: Floats) -> Floats:
     """Return the angles of the rotations between quaternions, rad."""
-    lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
+    lengths = row_norms(a) * row_norms(b)
     cosine = np.abs((a * b).sum(axis=-1)) / lengths
     angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))
     return angle
 
 
-def report_turn(force: Floats, orientation: Floats, upright: NDArray[np.bool_]) -> list[Finding]:
+def report_turn(force: Floats, orientation: Floats, upright: Mask) -> list[Finding]:
     """Report a tool that turns in contact: the depth of the flange is not that of the tip."""
     pressing = find_firm_presses(force)
     angle = 0.0
-    for run in run_slices(upright):
-        if upright[run.start] and pressing[run].any():
+    for run in true_runs(upright):
+        if pressing[run].any():
             turns = align_signs(orientation[run][pressing[run]])
             angle = max(angle, float(_angle_between(turns, turns.mean(axis=0)).max()))
     if angle <= UPRIGHT:
