@@ -88,7 +88,7 @@ class Check(StrEnum):
     ADHESION = "adhesion", "material", CAPS
     PULL_OFF = "pull-off", "material", TIMELESS
     CHANGE = "change", "material", CAPS
-    GAIN_DRIFT = "gain drift", "material"
+    SLOW_CHANGE = "slow change", "material"
     MEMORY = "memory", "material"
     RELAXED_STIFFNESS = "relaxed stiffness", "material"
     UNKNOWN_LAW = "unknown law", "material", CAPS | TIMELESS
@@ -183,6 +183,8 @@ class Check(StrEnum):
         return repr(self.value)
 
 
+#: The remedy of a motion that does not show how the force depends on the speed.
+VARY_SPEED = "press and release several times, at different speeds"
 CHECKS_BY_ID: Mapping[str, Check] = {check.value: check for check in Check}
 #: Checks whose findings may lower a mark below the one that the error bars give.
 MAY_CAP = frozenset(check for check in Check if check.may_cap)

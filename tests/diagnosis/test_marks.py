@@ -163,10 +163,10 @@ def test_what_no_recording_can_show_is_told_from_the_law():
 
 def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_better():
     """Unseen 1.3 √π p; found all of it; excluded to s ≪ p less than s."""
-    prior = NUISANCES[Check.GAIN_DRIFT]
+    prior = NUISANCES[Check.SLOW_CHANGE]
 
     def left(amount: float, error: float) -> float:
-        return amount * remaining_part(None, Check.GAIN_DRIFT, amount, amount / error)
+        return amount * remaining_part(None, Check.SLOW_CHANGE, amount, amount / error)
 
     unseen = FACTOR * math.sqrt(prior.odds) * prior.width
     assert left(prior.width, 100.0 * prior.width) == pytest.approx(unseen, rel=0.01)

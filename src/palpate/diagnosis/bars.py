@@ -23,7 +23,7 @@ from palpate.diagnosis.misfit import exact_remedy, smooth_misfit
 from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, with_error
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import VARY_SPEED, Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
 from palpate.validation import Floats
 
@@ -108,11 +108,11 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(spread, "since other laws fit as well", OTHER_SPEEDS)
+        yield BarPart(spread, "since other laws fit as well", VARY_SPEED)
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
             reason = "by the choice of the relaxation times"
-            yield BarPart(SPECTRUM * by_noise, reason, OTHER_SPEEDS)
+            yield BarPart(SPECTRUM * by_noise, reason, VARY_SPEED)
     distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
@@ -123,11 +123,10 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
 
 # Steps of an encoder shift whole touches, which no longer recording averages out.
 ROUNDING = 0.5
-OTHER_SPEEDS = "press and release several times, at different speeds"
 FINER = "record the position in finer steps"
 MOVE_MORE = "move faster and over a wider range of depths"
 #: Causes that multiply force, stiffness and damping.
-FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
+FACTORS = (Check.SENSOR_GAIN, Check.SLOW_CHANGE, Check.CHANGE)
 
 
 def systematic_errors(

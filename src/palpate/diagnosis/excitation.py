@@ -5,7 +5,7 @@ import numpy as np
 from palpate.diagnosis.fit import Fit
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.law_verdicts import ONE_WAY, one_speed, one_way
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import VARY_SPEED, Check, Finding, Mark
 
 FEWEST_SAMPLES = 60
 # A probe is held below the first fraction of its rms speed and beyond the second of its depth, for
@@ -23,7 +23,7 @@ def explain_no_check(fit: Fit) -> Finding:
     """Report why the law cannot be checked: too few samples, or too little motion."""
     return check_excitation(fit) or Check.EXCITATION.finding(
         "the motion varies too little to check the law",
-        "move the probe in and out at several speeds",
+        VARY_SPEED,
         mark="do-not-trust",
     )
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate._core import EstimateValue, Status
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import Check, Finding
+from palpate.findings import VARY_SPEED, Check, Finding
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
@@ -20,9 +20,7 @@ ADVICE = {
         "exponent not identifiable from this motion",
         "alternate between shallow and deep penetrations",
     ),
-    2: Check.DAMPING.finding(
-        "damping not identifiable", "press and release several times, at different speeds"
-    ),
+    2: Check.DAMPING.finding("damping not identifiable", VARY_SPEED),
     4: Check.EXPONENT_RANGE.finding(
         "exponent at the edge of its range", "check that the penetration is 0 at the surface"
     ),

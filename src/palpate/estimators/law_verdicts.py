@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import VARY_SPEED, Check, Finding, Mark
 from palpate.validation import Plain, finite_or_none, or_nan
 
 # In the order of the compiled enumerations.
@@ -288,7 +288,7 @@ def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
     return Check.ONE_WAY.finding(
         "the probe moves one way at nearly one speed: only the shape of the law separates "
         "stiffness, damping and relaxation, which the error bars do not include",
-        "press and release, at several speeds",
+        VARY_SPEED,
         stiffness=stiffness,
         damping=damping,
         brief="the probe moves one way",
@@ -300,7 +300,7 @@ def one_speed(speed: str) -> Finding:
     return Check.ONE_WAY.finding(
         f"the probe moves one way at nearly one speed: the stiffness holds at {speed}, and the "
         "damping is part of it",
-        "for the damping, press and release, at several speeds",
+        f"for the damping, {VARY_SPEED}",
         damping="do-not-trust",
         brief="the probe moves one way at nearly one speed",
     )
@@ -319,7 +319,7 @@ def _law_findings(evidence: Evidence, model_ranking: tuple[RankedModel, ...]) ->
         yield Check.WHICH_LAW.finding(
             f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "
             "only if this law is the right one",
-            "press and release several times, at different speeds",
+            VARY_SPEED,
         )
     ranked = {each.candidate for each in model_ranking}
     if any(each.memory != "none" and each not in ranked for each in evidence.laws):

@@ -7,7 +7,7 @@ from palpate.diagnosis.causes import CARE
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.variable_projection import EXPONENTS, solve_in_box
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import VARY_SPEED, Check, Finding, Mark
 from palpate.force_laws import HuntCrossley
 
 # Relative change of the stiffness above which the estimate is not trusted; chosen by hand.
@@ -53,7 +53,7 @@ def _finding(least_squares: HuntCrossley, bounded: HuntCrossley, depth: float) -
         "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
         f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
         f"prior n is {least_squares.n:.2f} and B {sign}",
-        "press and release, at several speeds; without the prior: --no-weak-prior",
+        f"{VARY_SPEED}; without the prior: --no-weak-prior",
         stiffness="do-not-trust" if abs(moved) > STOP else mark,
         damping="do-not-trust",
         moves_percent=(100.0 * moved, math.nan),
