@@ -23,12 +23,13 @@ def recording_of_table(table: Any) -> Recording | None:
         return None
     if {"penetration", "force"} <= columns.keys():
         columns = {name: columns[name] for name in _OWN if name in columns}
-    arrays, units = {}, {}
-    for name, (column, unit) in columns.items():
-        plain, own = _without_unit(column)
-        arrays[name] = _array(plain)
-        if unit or own:
-            units[name] = str(unit or own)
+    arrays = {}
+    units = {}
+    for name, (column, stated_unit) in columns.items():
+        numbers, pint_unit = _without_unit(column)
+        arrays[name] = _array(numbers)
+        if unit := stated_unit or pint_unit:
+            units[name] = str(unit)
     return Recording(arrays, units=units)
 
 
@@ -49,10 +50,11 @@ def _columns(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
 
 
 def _columns_of_xarray(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
-    [along] = {each.dims for each in table.data_vars.values() if each.ndim == 1}
-    for name, each in {**table.coords, **table.data_vars}.items():
-        if each.dims == along:
-            yield name, each.to_numpy(), each.attrs.get("units", each.attrs.get("unit"))
+    [along] = {variable.dims for variable in table.data_vars.values() if variable.ndim == 1}
+    for name, variable in {**table.coords, **table.data_vars}.items():
+        if variable.dims == along:
+            unit = variable.attrs.get("units", variable.attrs.get("unit"))
+            yield name, variable.to_numpy(), unit
 
 
 def _columns_of_arrow(table: Any) -> Iterator[tuple[Any, Any, str | None]]:
@@ -84,7 +86,7 @@ def _without_unit(column: Any) -> tuple[Any, str | None]:
 def _array(column: Any) -> Values:
     values: Values = np.asanyarray(column)
     if values.dtype.kind in "OU" and len(values) and isinstance(values[0], str):
-        times = [iso_nanoseconds(str(each)) for each in values]
+        times = [iso_nanoseconds(str(value)) for value in values]
         if None not in times:
             return past_midnight(np.array(times, np.int64)).astype("m8[ns]")
     if values.dtype == object and hasattr(column, "isna"):  # pandas' NA is not a number
