@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import numpy as np
 from rich.filesize import decimal as format_bytes
@@ -52,8 +52,14 @@ class Other:
     kind: str
 
 
-#: An element: its type, and where its data begin and end.
-Element = tuple[int, int, int]
+class Element(NamedTuple):
+    """An element: its type, and where its data begin and end."""
+
+    kind: int
+    start: int
+    stop: int
+
+
 #: The value of a variable; of an array of structs the fields of each.
 Value = Values | list[dict[str, Any]] | Other | str
 
@@ -171,16 +177,16 @@ class _Matrix:
 
     def variable(self) -> tuple[str, Value]:
         """Return the name and the value."""
-        kind, start, stop = next(self._elements(0, len(self.content)))
-        if kind != _MATRIX:
+        element = next(self._elements(0, len(self.content)))
+        if element.kind != _MATRIX:
             raise _WrongError("it is not a variable")
-        return self._matrix(start, stop, 0)
+        return self._matrix(element, 0)
 
     def _int(self, start: int) -> int:
         return int.from_bytes(self.content[start : start + 4], self.order)
 
-    def _text(self, start: int, stop: int) -> str:
-        return self.content[start:stop].partition(b"\0")[0].decode("latin-1")
+    def _text(self, element: Element) -> str:
+        return self.content[element.start : element.stop].partition(b"\0")[0].decode("latin-1")
 
     def _elements(self, start: int, end: int) -> Iterator[Element]:
         """Yield the elements in order; raise if the next one is missing."""
@@ -192,7 +198,7 @@ class _Matrix:
                 kind &= 0xFFFF
                 if length > 4:
                     raise _WrongError("the tag of a small element is wrong")
-                yield kind, start + 4, start + 4 + length
+                yield Element(kind, start + 4, start + 4 + length)
                 start += 8
                 continue
             length = self._int(start + 4)
@@ -201,32 +207,32 @@ class _Matrix:
                 raise _WrongError(
                     f"it states {format_bytes(length)} but has {format_bytes(end - start)}"
                 )
-            yield kind, start, start + length
+            yield Element(kind, start, start + length)
             padded = length if kind == _MATRIX else -(-length // 8) * 8
             start = min(start + padded, end)
 
-    def _matrix(self, start: int, end: int, depth: int) -> tuple[str, Value]:
-        if start == end:  # what MATLAB writes for []
+    def _matrix(self, matrix: Element, depth: int) -> tuple[str, Value]:
+        if matrix.start == matrix.stop:  # what MATLAB writes for []
             return "", np.empty((0, 0))
         if depth > _DEEPEST:
             raise _WrongError("it is nested too deeply")
-        elements = self._elements(start, end)
-        flags = self._int(next(elements)[1])
+        elements = self._elements(matrix.start, matrix.stop)
+        flags = self._int(next(elements).start)
         kind = flags & 0xFF
         if kind == _OPAQUE:  # the names of the variable, the system and the class
-            name, _, class_name = (self._text(*next(elements)[1:]) for _ in range(3))
+            name, _, class_name = (self._text(next(elements)) for _ in range(3))
             return name, Other(class_name)
         _, begin, stop = next(elements)
         sizes = tuple(self._int(k) for k in range(begin, stop - 3, 4))
-        name = self._text(*next(elements)[1:])
+        name = self._text(next(elements))
         if kind in _CLASSES:
             return name, self._numbers(flags, sizes, next(elements))
         if kind == _CHAR:
             return name, Other("char") if sizes[:1] > (1,) else self._chars(next(elements))
         if kind == _OBJECT:
-            return name, Other(self._text(*next(elements)[1:]))
+            return name, Other(self._text(next(elements)))
         if kind == _STRUCT:
-            return name, self._struct(math.prod(sizes), elements, end, depth)
+            return name, self._struct(math.prod(sizes), elements, matrix.stop, depth)
         if kind not in _OTHERS:
             raise _WrongError(f"its class {kind} does not exist in MATLAB")
         return name, Other(_OTHERS[kind])
@@ -253,11 +259,11 @@ class _Matrix:
         return self.content[start:stop].decode(encoding, "replace")
 
     def _struct(self, count: int, elements: Iterator[Element], end: int, depth: int) -> Value:
-        longest = self._int(next(elements)[1])
+        longest = self._int(next(elements).start)
         _, start, stop = next(elements)
         if not longest or (stop - start) % longest:
             raise _WrongError("the names of its fields are damaged")
-        fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
+        fields = [self._text(Element(_CHAR, k, k + longest)) for k in range(start, stop, longest)]
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
             raise _WrongError(f"it states {count} structs in {format_bytes(end - stop)}")
         if count > OBJECTS:  # another kind of table: report only its size
@@ -265,6 +271,6 @@ class _Matrix:
         if len(fields) > _MOST_FIELDS:
             raise _WrongError(f"a struct of {len(fields)} fields is not a time series")
         return [
-            {name: self._matrix(*next(elements)[1:], depth + 1)[1] for name in fields}
+            {name: self._matrix(next(elements), depth + 1)[1] for name in fields}
             for _ in range(count)
         ]

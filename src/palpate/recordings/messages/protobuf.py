@@ -12,7 +12,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError
 
 from palpate.recordings.messages.layout import LONGEST_LIST, UndecodableError, one_line
-from palpate.recordings.messages.topic import ObjectTopic, Series
+from palpate.recordings.messages.topic import ObjectTopic, PathColumn, Series
 from palpate.recordings.opening import Request, first_line
 from palpate.validation import Integers, Values
 
@@ -51,7 +51,7 @@ class JsonTopic(ObjectTopic):
         columns = []
         for path in [path for path in cells if self.wants("", path)]:
             rows, values = zip(*cells[path], strict=True)
-            columns.append((path, np.array(rows), _column(values)))
+            columns.append(PathColumn(path, np.array(rows), _column(values)))
         self.keep("", series, columns, times)
 
     def _numbers(
@@ -174,7 +174,9 @@ class ProtobufTopic(ObjectTopic):
         series = self.series.get(name, Series())
         rows = series.count + np.arange(len(messages))
         columns = self._columns(messages, rows, "", series, without)
-        self.keep(name, series, [item for item in columns if self.wants(name, item[0])], times)
+        self.keep(
+            name, series, [column for column in columns if self.wants(name, column.path)], times
+        )
 
     def _columns(
         self,
@@ -183,7 +185,7 @@ class ProtobufTopic(ObjectTopic):
         path: str,
         series: Series,
         without: Any = None,
-    ) -> Iterator[tuple[str, Integers, Values]]:
+    ) -> Iterator[PathColumn]:
         """Each number of some messages: its path, the rows that have it, and the values."""
         kind = messages[0].DESCRIPTOR
         for field in kind.fields:
@@ -212,14 +214,15 @@ class ProtobufTopic(ObjectTopic):
 
     def _values(
         self, field: Any, values: Sequence[Any], rows: Integers, path: str, series: Series
-    ) -> Iterator[tuple[str, Integers, Values]]:
+    ) -> Iterator[PathColumn]:
         if not values:
             return
         if field.cpp_type in _DTYPES:
-            yield path, rows, np.array(values, _DTYPES[field.cpp_type])
+            yield PathColumn(path, rows, np.array(values, _DTYPES[field.cpp_type]))
         elif field.message_type is not None and field.message_type.full_name in _TIMES:
             series.times.add(path)
-            yield path, rows, np.array([v.seconds * 10**9 + v.nanos for v in values], np.int64)
+            times = [value.seconds * 10**9 + value.nanos for value in values]
+            yield PathColumn(path, rows, np.array(times, np.int64))
         elif field.message_type is not None:
             yield from self._columns(values, rows, path, series)
         elif field.name in _FRAMES:

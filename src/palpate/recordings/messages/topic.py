@@ -3,7 +3,7 @@
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import zstandard
@@ -82,9 +82,20 @@ class Series:
         return values, Faults(missing, int(np.argmax(absent)), "a message without this field")
 
 
-#: A column of numbers: its path, the rows that have it, and the values.
-PathColumn: TypeAlias = tuple[str, _Rows, Values]
-_Part: TypeAlias = tuple[Integers, Layout, Matrix]
+class PathColumn(NamedTuple):
+    """A column of numbers: its path, the rows that have it, and the values."""
+
+    path: str
+    rows: _Rows
+    values: Values
+
+
+class _Matched(NamedTuple):
+    """Messages of one layout: their indices in a block, and their bytes."""
+
+    which: Integers
+    layout: Layout
+    matrix: Matrix
 
 
 class Topic:
@@ -141,14 +152,14 @@ class Topic:
         self, name: str, series: Series, columns: Sequence[PathColumn], times: Integers
     ) -> None:
         """Add columns of some messages, unless they hold nothing but the time stamp."""
-        paths = {path for path, _, _ in columns}
+        paths = {column.path for column in columns}
         if paths <= {find_stamp(paths)}:
             return
-        self.request.reserve(sum(values.nbytes for _, _, values in columns) + times.nbytes)
+        self.request.reserve(sum(column.values.nbytes for column in columns) + times.nbytes)
         self.series[name] = series
         rows = slice(series.count, series.count + len(times))
-        for path, part, values in (*columns, (LOG_TIME, rows, times)):
-            series.columns[path].append((part, values))
+        for path, which, values in (*columns, (LOG_TIME, rows, times)):
+            series.columns[path].append((which, values))
         series.count += len(times)
 
 
@@ -203,7 +214,7 @@ class BinaryTopic(Topic):
         """Read messages."""
         if self._cdr and block.message(0).startswith(_ZSTD):  # ROS 2 can compress each message
             block = self._unpack_block(block)
-        matched: list[_Part] = []
+        matched: list[_Matched] = []
         for length in np.unique(block.lengths).tolist():
             matched += self._match(block, np.flatnonzero(block.lengths == length), length)
         if not self.omitted:
@@ -224,7 +235,7 @@ class BinaryTopic(Topic):
             times.append(time)
         return Block.joined(messages, times)
 
-    def _match(self, block: Block, which: Integers, length: int) -> Iterator[_Part]:
+    def _match(self, block: Block, which: Integers, length: int) -> Iterator[_Matched]:
         """Group messages of one length by layout: their indices, the layout, the bytes."""
         layouts = self._layouts.setdefault(length, [])
         # Parse the first message before copying, so that images are skipped without a copy.
@@ -249,10 +260,10 @@ class BinaryTopic(Topic):
             tried += 1
             same = layout.matches(matrix)
             if same.all():
-                yield which, layout, matrix
+                yield _Matched(which, layout, matrix)
                 return
             if same.any():
-                yield which[same], layout, matrix[same]
+                yield _Matched(which[same], layout, matrix[same])
                 which = which[~same]
                 matrix = matrix[~same]
 
@@ -285,7 +296,7 @@ class BinaryTopic(Topic):
             if set(entity.leaves) <= {stamp}:
                 entity.leaves.clear()
 
-    def _extend(self, matched: list[_Part], times: Integers) -> None:
+    def _extend(self, matched: list[_Matched], times: Integers) -> None:
         by_name: dict[str, list[tuple[Integers, Matrix, Entity]]] = defaultdict(list)
         for which, layout, matrix in matched:
             for entity in layout.entities:
@@ -309,5 +320,5 @@ class BinaryTopic(Topic):
                 for path, leaf in entity.leaves.items():
                     if isinstance(leaf, TimeAt):
                         series.times.add(path)
-                    columns.append((path, rows, leaf.read(matrix)))
+                    columns.append(PathColumn(path, rows, leaf.read(matrix)))
             self.keep(name, series, columns, times[indices[order]])
