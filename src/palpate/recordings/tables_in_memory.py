@@ -45,7 +45,8 @@ def _columns(table: Any) -> tuple[dict[Any, Any], Mapping[Any, Any]]:
     if isinstance(table, np.ndarray):
         return {name: table[name] for name in table.dtype.names or ()}, {}
     if isinstance(table, Sequence):
-        return {name: [row[name] for row in table] for name in table[0].keys()}, {}
+        names = table[0].keys()
+        return {name: [row[name] for row in table] for name in names}, {}
     columns = {name: table[name] for name in list(table.columns)}
     index = getattr(table, "index", None)
     # An index of pandas that has a name, or of times, is a column.
