@@ -227,8 +227,8 @@ def linear(t: Trial) -> None:
 _FORM = ("damping form", "shape", "delay", "misfit")
 #: Faults that the diagnosis looks for.
 KNOWN_MATERIAL_FAULTS: list[Fault] = [
-    *severities("change", change, 0.05, 0.1, 0.3, 1.0, names=("gain drift", "change")),
-    *severities("gain drift", softening, 0.05, 0.15, 0.4, names=("gain drift", "change")),
+    *severities("change", change, 0.05, 0.1, 0.3, 1.0, names=("slow change", "change")),
+    *severities("slow change", softening, 0.05, 0.15, 0.4, names=("slow change", "change")),
     *severities("memory, 0.1 s", relaxation, 0.1, 0.5, names=("memory",)),
     *severities("memory, 1 s", branches((1.0, 1.0)), 0.1, 0.5, names=("memory",)),
     *severities("friction", friction, 0.02, 0.05, 0.15, names=("friction",)),

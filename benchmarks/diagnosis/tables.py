@@ -30,7 +30,7 @@ working depth."""
 Rows = list[Row]
 Test = Callable[[Row], bool]
 DESCRIBED = ("ball", "sponge", "pvc", "inclusion")
-UNSTEADY = ("change", "gain drift")
+UNSTEADY = ("change", "slow change")
 COVERED = ("K", "B", "n", "S", "C")
 PROBES = {"ideal": "ideal probe", "robot": "robot"}
 

@@ -90,7 +90,7 @@ class Check(StrEnum):
     ADHESION = "adhesion", "material", CAPS
     PULL_OFF = "pull-off", "material", TIMELESS
     CHANGE = "change", "material", CAPS
-    GAIN_DRIFT = "gain drift", "material"
+    SLOW_CHANGE = "slow change", "material"
     MEMORY = "memory", "material"
     RELAXED_STIFFNESS = "relaxed stiffness", "material"
     UNKNOWN_LAW = "unknown law", "material", CAPS | TIMELESS

@@ -40,7 +40,6 @@ class Step(Enum):
     )
     KEEP_OUTLIERS = "if they are real, run again with --no-reject-outliers"
     TARE = "tare in free air: --tare {}"
-    WITHOUT_PRIOR = "press and release, at several speeds; without the prior: --no-weak-prior"
     WEIGH = "weigh what is beyond the sensor, and run again with --mass, such as --mass 20g"
     WORKING_DEPTH = "use the damping at the working depth only"
     # Another measurement at the rig.
@@ -65,8 +64,8 @@ class Step(Enum):
     STIFFER_PROBE = "move more slowly, or support the probe more stiffly"
     # Another recording.
     MOVE_MORE = "move faster and over a wider range of depths"
-    OTHER_SPEEDS = "press and release several times, at different speeds"
-    SEVERAL_SPEEDS = "move the probe in and out at several speeds"
+    VARY_SPEED = "press and release several times, at different speeds"
+    WITHOUT_PRIOR = f"{VARY_SPEED}; without the prior: --no-weak-prior"
     SEVERAL_PRESSES = "press several times"
     RELEASE = "press and release"
     APPROACH = "record the approach through free air"

@@ -338,8 +338,6 @@ REFUSED = {
     "lab ball -o . --seconds 90000": ["this is a folder"],
     "lab ball -o o.svg --picture o.svg --seconds 90000": ["two outputs name this file"],
     "lab ball --probe ideal -o probe.csv --trajectory probe.csv": ["this is an input file"],
-    "paper --only fig05": ["python -m paper"],
-    "paper --help": ["python -m paper"],
 }
 
 

@@ -50,7 +50,7 @@ def test_a_clean_recording_is_trusted():
 
 NOISY, DEPTH = faults.noisy(FORCE), np.maximum(X, 0.0)
 CAUSES = {
-    "gain drift": faults.damaged(material_faults.softening, 0.1),
+    "slow change": faults.damaged(material_faults.softening, 0.1),
     "offset drift": recorded(FORCE + 2.0 * TIME / TIME[-1]),
     "memory": faults.remembering(0.3, 0.2),
     "friction": faults.damaged(material_faults.friction, 0.04),

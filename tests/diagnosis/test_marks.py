@@ -185,10 +185,10 @@ def test_a_wide_bar_of_an_uncertain_surface_says_so():
 
 def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_better():
     """Unseen 1.3 √π p; found all of it; excluded to s ≪ p less than s."""
-    prior = NUISANCES[Check.GAIN_DRIFT]
+    prior = NUISANCES[Check.SLOW_CHANGE]
 
     def left(amount: float, error: float) -> float:
-        return amount * remaining_part(None, Check.GAIN_DRIFT, amount, amount / error)
+        return amount * remaining_part(None, Check.SLOW_CHANGE, amount, amount / error)
 
     unseen = FACTOR * math.sqrt(prior.odds) * prior.width
     assert left(prior.width, 100.0 * prior.width) == pytest.approx(unseen, rel=0.01)
@@ -199,7 +199,7 @@ def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_bet
 
 def test_the_next_step_is_the_one_that_lowers_the_bar_most():
     """Two parts of 0.8 with one remedy are more than one of 1; of what is detected one counts."""
-    first, second = Remedy(Step.MOVE_MORE), Remedy(Step.OTHER_SPEEDS)
+    first, second = Remedy(Step.MOVE_MORE), Remedy(Step.VARY_SPEED)
     parts = [BarPart(np.array([1.0, 0.0]), "a", first)]
     parts += [BarPart(np.array([0.8, 0.0]), "b", second)] * 2
     assert best_remedy(None, parts, 0) is second

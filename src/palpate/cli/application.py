@@ -143,10 +143,6 @@ def run(arguments: Sequence[str]) -> int:
     """
     # Standard input: cyclopts treats a lone hyphen as an option, and Path converts ./- to - again.
     words = ["./-" if word == "-" else word for word in arguments]
-    if words[:1] == ["paper"]:  # for one release
-        raise InvalidParameterError(
-            "'palpate paper' has moved: run python -m paper in a checkout of the repository palpate"
-        )
     if words and words[0] not in COMMANDS and Path(words[0]).is_file():
         raise InvalidParameterError(
             f"{words[0]} is a file, not a command: run palpate identify {' '.join(words)}"

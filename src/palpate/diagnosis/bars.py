@@ -114,11 +114,11 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(spread, "since other laws fit as well", Remedy(Step.OTHER_SPEEDS))
+        yield BarPart(spread, "since other laws fit as well", Remedy(Step.VARY_SPEED))
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
             reason = "by the choice of the relaxation times"
-            yield BarPart(SPECTRUM * by_noise, reason, Remedy(Step.OTHER_SPEEDS))
+            yield BarPart(SPECTRUM * by_noise, reason, Remedy(Step.VARY_SPEED))
     distance = np.abs(distance_to_least_squares(fit))[1:]
     remedy = exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
@@ -131,7 +131,7 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
 # Steps of an encoder shift whole touches, which no longer recording averages out.
 ROUNDING = 0.5
 #: Causes that multiply force, stiffness and damping.
-FACTORS = (Check.SENSOR_GAIN, Check.GAIN_DRIFT, Check.CHANGE)
+FACTORS = (Check.SENSOR_GAIN, Check.SLOW_CHANGE, Check.CHANGE)
 
 
 def systematic_errors(

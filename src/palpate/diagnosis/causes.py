@@ -112,7 +112,7 @@ class MisfitHypothesis:
     @property
     def group(self) -> Check:
         """The check that this one counts as: drift as a change, a jump of the delay as a delay."""
-        groups = {Check.GAIN_DRIFT: Check.CHANGE, Check.SKEW_JUMP: Check.DELAY}
+        groups = {Check.SLOW_CHANGE: Check.CHANGE, Check.SKEW_JUMP: Check.DELAY}
         return groups.get(self.check, self.check)
 
     @property

@@ -27,7 +27,7 @@ def explain_no_check(fit: Fit) -> Finding:
     """Report why the law cannot be checked: too few samples, or too little motion."""
     return check_excitation(fit) or Check.EXCITATION.finding(
         "the motion varies too little to check the law",
-        Remedy(Step.SEVERAL_SPEEDS),
+        Remedy(Step.VARY_SPEED),
         mark="do-not-trust",
     )
 

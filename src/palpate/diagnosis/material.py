@@ -45,7 +45,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
     logarithm = np.log(np.maximum(depth, 1e-12))
     columns = {
-        Check.GAIN_DRIFT: law.force(x, fit.v) * time,
+        Check.SLOW_CHANGE: law.force(x, fit.v) * time,
         Check.FRICTION: spring * np.tanh(RISE * speed),
         # Only for laws whose damping grows as xⁿ. For a constant damper, K₁ v + 2 K₂ x v would
         # equal that damper except for rounding of K₂.
@@ -67,7 +67,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
     change = "softens by over 90 %" if amount < -0.9 else change
     half = rounded(float(np.median(fit.data.time)), 3)
     return {
-        Check.GAIN_DRIFT: (
+        Check.SLOW_CHANGE: (
             f"the material {change} during the recording",
             None if presses_once(fit) else Remedy(Step.TWO_HALVES, half),
         ),

@@ -100,7 +100,7 @@ NUISANCES: Mapping[Check, Nuisance] = {
     # its ends: load cells are specified to 0.1 to 1 % of their range.
     Check.SENSOR_GAIN: Nuisance(0.04, _gain_at_peak, "a curved sensor gain", GAIN_ODDS),
     # Change of the gain during the recording: materials soften, or sensors warm up.
-    Check.GAIN_DRIFT: Nuisance(0.05, _second, "softening or a drifting gain"),
+    Check.SLOW_CHANGE: Nuisance(0.05, _second, "softening or a drifting gain"),
     # Fraction of the damping force: half-space and Hunt–Crossley damping differ by as much over
     # depths of one to three.
     Check.DAMPING_FORM: Nuisance(0.4, _damping_force, "damping of another form"),

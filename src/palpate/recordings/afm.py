@@ -131,10 +131,10 @@ def _explained(request: Request) -> Iterator[None]:
         try:
             yield
         except errors.MissingMetaDataError as error:
-            missing = ", ".join(map(str, error.meta_keys))
-            what = f"the file is not calibrated (it lacks: {missing})"
-            remedy = "calibrate the cantilever and save the curve again"
-            raise request.error(f"{what}; {remedy}") from None
+            raise request.error(
+                f"the file is not calibrated (it lacks: {', '.join(map(str, error.meta_keys))}); "
+                "calibrate the cantilever and save the curve again"
+            ) from None
 
 
 _OBJECTS_OF_PROPERTIES = 16  # bytes of Python objects per byte of a list of properties
@@ -206,7 +206,8 @@ def _recording(
     if not set(lengths) - {"time", "segment"}:
         why = draft.losses or draft.omissions
         raise draft.error(f"no column of the curve can be read: {why}")
-    least, most = min(lengths.values()), max(lengths.values())
+    least = min(lengths.values())
+    most = max(lengths.values())
     if least < most:
         draft.losses.append(f"its columns have {least} to {most} samples: all are cut to {least}")
         channels |= {name: values[:least] for name, values in channels.items()}
@@ -226,10 +227,11 @@ def _add_tip(draft: Draft, metadata: Mapping[str, Any]) -> None:
     channels = draft.channels
     stiffness = float(metadata.get("spring constant", np.nan))
     height = next((name for name in _HEIGHTS if name in channels), None)
-    known = height is not None and "force" in channels and np.isfinite(stiffness)
-    if "tip position" in channels or not known or not draft.request.wants("tip position"):
+    if height is None or "force" not in channels or not np.isfinite(stiffness):
         return
-    channels["tip position"] = channels[str(height)] + channels["force"] / stiffness
+    if "tip position" in channels or not draft.request.wants("tip position"):
+        return
+    channels["tip position"] = channels[height] + channels["force"] / stiffness
     draft.notes["tip position"] = f"{height} + force / spring constant"
 
 

@@ -226,22 +226,23 @@ class Walk:
         written, pieces = _pieces(item) if stored else (0, 1)
         piece = math.prod(item.chunks or (0,)) * item.dtype.itemsize
         most = max(item.size * item.dtype.itemsize, self.arrays.request.largest_block)
+        loss = ""
         if not stored:
-            self.arrays.lose(name, f"none of its {item.size} values was written")
+            loss = f"none of its {item.size} values was written"
         elif 2 * written < pieces:  # most of it is missing
-            self.arrays.lose(name, f"only {written} of its {pieces} chunks were written")
+            loss = f"only {written} of its {pieces} chunks were written"
         elif stored > 1.125 * pieces * piece + 1024 * pieces and item.chunks:
-            self.arrays.lose(name, "its chunks are longer than they state")
+            loss = "its chunks are longer than they state"
         elif piece > most:
-            self.arrays.lose(name, excess("a chunk needs", piece, most))
+            loss = excess("a chunk needs", piece, most)
         elif (unpacked := _largest_chunk(item, max_size)) > max(piece, max_size):
-            self.arrays.lose(name, excess("a chunk needs", unpacked, max_size))
-        else:
-            if written < pieces:
-                missing = f"{pieces - written} of its {pieces} chunks were never written"
-                self.arrays.lose(name, f"{missing}; they read as {item.fillvalue}")
-            return True
-        return False
+            loss = excess("a chunk needs", unpacked, max_size)
+        if not loss and written < pieces:
+            missing = f"{pieces - written} of its {pieces} chunks were never written"
+            self.arrays.lose(name, f"{missing}; they read as {item.fillvalue}")
+        elif loss:
+            self.arrays.lose(name, loss)
+        return not loss
 
     def _notes(self, item: Any, name: str) -> None:
         """Keep the sample rate and the frame in the attributes of a group or an array."""

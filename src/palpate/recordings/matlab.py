@@ -13,7 +13,7 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO, Literal
+from typing import Any, BinaryIO, Literal, NamedTuple
 
 import numpy as np
 from rich.filesize import decimal as format_bytes
@@ -26,17 +26,21 @@ from palpate.validation import Values
 
 Order = Literal["little", "big"]
 
-_MATRIX, _COMPRESSED = 14, 15
+_MATRIX = 14
+_COMPRESSED = 15
 _TYPES = {  # types of stored numbers
-    1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
-    16: "u1", 17: "u2", 18: "u4",
+    **dict(enumerate(("i1", "u1", "i2", "u2", "i4", "u4", "f4"), start=1)),
+    9: "f8", 12: "i8", 13: "u8", 16: "u1", 17: "u2", 18: "u4",
 }  # fmt: skip
-_CLASSES = {  # types of the numbers of a variable, which may be stored in fewer bytes
-    6: "f8", 7: "f4", 8: "i1", 9: "u1", 10: "i2", 11: "u2", 12: "i4", 13: "u4", 14: "i8", 15: "u8",
-}  # fmt: skip
-_CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
-_COMPLEX, _LOGICAL = 0x0800, 0x0200
-_OTHERS = {_CELL: "cell", _SPARSE: "sparse", _FUNCTION: "function_handle"}
+# Types of the numbers of a variable, which may be stored in fewer bytes.
+_CLASSES = dict(enumerate(("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"), start=6))
+_STRUCT = 2
+_OBJECT = 3
+_CHAR = 4
+_OPAQUE = 17
+_COMPLEX = 0x0800
+_LOGICAL = 0x0200
+_OTHERS = {1: "cell", 5: "sparse", 16: "function_handle"}
 _DEEPEST = 32
 _MOST_FIELDS = 10_000
 
@@ -48,8 +52,14 @@ class Other:
     kind: str
 
 
-#: An element: its type, and where its data begin and end.
-Element = tuple[int, int, int]
+class Element(NamedTuple):
+    """An element: its type, and where its data begin and end."""
+
+    kind: int
+    start: int
+    stop: int
+
+
 #: The value of a variable; of an array of structs the fields of each.
 Value = Values | list[dict[str, Any]] | Other | str
 
@@ -167,73 +177,78 @@ class _Matrix:
 
     def variable(self) -> tuple[str, Value]:
         """Return the name and the value."""
-        kind, start, stop = next(self._elements(0, len(self.content)))
-        if kind != _MATRIX:
+        element = next(self._elements(0, len(self.content)))
+        if element.kind != _MATRIX:
             raise _WrongError("it is not a variable")
-        return self._matrix(start, stop, 0)
+        return self._matrix(element, 0)
 
-    def _int(self, at: int) -> int:
-        return int.from_bytes(self.content[at : at + 4], self.order)
+    def _int(self, start: int) -> int:
+        return int.from_bytes(self.content[start : start + 4], self.order)
 
-    def _text(self, start: int, stop: int) -> str:
-        return self.content[start:stop].partition(b"\0")[0].decode("latin-1")
+    def _text(self, element: Element) -> str:
+        return self.content[element.start : element.stop].partition(b"\0")[0].decode("latin-1")
 
-    def _elements(self, at: int, end: int) -> Iterator[Element]:
+    def _elements(self, start: int, end: int) -> Iterator[Element]:
         """Yield the elements in order; raise if the next one is missing."""
         while True:
-            if at + 8 > end:
+            if start + 8 > end:
                 raise _WrongError("it is cut off")
-            kind, length, start = self._int(at), self._int(at + 4), at + 8
-            if small := kind >> 16:  # a small element: its data are in its tag
-                kind, length, start = kind & 0xFFFF, small, at + 4
+            kind = self._int(start)
+            if length := kind >> 16:  # a small element: its data are in its tag
+                kind &= 0xFFFF
                 if length > 4:
                     raise _WrongError("the tag of a small element is wrong")
-            elif start + length > end:
+                yield Element(kind, start + 4, start + 4 + length)
+                start += 8
+                continue
+            length = self._int(start + 4)
+            start += 8
+            if start + length > end:
                 raise _WrongError(
                     f"it states {format_bytes(length)} but has {format_bytes(end - start)}"
                 )
-            yield kind, start, start + length
+            yield Element(kind, start, start + length)
             padded = length if kind == _MATRIX else -(-length // 8) * 8
-            at = at + 8 if small else min(start + padded, end)
+            start = min(start + padded, end)
 
-    def _matrix(self, at: int, end: int, depth: int) -> tuple[str, Value]:
-        if at == end:  # what MATLAB writes for []
+    def _matrix(self, matrix: Element, depth: int) -> tuple[str, Value]:
+        if matrix.start == matrix.stop:  # what MATLAB writes for []
             return "", np.empty((0, 0))
         if depth > _DEEPEST:
             raise _WrongError("it is nested too deeply")
-        parts = self._elements(at, end)
-        flags = self._int(next(parts)[1])
+        elements = self._elements(matrix.start, matrix.stop)
+        flags = self._int(next(elements).start)
         kind = flags & 0xFF
         if kind == _OPAQUE:  # the names of the variable, the system and the class
-            names = [self._text(start, stop) for _, start, stop in (next(parts) for _ in range(3))]
-            return names[0], Other(names[2])
-        _, start, stop = next(parts)
-        sizes = tuple(self._int(k) for k in range(start, stop - 3, 4))
-        name = self._text(*next(parts)[1:])
+            name, _, class_name = (self._text(next(elements)) for _ in range(3))
+            return name, Other(class_name)
+        _, begin, stop = next(elements)
+        sizes = tuple(self._int(k) for k in range(begin, stop - 3, 4))
+        name = self._text(next(elements))
         if kind in _CLASSES:
-            return name, self._numbers(flags, sizes, parts)
+            return name, self._numbers(flags, sizes, next(elements))
         if kind == _CHAR:
-            return name, Other("char") if sizes[:1] > (1,) else self._chars(next(parts))
+            return name, Other("char") if sizes[:1] > (1,) else self._chars(next(elements))
         if kind == _OBJECT:
-            return name, Other(self._text(*next(parts)[1:]))
+            return name, Other(self._text(next(elements)))
         if kind == _STRUCT:
-            return name, self._struct(math.prod(sizes), parts, end, depth)
+            return name, self._struct(math.prod(sizes), elements, matrix.stop, depth)
         if kind not in _OTHERS:
             raise _WrongError(f"its class {kind} does not exist in MATLAB")
         return name, Other(_OTHERS[kind])
 
-    def _numbers(self, flags: int, sizes: tuple[int, ...], parts: Iterator[Element]) -> Value:
+    def _numbers(self, flags: int, sizes: tuple[int, ...], element: Element) -> Value:
         if flags & _COMPLEX:
             return Other("complex")
-        kind, start, stop = next(parts)
+        kind, start, stop = element
         if kind not in _TYPES:
             raise _WrongError(f"the type {kind} of its numbers does not exist in MATLAB")
         form = np.dtype(_TYPES[kind]).newbyteorder(self.order)
         stored = np.frombuffer(self.content, form, (stop - start) // form.itemsize, start)
         if stored.size != math.prod(sizes):
             raise _WrongError(f"it states {math.prod(sizes)} values but has {stored.size}")
-        held = np.dtype(np.bool_) if flags & _LOGICAL else np.dtype(_CLASSES[flags & 0xFF])
-        return stored.astype(held, copy=False).reshape(sizes, order="F")
+        dtype = np.dtype(bool if flags & _LOGICAL else _CLASSES[flags & 0xFF])
+        return stored.astype(dtype, copy=False).reshape(sizes, order="F")
 
     def _chars(self, element: Element) -> Value:
         kind, start, stop = element
@@ -243,12 +258,12 @@ class _Matrix:
             return Other("char")
         return self.content[start:stop].decode(encoding, "replace")
 
-    def _struct(self, count: int, parts: Iterator[Element], end: int, depth: int) -> Value:
-        longest = self._int(next(parts)[1])
-        _, start, stop = next(parts)
+    def _struct(self, count: int, elements: Iterator[Element], end: int, depth: int) -> Value:
+        longest = self._int(next(elements).start)
+        _, start, stop = next(elements)
         if not longest or (stop - start) % longest:
             raise _WrongError("the names of its fields are damaged")
-        fields = [self._text(k, k + longest) for k in range(start, stop, longest)]
+        fields = [self._text(Element(_CHAR, k, k + longest)) for k in range(start, stop, longest)]
         if count * len(fields) * 8 > end - stop or (not fields and count > 1):
             raise _WrongError(f"it states {count} structs in {format_bytes(end - stop)}")
         if count > OBJECTS:  # another kind of table: report only its size
@@ -256,6 +271,6 @@ class _Matrix:
         if len(fields) > _MOST_FIELDS:
             raise _WrongError(f"a struct of {len(fields)} fields is not a time series")
         return [
-            {name: self._matrix(*next(parts)[1:], depth + 1)[1] for name in fields}
+            {name: self._matrix(next(elements), depth + 1)[1] for name in fields}
             for _ in range(count)
         ]

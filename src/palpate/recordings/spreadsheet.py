@@ -48,7 +48,8 @@ def read(path: Path, request: Request) -> Recording:
     RecordingError
         The file is no spreadsheet, is damaged, has no such sheet, or none of them holds a table.
     """
-    draft, tables = Draft(request), dict[str, Recording]()
+    draft = Draft(request)
+    tables: dict[str, Recording] = {}
     with path.open("rb") as file:
         with _damage_explained(draft):
             check_members(file, request, partial(_largest_member, request))
@@ -93,15 +94,14 @@ def _largest_member(request: Request, name: str) -> int:
 
 
 def _chosen_sheets(names: Sequence[str], draft: Draft) -> Sequence[str]:
-    wanted = draft.request.sheet
-    by_number = {str(k): [name] for k, name in enumerate(names, start=1)}
-    if wanted is None or wanted in names:
-        return names if wanted is None else [wanted]
-    if wanted not in by_number:
-        raise draft.error(
-            f"no sheet {wanted!r}; pass --sheet with one of {list_names(list(names))}"
-        )
-    return by_number[wanted]
+    sheet = draft.request.sheet
+    if sheet is None:
+        return names
+    by_name = {str(number): name for number, name in enumerate(names, start=1)}
+    by_name |= {name: name for name in names}
+    if sheet not in by_name:
+        raise draft.error(f"no sheet {sheet!r}; pass --sheet with one of {list_names(list(names))}")
+    return [by_name[sheet]]
 
 
 def _read_rows(sheet: Any, draft: Draft) -> list[_Row]:
@@ -113,7 +113,7 @@ def _read_rows(sheet: Any, draft: Draft) -> list[_Row]:
         if row.count(None) == len(row):
             continue
         reach = width if row[width:].count(None) == len(row[width:]) else len(row)
-        used = next(at for at in range(min(reach, len(row)), 0, -1) if row[at - 1] is not None)
+        used = next(n for n in range(min(reach, len(row)), 0, -1) if row[n - 1] is not None)
         texts = sum(len(cell) for cell in row if isinstance(cell, str))
         draft.request.reserve(_CELL * (used + 1) + 8 * (k - len(rows)) + _COPIES * texts)
         rows += [()] * (k - len(rows))
@@ -135,13 +135,13 @@ def _parse_table(rows: Sequence[_Row], draft: Draft) -> Recording:
     lines = csv.writer(text, delimiter="\t", lineterminator="\n")
     width = max((len(row) for row in rows), default=0)
     for row in rows:
-        cells = [_words(cell) for cell in row]
+        cells = [_as_text(cell) for cell in row]
         lines.writerow([*cells, *[""] * (width - len(cells))] if any(cells) else [])
     with temporary_file("sheet.tsv", [text.getvalue().encode()]) as copy:
         return TEXT.read(copy, replace(draft.request, channels=None, progress=None))
 
 
-def _words(cell: Any) -> str:
+def _as_text(cell: Any) -> str:
     """Format a cell as text that the text reader parses to the same number, time or words."""
     cell = cell.total_seconds() if isinstance(cell, timedelta) else cell
     return "" if cell is None else str(cell)
@@ -158,13 +158,13 @@ def _join_tables(tables: dict[str, Recording], draft: Draft) -> Recording:
                 draft.clocks[group + name] = f"{group}{clock}"
         draft.units |= {group + name: unit for name, unit in table.units.items()}
         draft.faults |= {group + name: fault for name, fault in table.faults.items()}
-        draft.notes |= {group + name: words for name, words in table.notes.items()}
-        draft.losses += [f"sheet {sheet!r}: {words}" for words in table.losses]
+        draft.notes |= {group + name: text for name, text in table.notes.items()}
+        draft.losses += [f"sheet {sheet!r}: {loss}" for loss in table.losses]
     needed = {*filter(draft.request.wants, draft.channels)}
     needed |= {draft.clocks[name] for name in needed if name in draft.clocks}
     if not needed:
-        wanted = ", ".join(draft.request.channels or ())
-        raise draft.error(f"no channel {wanted}; available: {list_names(list(draft.channels))}")
+        requested = ", ".join(draft.request.channels or ())
+        raise draft.error(f"no channel {requested}; available: {list_names(list(draft.channels))}")
     for name in draft.channels.keys() - needed:
         del draft.channels[name]
     return draft.done(table.rows if len(tables) == 1 else None)

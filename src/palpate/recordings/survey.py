@@ -137,14 +137,14 @@ def channel_clock(recording: Recording, name: str) -> str:
         return name
     count = len(recording.channels[name])
     ranked = [
-        (rank, k, other)
-        for k, (other, values) in enumerate(recording.channels.items())
-        if (rank := clock_rank(other)) is not None
+        (rank, k, clock)
+        for k, (clock, values) in enumerate(recording.channels.items())
+        if (rank := clock_rank(clock)) is not None
         and len(values) == count
         and values.dtype.kind in "fiu"
-        and other not in recording.clocks
+        and clock not in recording.clocks
         # Both are in one group, or the times are in a group above.
-        and name.startswith(other[: max(other.rfind("/"), other.rfind(".")) + 1])
+        and name.startswith(clock[: max(clock.rfind("/"), clock.rfind(".")) + 1])
     ]
     return min(ranked)[2] if ranked else ""
 
@@ -172,29 +172,33 @@ def _since(values: Values) -> Floats:
     """Return times relative to the first, subtracted before rounding to a float."""
     if values.dtype.kind == "u":
         values = values.astype(np.int64)
-    known = values[np.isfinite(values)]
-    return np.asarray(values - known[0] if known.size else values, dtype=np.float64)
+    finite = values[np.isfinite(values)]
+    return np.asarray(values - finite[0] if finite.size else values, dtype=np.float64)
 
 
 def _clock(recording: Recording, name: str, count: int, channels: Iterable[str]) -> ClockSurvey:
-    on_it = tuple(channels)
+    members = tuple(channels)
     if not name:
-        return ClockSurvey("", count, on_it)
+        return ClockSurvey("", count, members)
     values = recording.channels[name]
     _, factor = unit_of_clock(recording, name)
     times = _since(values)  # in its own unit, in which steps of integers are exact
     finite = np.isfinite(times)
     times = times[finite]
     if not times.size:
-        return ClockSurvey(name, count, on_it, unknown=count)
-    first = float(values[finite][0]) * factor
+        return ClockSurvey(name, count, members, unknown=count)
+    zero = float(values[finite][0]) * factor
     steps = np.diff(times)
     forward = steps[steps > 0.0]
     step = float(np.median(forward)) if forward.size else np.nan
     gaps = forward[forward > GAP * step]
-    start, stop = first + float(times.min()) * factor, first + float(times.max()) * factor
     return ClockSurvey(
-        *(name, count, on_it, count - times.size, start, stop),
+        name,
+        count,
+        members,
+        unknown=count - times.size,
+        start=zero + float(times.min()) * factor,
+        stop=zero + float(times.max()) * factor,
         step=step * factor,
         gaps=gaps.size,
         largest_gap=float(gaps.max(initial=0.0)) * factor,
@@ -205,10 +209,11 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
 
 def _channel(recording: Recording, name: str) -> ChannelSurvey:
     values = recording.channels[name]
-    unit, frame = recording.units.get(name, ""), recording.frames.get(name, "")
+    unit = recording.units.get(name, "")
+    frame = recording.frames.get(name, "")
     if values.dtype.kind not in "fiub":
-        known = sum(1 for value in values.flat if str(value).strip())
-        return ChannelSurvey(name, "text", unit, frame, len(values), known)
+        filled = sum(1 for value in values.flat if str(value).strip())
+        return ChannelSurvey(name, "text", unit, frame, len(values), filled)
     finite = values[np.isfinite(values)] if values.dtype.kind == "f" else values
     ends = (float(finite.min()), float(finite.max())) if finite.size else ()
     return ChannelSurvey(name, str(values.dtype), unit, frame, len(values), finite.size, *ends)

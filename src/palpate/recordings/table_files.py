@@ -72,10 +72,10 @@ def _as_parquet(
     arrays = []
     for values in columns.values():
         if values.dtype.kind == "U":
-            words = [word.encode() for word in values.tolist()]
-            ends = np.cumsum([0, *map(len, words)], dtype=np.int32)
-            text = pa.py_buffer(ends), pa.py_buffer(b"".join(words))
-            arrays.append(pa.StringArray.from_buffers(len(words), *text))
+            texts = [text.encode() for text in values.tolist()]
+            ends = np.cumsum([0, *map(len, texts)], dtype=np.int32)
+            content = pa.py_buffer(b"".join(texts))
+            arrays.append(pa.StringArray.from_buffers(len(texts), pa.py_buffer(ends), content))
             continue
         numbers = [None, pa.py_buffer(np.ascontiguousarray(values))]
         kind = pa.from_numpy_dtype(values.dtype)
@@ -109,8 +109,8 @@ def _as_csv(
 def _head(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
     """A text buffer that begins with the notes and the names of the columns."""
     text = io.StringIO()
-    for name, words in notes.items():
-        text.write(f"# {name}: {' '.join(words.split())}\n")
+    for name, note in notes.items():
+        text.write(f"# {name}: {' '.join(note.split())}\n")
     text.write(",".join(names) + "\n")
     return text
 

@@ -23,7 +23,8 @@ _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|cl
 _WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # a float cannot represent it exactly
 _SINCE = datetime(1970, 1, 1, tzinfo=UTC)
 # From 1990 to 2100 in seconds; no other unit has numbers in that range.
-EARLIEST, LATEST = 631_152_000, 4_102_444_800
+EARLIEST = 631_152_000
+LATEST = 4_102_444_800
 EPOCHS = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _PAIRS = {"secs": "nsecs", "sec": "nsec", "seconds": "nanoseconds"}
 _LAST = re.compile(r"(.*?)([./_]?)(secs|sec|seconds)$")
@@ -35,10 +36,10 @@ def iso_nanoseconds(cell: str) -> int | None:
     A time without an offset counts as UTC, and a time of day as the first of 1970: only differences
     matter.
     """
-    found = _ISO.fullmatch(cell.strip())
-    if found is None:
+    date = _ISO.fullmatch(cell.strip())
+    if date is None:
         return _since_midnight(cell)
-    day, minute, second, fraction, _, sign, hours, minutes = found.groups()
+    day, minute, second, fraction, _, sign, hours, minutes = date.groups()
     offset = f"{sign}{hours}:{minutes or '00'}" if sign else "+00:00"
     try:
         past = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}{offset}") - _SINCE
@@ -49,15 +50,15 @@ def iso_nanoseconds(cell: str) -> int | None:
 
 
 def _since_midnight(cell: str) -> int | None:
-    found = _OF_DAY.fullmatch(cell.strip())
-    if found is None or not (found[1] or found[4]):
+    clock = _OF_DAY.fullmatch(cell.strip())
+    if clock is None or not (clock[1] or clock[4]):
         return None
-    hour, minute, second = int(found[1] or 0), int(found[2]), int(found[3])
+    hour, minute, second = (int(digits or 0) for digits in clock.group(1, 2, 3))
     if minute > 59 or second > 59:
         return None
-    if found[5]:
-        hour = hour % 12 + 12 * (found[5] in "Pp")
-    return (3600 * hour + 60 * minute + second) * 10**9 + int((found[4] or "").ljust(9, "0"))
+    if clock[5]:
+        hour = hour % 12 + 12 * (clock[5] in "Pp")
+    return (3600 * hour + 60 * minute + second) * 10**9 + int((clock[4] or "").ljust(9, "0"))
 
 
 def past_midnight(times: Integers) -> Integers:
@@ -113,12 +114,10 @@ def detect_epoch(values: Values) -> tuple[str, Values] | None:
     """
     if values.dtype.kind not in "fi" or not np.isfinite(values).any():
         return None
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    unit = epoch_unit(low)
-    if unit is None or epoch_unit(high) != unit:
+    unit = epoch_unit(float(np.nanmin(values)))
+    if unit is None or epoch_unit(float(np.nanmax(values))) != unit:
         return None
-    whole = values.dtype.kind == "f" and np.isfinite(values).all() and (values % 1.0 == 0.0).all()
-    return unit, values.astype(np.int64) if whole else values
+    return unit, values.astype(np.int64) if (values % 1 == 0).all() else values
 
 
 def join_stamps(channels: Mapping[str, Values]) -> dict[str, Integers]:
@@ -126,22 +125,22 @@ def join_stamps(channels: Mapping[str, Values]) -> dict[str, Integers]:
 
     ``header.stamp.secs`` and ``header.stamp.nsecs`` give ``header.stamp``, in integer nanoseconds.
     """
-    found: dict[str, Integers] = {}
+    stamps: dict[str, Integers] = {}
     for name, seconds in channels.items():
-        if not (parts := _LAST.fullmatch(name)):
+        if not (match := _LAST.fullmatch(name)):
             continue
-        begin, dot, last = parts.groups()
-        for nano in (_PAIRS[last], "nanosec", "nanosecs"):
-            rest = channels.get(f"{begin}{dot}{nano}")
-            stamp = begin or "stamp"
-            if rest is None or stamp in channels:
+        begin, separator, last = match.groups()
+        stamp = begin or "stamp"
+        for end in (_PAIRS[last], "nanosec", "nanosecs"):
+            nanoseconds = channels.get(f"{begin}{separator}{end}")
+            if nanoseconds is None or stamp in channels:
                 continue
-            if _whole_below(seconds, float(LATEST)) and _whole_below(rest, 1e9):
-                found[stamp] = seconds.astype(np.int64) * 10**9 + rest.astype(np.int64)
-    return found
+            if _are_whole_below(seconds, LATEST) and _are_whole_below(nanoseconds, 10**9):
+                stamps[stamp] = seconds.astype(np.int64) * 10**9 + nanoseconds.astype(np.int64)
+    return stamps
 
 
-def _whole_below(values: Values, limit: float) -> bool:
+def _are_whole_below(values: Values, limit: float) -> bool:
     if values.dtype.kind not in "fi" or not values.size:
         return False
     with np.errstate(invalid="ignore"):
@@ -174,22 +173,22 @@ def clock_rank(name: str) -> int | None:
 
     The last part of a name with groups or fields counts: ``robot/time``, ``/ft.header.stamp``.
     """
-    return next((i for i, found in enumerate(_matches(name)) if found), None)
+    return next((rank for rank, match in enumerate(_matches(name)) if match), None)
 
 
 def clock_unit(name: str) -> str | None:
     """Return the unit in the name of a clock: ``"ms"`` of ``time_ms``."""
-    found = next(filter(None, _matches(name)), None)
-    return _SHORT.get(found["unit"].lower()) if found and found["unit"] else None
+    match = next(filter(None, _matches(name)), None)
+    return _SHORT.get(match["unit"].lower()) if match and match["unit"] else None
 
 
 def detect_epoch_unit(values: Values) -> str | None:
     """Return the unit of times since 1970 from the first one; None for seconds and other times."""
-    known = values[np.isfinite(values)]
-    unit = epoch_unit(float(known[0])) if known.size else None
+    finite = values[np.isfinite(values)]
+    unit = epoch_unit(float(finite[0])) if finite.size else None
     return None if unit == "s" else unit
 
 
 def _matches(name: str) -> list[re.Match[str] | None]:
-    own = re.split(r"[/.]", name)[-1].strip(" _")  # PlotJuggler writes __time
-    return [form.match(own) for form in _PATTERNS]
+    last = re.split(r"[/.]", name)[-1].strip(" _")  # PlotJuggler writes __time
+    return [pattern.match(last) for pattern in _PATTERNS]

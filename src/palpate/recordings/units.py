@@ -10,7 +10,7 @@ GRAVITY = 9.80665  # m/s², the standard value, which converts a mass to its wei
 
 #: Units of each quantity, with their size in SI.
 UNITS: dict[str, dict[str, float]] = {
-    "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0},
+    "time": {**SECONDS, "min": 60.0, "h": 3600.0},
     "penetration": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9,
                     "in": 25.4e-3, "mil": 25.4e-6},
     "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "um/s": 1e-6, "µm/s": 1e-6,

@@ -72,14 +72,14 @@ class _CheckedStore(WrapperStore[Any]):
             about = json.loads(value.to_bytes())
             if name == ".zarray" or about.get("node_type") == "array":
                 self._arrays[folder] = self._check_array(about)
-        elif key not in self._checked:
-            packing = next((self._arrays[f] for f in _folders(key) if f in self._arrays), None)
-            if packing is not None and byte_range is not None:  # a part of a shard
-                whole = await super().get(key, prototype)
-                packing.check((whole or value).to_bytes())
+            return value
+        packing = next((self._arrays[f] for f in _folders(key) if f in self._arrays), None)
+        if packing is not None and key not in self._checked:
+            content = value
+            if byte_range is not None:  # a part of a shard
+                content = await super().get(key, prototype) or value
                 self._checked.add(key)
-            elif packing is not None:
-                packing.check(value.to_bytes())
+            packing.check(content.to_bytes())
         return value
 
     def _check_array(self, about: Mapping[str, Any]) -> "_Packing":
@@ -95,17 +95,15 @@ class _CheckedStore(WrapperStore[Any]):
         packings = [name for name in codecs if name in _SIZES]
         if len(packings) > 1:
             raise ValueError("packs its chunks several times, which palpate does not unpack")
-        whole, shard = math.prod(map(int, sides)), None
-        chunk = whole
+        shard: Mapping[str, Any] = {}
         if "sharding_indexed" in codecs:
             shard = _shard_of(about["codecs"])
-            chunk = math.prod(map(int, shard["chunk_shape"]))
-        size = chunk * np.dtype(kind).itemsize
+        chunk = math.prod(map(int, shard["chunk_shape"] if shard else sides))
         return _Packing(
             next(iter(packings), ""),
-            max(size, self._request.largest_block),
-            0 if shard is None else whole // chunk,
-            index_first=shard is not None and shard.get("index_location") == "start",
+            max(chunk * np.dtype(kind).itemsize, self._request.largest_block),
+            math.prod(map(int, sides)) // chunk if shard else 0,
+            index_first=shard.get("index_location") == "start",
         )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import accumulate
 
 from palpate.errors import list_names
 from palpate.recordings.messages.layout import (
@@ -14,11 +15,12 @@ from palpate.recordings.messages.layout import (
     walk_ros1,
 )
 from palpate.recordings.messages.protobuf import JsonTopic
-from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Found, Topic, find_stamp
+from palpate.recordings.messages.topic import LOG_TIME, BinaryTopic, Series, Topic, find_stamp
 from palpate.recordings.opening import Draft, Request, within
 from palpate.recordings.recording import Recording
 
 NOT_ASKED = "not requested"
+_NONE_REQUESTED = "holds no numbers that were requested"
 _FRAMES = ("header.frame_id", "frame_id", "parent_frame_id")
 
 # Units of fields by message type: ROS uses SI (REP 103).
@@ -61,19 +63,22 @@ class Collection(Draft):
         definition : bytes
             The definition of the messages.
         """
-        name, type_name = one_line(name), normal_name(one_line(type_name))
+        name = one_line(name)
+        type_name = normal_name(one_line(type_name))
         key = name, type_name, encoding, form
         if key in self._topics:
             return self._topics[key]
         if self._types.setdefault(name, type_name) != type_name:
             name = f"{name} ({type_name})"
-        topic, reason = Topic(self.request), NOT_ASKED
+        topic = Topic(self.request)
+        topic.omitted = NOT_ASKED
         if self.request.wants(name):
             try:
-                topic, reason = _make_topic(encoding, form, type_name, definition, self.request), ""
+                topic = _make_topic(encoding, form, type_name, definition, self.request)
             except UndecodableError as error:
-                reason = str(error)
-        topic.name, topic.type_name, topic.omitted = name, type_name, reason
+                topic.omitted = str(error)
+        topic.name = name
+        topic.type_name = type_name
         self._topics[key] = topic
         return topic
 
@@ -84,7 +89,7 @@ class Collection(Draft):
 
     @property
     def messages(self) -> int:
-        """The number of messages found, read or not."""
+        """The number of messages in the files, read or not."""
         return sum(topic.messages for topic in self._topics.values())
 
     def recording(self) -> Recording:
@@ -96,9 +101,9 @@ class Collection(Draft):
             No topic could be read, or a requested one is missing.
         """
         for topic in self._topics.values():
-            self._say(topic)
-            for name, found in topic.found.items():
-                self._add(topic.name + name, found)
+            self._report(topic)
+            for name, series in topic.series.items():
+                self._add(topic.name + name, series)
                 self.types[topic.name] = topic.type_name
         unread = {topic.name for topic in self._topics.values() if topic.omitted == NOT_ASKED}
         if unread:
@@ -107,79 +112,84 @@ class Collection(Draft):
         self.request.report(1.0)
         return self.done()
 
-    def _say(self, topic: Topic) -> None:
-        what = f"{topic.name} ({topic.type_name}, {topic.messages} messages)"
+    def _report(self, topic: Topic) -> None:
+        """Report what of a topic is not in the recording."""
         if topic.omitted == NOT_ASKED:
             return
         if topic.undecodable:
-            count = f"{topic.undecodable} of {topic.messages} messages"
-            self.lost(f"{topic.name}: {count} could not be decoded: {topic.reason}")
+            self.lost(
+                f"{topic.name}: {topic.undecodable} of {topic.messages} messages could not be "
+                f"decoded: {topic.reason}"
+            )
+        why = ""
         if topic.omitted:
-            self.omissions.append(f"{what} was not read: {topic.omitted}")
+            why = f"was not read: {topic.omitted}"
         elif not topic.messages:
-            self.omissions.append(f"{what} is empty")
-        elif not topic.found:
-            asked = "" if self.request.channels is None else " that were requested"
-            self.omissions.append(f"{what} holds no numbers{asked}")
-        if topic.found and topic.skipped:
+            why = "is empty"
+        elif not topic.series:
+            why = "holds no numbers" if self.request.channels is None else _NONE_REQUESTED
+        if why:
+            title = f"{topic.name} ({topic.type_name}, {topic.messages} messages)"
+            self.omissions.append(f"{title} {why}")
+        if topic.series and topic.skipped:
             self.omit(topic.name, f"palpate skips long lists: {list_names(sorted(topic.skipped))}")
 
-    def _add(self, above: str, found: Found) -> None:
-        names = {path: f"{above}.{path}" for path in found.columns}
+    def _add(self, above: str, series: Series) -> None:
+        names = {path: f"{above}.{path}" for path in series.columns}
         names[LOG_TIME] = f"{above}.log_time"
-        for path in list(found.columns):
-            self.channels[names[path]], faults = found.finish(path)
+        for path in list(series.columns):
+            self.channels[names[path]], faults = series.finish(path)
             if faults is not None:
                 self.faults[names[path]] = faults
-        stamp = find_stamp(found.times & names.keys())
-        known = stamp is not None and self.channels[names[stamp]].any()
-        clock = names[stamp] if stamp is not None and known else names[LOG_TIME]
+        clock = names[find_stamp(series.times & names.keys()) or LOG_TIME]
+        if not self.channels[clock].any():  # nobody set the stamp
+            clock = names[LOG_TIME]
         self.clocks |= dict.fromkeys(names.values(), clock)
-        self.units |= {names[path]: "ns" for path in names.keys() & {LOG_TIME, *found.times}}
-        self._describe(above, names, found)
+        self.units |= {names[path]: "ns" for path in names.keys() & {LOG_TIME, *series.times}}
+        self._describe(above, names, series)
 
-    def _describe(self, above: str, names: dict[str, str], found: Found) -> None:
-        units = {path: _find_unit(*where) for path, where in found.types.items()}
-        frame = next((found.frames[path] for path in _FRAMES if path in found.frames), [])
+    def _describe(self, above: str, names: dict[str, str], series: Series) -> None:
+        for path, name in names.items():
+            fields = accumulate(path.split(".")[:-1], "{}.{}".format)
+            units = (_find_unit(*series.types[field]) for field in fields if field in series.types)
+            if unit := next(filter(None, units), None):
+                self.units.setdefault(name, unit)
+        frame = next((series.frames[path] for path in _FRAMES if path in series.frames), [""])
         if len(frame) > 1:
             self.omit(above, f"its frame changes ({frame[0]!r}, {frame[1]!r}, …) and is ignored")
-        for path, name in names.items():
-            parts = path.split(".")
-            for k in range(1, len(parts)):
-                if (unit := units.get(".".join(parts[:k]))) is not None:
-                    self.units.setdefault(name, unit)
-            if len(frame) == 1 and frame[0]:
-                self.frames[name] = frame[0]
+        elif frame[0]:
+            self.frames |= dict.fromkeys(names.values(), frame[0])
         # The child frame of a transform; velocities of an odometry are in it.
-        moving = found.frames.get("child_frame_id", [])
-        if len(moving) != 1 or not moving[0] or above.endswith("]"):  # tf: it is in the name
+        moving = series.frames.get("child_frame_id", [""])
+        if len(moving) > 1 or not moving[0] or above.endswith("]"):  # tf: it is in the name
             return
         self.notes[f"{above}.child_frame_id"] = moving[0]
-        if found.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
+        if series.types.get("twist") == ("nav_msgs/msg/Odometry", "twist"):
             velocities = (name for path, name in names.items() if path.startswith("twist."))
             self.frames |= dict.fromkeys(velocities, moving[0])
 
     def _check(self, names: list[str]) -> None:
         if not self._topics and self.losses:
             raise self.error(f"no topic can be read: {self.losses[0]}")
-        for wanted in self.request.channels or ():
-            if not any(within(name, wanted) for name in names):
-                there = sorted({topic.name for topic in self._topics.values()})
-                why = [each for each in self.omissions if each.startswith(f"{wanted} ")]
-                reason = f"{wanted!r} has no readable numbers" + "".join(f" ({w})" for w in why[:1])
-                raise self.error(f"{reason}; available topics: {list_names(there)}")
+        for channel in self.request.channels or ():
+            if not any(within(name, channel) for name in names):
+                topics = sorted({topic.name for topic in self._topics.values()})
+                why = [f" ({text})" for text in self.omissions if text.startswith(f"{channel} ")]
+                raise self.error(
+                    f"{channel!r} has no readable numbers{''.join(why[:1])}; "
+                    f"available topics: {list_names(topics)}"
+                )
         if not names:
-            words = ". ".join(["readable numbers", *[*self.losses, *self.omissions][:2]])
-            remedy = "record a topic with the force and one with the position"
-            raise self.error(f"no topic has {words}; {remedy}")
+            reasons = ". ".join(["readable numbers", *[*self.losses, *self.omissions][:2]])
+            raise self.error(
+                f"no topic has {reasons}; record a topic with the force and one with the position"
+            )
 
 
 def _find_unit(type_name: str, field: str) -> str | None:
     """The unit of a field of a message type; None if the type does not define it."""
-    package, _, rest = type_name.replace(".", "/").partition("/")
-    if package not in _PACKAGES:
-        return None
-    return _UNITS.get((rest.rpartition("/")[2], field))
+    package, *_, name = type_name.replace(".", "/").split("/")
+    return _UNITS.get((name, field)) if package in _PACKAGES else None
 
 
 def _make_topic(

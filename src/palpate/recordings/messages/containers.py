@@ -72,7 +72,7 @@ def read(path: Path, request: Request) -> Recording:
     if folder.is_dir():
         _read_folder(folder, collection)
     else:
-        _read_file(path, collection, (0.0, 1.0))
+        _read_file(path, collection)
     return collection.recording()
 
 
@@ -80,7 +80,7 @@ def _read_folder(folder: Path, collection: Collection) -> None:
     files, expected = _files(folder, collection)
     for k, file in enumerate(files):
         try:
-            _read_file(file, collection, (k / len(files), (k + 1) / len(files)))
+            _read_file(file, collection, k, len(files))
         except RecordingError as error:
             if len(files) == 1 or collection.request.strict:
                 raise
@@ -93,45 +93,45 @@ def _read_folder(folder: Path, collection: Collection) -> None:
 
 def _files(folder: Path, collection: Collection) -> tuple[list[Path], int | None]:
     """The files of a ROS 2 bag in order, and the number of messages in its metadata."""
-    there = [each for each in folder.iterdir() if re.search(r"\.(db3|mcap)(\.zstd)?$", each.name)]
+    files = [path for path in folder.iterdir() if re.search(r"\.(db3|mcap)(\.zstd)?$", path.name)]
     # Read a file once that exists both compressed and uncompressed.
-    there = [each for each in there if each.with_suffix("") not in there]
-    there.sort(key=lambda each: [int(n) for n in re.findall(r"\d+", each.name.split(".")[0])[-1:]])
-    if (folder / METADATA).is_file():
-        try:
-            text = (folder / METADATA).read_text("utf-8")
-            about = YAML(typ="safe").load(text)["rosbag2_bagfile_information"]
-            names = [Path(str(each)).name for each in about["relative_file_paths"]]
-            expected = int(about["message_count"])
-            distribution = about.get("ros_distro")
-        except (OSError, ValueError, YAMLError, LookupError, TypeError, AttributeError):
-            collection.lost(f"{METADATA} is invalid: palpate reads all files in its folder")
-            return there, None
-        if distribution:
-            collection.notes["ROS distribution"] = one_line(str(distribution))
-        by_name = {each.name.removesuffix(".zstd"): each for each in there}
-        files = [by_name.pop(name.removesuffix(".zstd"), folder / name) for name in names]
-        if by_name:
-            others = ", ".join(sorted(by_name)[:5])
-            collection.omit(f"not listed in {METADATA}", others)
-        return files, expected
-    if not there:
-        raise collection.error("the folder holds no ROS 2 bag; name a recording file instead")
-    collection.lost(f"{METADATA} is missing; the recorder was probably killed")
-    return there, None
+    files = [path for path in files if path.with_suffix("") not in files]
+    files.sort(key=lambda path: [int(n) for n in re.findall(r"\d+", path.name.split(".")[0])[-1:]])
+    metadata = folder / METADATA
+    if not metadata.is_file():
+        if not files:
+            raise collection.error("the folder holds no ROS 2 bag; name a recording file instead")
+        collection.lost(f"{METADATA} is missing; the recorder was probably killed")
+        return files, None
+    try:
+        about = YAML(typ="safe").load(metadata.read_text("utf-8"))["rosbag2_bagfile_information"]
+        names = [Path(str(path)).name for path in about["relative_file_paths"]]
+        expected = int(about["message_count"])
+        distribution = about.get("ros_distro")
+    except (OSError, ValueError, YAMLError, LookupError, TypeError, AttributeError):
+        collection.lost(f"{METADATA} is invalid: palpate reads all files in its folder")
+        return files, None
+    if distribution:
+        collection.notes["ROS distribution"] = one_line(str(distribution))
+    by_name = {path.name.removesuffix(".zstd"): path for path in files}
+    files = [by_name.pop(name.removesuffix(".zstd"), folder / name) for name in names]
+    if by_name:
+        collection.omit(f"not listed in {METADATA}", ", ".join(sorted(by_name)[:5]))
+    return files, expected
 
 
-def _read_file(path: Path, collection: Collection, part: tuple[float, float]) -> None:
+def _read_file(path: Path, collection: Collection, number: int = 0, count: int = 1) -> None:
     regular_size(path)
     with _unpack_file(path, collection) as plain:
         with plain.open("rb") as file:
             begin = file.read(16)
-        reader = next((each for mark, each in _READERS.items() if begin.startswith(mark)), None)
+        reader = next((_READERS[mark] for mark in _READERS if begin.startswith(mark)), None)
         if reader is None:
-            words = f"{printable(path.name)} is not a bag or an MCAP file; check what wrote it"
-            raise collection.error(words)
+            raise collection.error(
+                f"{printable(path.name)} is not a bag or an MCAP file; check what wrote it"
+            )
         for fraction in reader(plain, collection):
-            collection.request.report(part[0] + (part[1] - part[0]) * fraction)
+            collection.request.report((number + fraction) / count)
 
 
 @contextmanager
@@ -145,8 +145,7 @@ def _unpack_file(path: Path, collection: Collection) -> Iterator[Path]:
             with zstandard.ZstdDecompressor().stream_reader(file) as unpacked:
                 while piece := unpacked.read(_BATCH):
                     copy.write(piece)
-                    if copy.tell() > collection.request.max_size:
-                        most = collection.request.max_size
+                    if copy.tell() > (most := collection.request.max_size):
                         raise collection.error(excess("its file takes", copy.tell(), most))
         except zstandard.ZstdError as error:
             collection.lost(f"{one_line(path.name)} cannot be fully decompressed: {error}")
@@ -155,18 +154,22 @@ def _unpack_file(path: Path, collection: Collection) -> Iterator[Path]:
 
 
 def _read_ros1(path: Path, collection: Collection) -> Iterator[float]:
+    request = collection.request
     bag = Rosbag1(path)
-    what = "the bag was not closed by its recorder or is damaged"
-    remedy = f"close it with: rosbag reindex {collection.request.source}"
     # rosbags may raise anything on a damaged file.
-    with collection.request.explain_damage(what, remedy, (Exception,)):
+    with request.explain_damage(
+        "the bag was not closed by its recorder or is damaged",
+        f"close it with: rosbag reindex {request.source}",
+        (Exception,),
+    ):
         bag.open()
-    unpack = partial(_unpack_bag_chunk, request=collection.request)
-    bag.chunks = {at: each._replace(decompressor=unpack) for at, each in bag.chunks.items()}
+    for position, chunk in bag.chunks.items():
+        unpack = partial(_unpack_bag_chunk, request=request)
+        bag.chunks[position] = chunk._replace(decompressor=unpack)
     with closing(bag):
-        counts = [0, *(sum(info.connection_counts.values()) for info in bag.chunk_infos)]
-        kinds = dict.fromkeys((each.id for each in bag.connections), ("ros1", "ros1msg"))
-        yield from _read_rosbags(bag.connections, kinds, bag.messages(), sum(counts), collection)
+        total = sum(sum(info.connection_counts.values()) for info in bag.chunk_infos)
+        kinds = {connection.id: ("ros1", "ros1msg") for connection in bag.connections}
+        yield from _read_rosbags(bag.connections, kinds, bag.messages(), total, collection)
 
 
 def _unpack_bag_chunk(data: bytes, request: Request) -> bytes:
@@ -187,55 +190,55 @@ def _unpack_bag_chunk(data: bytes, request: Request) -> bytes:
 @contextmanager
 def _recover_bag(path: Path, collection: Collection) -> Iterator[Path]:
     """The bag; if its recorder did not close it, a copy to which SQLite applied the journal."""
-    there = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
-    logs = [log for log in there if log.is_file() and log.stat().st_size]
+    logs = [path.with_name(path.name + end) for end in ("-wal", "-journal")]
+    logs = [log for log in logs if log.is_file() and log.stat().st_size]
     if not logs:
         yield path
         return
     with scratch_file(path.name) as (copy, _):
         try:
-            for each in (path, *logs):
-                shutil.copyfile(each, copy.with_name(each.name))
+            for file in (path, *logs):
+                shutil.copyfile(file, copy.with_name(file.name))
             with closing(sqlite3.connect(copy)) as database:
                 database.execute("PRAGMA journal_mode = DELETE")
                 database.execute("SELECT count(*) FROM sqlite_master")
         except sqlite3.Error as error:
             collection.lost(f"the journal of the bag cannot be applied: {first_line(error)}")
         except OSError as error:
-            words = f"cannot copy the bag, which its recorder did not close: {error.strerror}"
-            raise collection.error(f"{words}; free some space, or set TMPDIR") from None
+            raise collection.error(
+                f"cannot copy the bag, which its recorder did not close: {error.strerror}; "
+                "free some space, or set TMPDIR"
+            ) from None
         else:
-            words = "its recorder did not close the bag; palpate reads a recovered copy"
-            collection.notes["recovered"] = words
+            collection.notes["recovered"] = (
+                "its recorder did not close the bag; palpate reads a recovered copy"
+            )
         yield copy
 
 
 def _read_sqlite(path: Path, collection: Collection) -> Iterator[float]:
-    with _recover_bag(path, collection) as whole:
-        yield from _read_closed_sqlite(whole, collection)
-
-
-def _read_closed_sqlite(path: Path, collection: Collection) -> Iterator[float]:
-    # rosbags converts the path to a URI, in which ?, # and % have other meanings.
-    bag = Sqlite3Reader(Path(quote(str(path.absolute()))))
-    why = f"{printable(path.name)} is an SQLite file, but "
-    remedy = "copy it again, or recover it with: sqlite3 FILE .recover"
-    with collection.request.explain_damage(f"{why}damaged or cut off", remedy, (Exception,)):
-        try:
-            bag.open()
-        except ReaderError:
-            raise collection.error(f"{why}not a ROS 2 bag; check what wrote it") from None
-    with closing(bag):
-        assert bag.dbconn is not None
-        most = min(collection.request.largest_block, (1 << 31) - 1)
-        bag.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, most)
-        kinds = {}
-        for each in bag.connections:
-            form = "ros2idl" if each.msgdef.format.name == "IDL" else "ros2msg"
-            kinds[each.id] = str(getattr(each.ext, "serialization_format", "cdr")), form
-        found = bag.messages(bag.connections)
-        total = bag.metadata.message_count
-        yield from _read_rosbags(bag.connections, kinds, found, total, collection)
+    with _recover_bag(path, collection) as closed:
+        # rosbags converts the path to a URI, in which ?, # and % have other meanings.
+        bag = Sqlite3Reader(Path(quote(str(closed.absolute()))))
+        why = f"{printable(closed.name)} is an SQLite file, but "
+        remedy = "copy it again, or recover it with: sqlite3 FILE .recover"
+        with collection.request.explain_damage(f"{why}damaged or cut off", remedy, (Exception,)):
+            try:
+                bag.open()
+            except ReaderError:
+                raise collection.error(f"{why}not a ROS 2 bag; check what wrote it") from None
+        with closing(bag):
+            assert bag.dbconn is not None
+            most = min(collection.request.largest_block, (1 << 31) - 1)
+            bag.dbconn.limit(apsw.SQLITE_LIMIT_LENGTH, most)
+            kinds = {}
+            for connection in bag.connections:
+                form = "ros2idl" if connection.msgdef.format.name == "IDL" else "ros2msg"
+                encoding = getattr(connection.ext, "serialization_format", "cdr")
+                kinds[connection.id] = str(encoding), form
+            messages = bag.messages(bag.connections)
+            total = bag.metadata.message_count
+            yield from _read_rosbags(bag.connections, kinds, messages, total, collection)
 
 
 def _read_rosbags(
@@ -248,32 +251,33 @@ def _read_rosbags(
     """Pass the messages of each connection to its topic, in batches."""
     topics = {}
     waiting: dict[int, tuple[list[bytes], list[int]]] = {}
-    for each in connections:
-        encoding, form = kinds[each.id]
-        text = (each.msgdef.data or "").encode()
-        topics[each.id] = collection.topic(each.topic, each.msgtype, encoding, form, text)
-        waiting[each.id] = [], []
-    held = found = 0
+    for connection in connections:
+        definition = (connection.msgdef.data or "").encode()
+        topics[connection.id] = collection.topic(
+            connection.topic, connection.msgtype, *kinds[connection.id], definition
+        )
+        waiting[connection.id] = [], []
+    size = count = 0
 
     def flush() -> None:
-        for number, (texts, times) in waiting.items():
-            topics[number].add(Block.joined(texts, times))
-            texts.clear()
+        for number, (contents, times) in waiting.items():
+            topics[number].add(Block.joined(contents, times))
+            contents.clear()
             times.clear()
 
     for connection, time, data in _until_damaged(messages, collection):
-        texts, times = waiting[connection.id]
-        texts.append(data)
+        contents, times = waiting[connection.id]
+        contents.append(data)
         times.append(time)
-        held += len(data)
-        found += 1
-        if held >= _BATCH:
+        size += len(data)
+        count += 1
+        if size >= _BATCH:
             flush()
-            held = 0
-            yield found / max(total, found)
+            size = 0
+            yield count / max(total, count)
     flush()
-    if found != total:
-        collection.lost(f"the bag lists {total} messages, but only {found} were read")
+    if count != total:
+        collection.lost(f"the bag lists {total} messages, but only {count} were read")
 
 
 def _until_damaged(
@@ -318,26 +322,28 @@ class _Mcap:
                 file.seek(position)
                 data = file.read(_WINDOW)
                 starts, end = _whole_records(data)
-                if not starts and len(data) >= _BEFORE and data[0]:
-                    length = _BEFORE + _LENGTH(data, 1)[0]
-                    if length > size - position:
+                if not starts and len(data) >= _BEFORE and data[0]:  # longer than the window
+                    end = _BEFORE + _LENGTH(data, 1)[0]
+                    if end > size - position:
                         break
                     try:
-                        self.collection.request.check_block(length)
+                        self.collection.request.check_block(end)
                     except ValueError as error:
                         self._lost(f"the record at byte {position} is skipped: {error}")
-                        position += length
+                        position += end
                         continue
-                    data += file.read(length - len(data))
-                    starts, end = [0], length
+                    data += file.read(end - len(data))
+                    starts = [0]
                 if not starts:
                     break
                 self._take(data, starts, end)
                 position += end
                 yield position / size
         if not self.ended:
-            what = f"is cut off (the recorder was probably killed) or damaged at byte {position}"
-            self._lost(f"the file {what}: palpate uses the {self.messages} messages before it")
+            self._lost(
+                "the file is cut off (the recorder was probably killed) or damaged at byte "
+                f"{position}: palpate uses the {self.messages} messages before it"
+            )
         if self.unknown:
             self._lost(f"{self.unknown} messages are on channels that the file does not describe")
         if self.claimed is not None and self.claimed != self.messages:
@@ -345,7 +351,8 @@ class _Mcap:
 
     def _take(self, data: bytes, starts: list[int], end: int) -> None:
         """Process complete records, the messages last: what describes them precedes them."""
-        view, begins = np.frombuffer(data, np.uint8), np.array(starts, np.int64)
+        view = np.frombuffer(data, np.uint8)
+        begins = np.array(starts, np.int64)
         sizes = np.diff(begins, append=end)
         kinds = view[begins]
         for k in np.flatnonzero(_IS_OTHER[kinds]).tolist():
@@ -385,9 +392,9 @@ class _Mcap:
         elif isinstance(record, mcap.Statistics):
             self.claimed = record.message_count
         elif isinstance(record, mcap.Metadata):
-            for name, words in record.metadata.items():
-                own = f"{record.name}.{name}" if record.name else name
-                self.collection.note(one_line(own), words)
+            for key, text in record.metadata.items():
+                name = f"{record.name}.{key}" if record.name else key
+                self.collection.note(one_line(name), text)
         else:
             maker = (record.profile, record.library)
             self.collection.note("written as", " by ".join(filter(None, maker)))
@@ -406,9 +413,11 @@ class _Mcap:
             if end != chunk.uncompressed_size:
                 raise ValueError("it is shorter than stated")
         except Exception as error:  # mcap and the decompressors may raise anything
-            first, last = chunk.message_start_time / 1e9, chunk.message_end_time / 1e9
-            what = f"a chunk of {last - first:.3g} s from {first:.3f} s on"
-            self._lost(f"{what} cannot be read: {first_line(error)}")
+            start = chunk.message_start_time / 1e9
+            span = chunk.message_end_time / 1e9 - start
+            self._lost(
+                f"a chunk of {span:.3g} s from {start:.3f} s on cannot be read: {first_line(error)}"
+            )
         else:
             self._take(data, starts, end)
 
@@ -416,8 +425,9 @@ class _Mcap:
         if channel.id in self.topics:  # repeated in another chunk or in the summary
             return
         schema = self.schemas.get(channel.schema_id) or mcap.Schema(0, b"", "", "")
-        form = channel.message_encoding, schema.encoding, schema.data
-        self.topics[channel.id] = self.collection.topic(channel.topic, schema.name, *form)
+        self.topics[channel.id] = self.collection.topic(
+            channel.topic, schema.name, channel.message_encoding, schema.encoding, schema.data
+        )
 
     def _lost(self, sentence: str) -> None:
         self.collection.lost(f"{printable(self.path.name)}: {sentence}")
@@ -442,14 +452,15 @@ def _unpack_mcap_chunk(chunk: mcap.Chunk) -> bytes:
 def _whole_records(data: bytes) -> tuple[list[int], int]:
     """The starts of the complete records of a block of MCAP, and the end of the last."""
     starts: list[int] = []
-    at, last = 0, len(data) - _BEFORE
-    while at <= last and data[at]:  # a hole in a file is zeros; no record has the kind 0
-        after = at + _BEFORE + _LENGTH(data, at + 1)[0]
-        if after > len(data):
+    position = 0
+    last = len(data) - _BEFORE
+    while position <= last and data[position]:  # a hole is zeros; no record has the kind 0
+        end = position + _BEFORE + _LENGTH(data, position + 1)[0]
+        if end > len(data):
             break
-        starts.append(at)
-        at = after
-    return starts, at
+        starts.append(position)
+        position = end
+    return starts, position
 
 
 #: The MCAP records that palpate reads, besides messages.

@@ -98,7 +98,7 @@ def normal_name(type_name: str) -> str:
 
 def one_line(text: str) -> str:
     """Return a name from a file as one printable line of at most 200 characters."""
-    shown = "".join(each if each.isprintable() else "?" for each in text[:200])
+    shown = "".join(letter if letter.isprintable() else "?" for letter in text[:200])
     return shown if len(text) <= 200 else shown + "…"
 
 
@@ -143,28 +143,27 @@ def message_fields(type_name: str, encoding: str, text: str) -> Group:
     ros1 = encoding == "ros1msg"
     if encoding != "ros2idl":
         text = re.sub(r"^[ \t]*#[^\n]*\n", "", text, flags=re.MULTILINE)
-    known = dict(_standard(ros1))
+    definitions = dict(_standard(ros1))
     try:
         if text.strip():
-            known |= _parse_definition(name, encoding, text)
-        elif name not in known:
+            definitions |= _parse_definition(name, encoding, text)
+        elif name not in definitions:
             raise UndecodableError("the file lacks the definition of its type")
-        return _Builder(known, ros1).group(name)
+        return _Builder(definitions, ros1).group(name)
     except (RecursionError, TypesysError, ValueError, LookupError, AssertionError) as error:
-        words = " ".join(str(error).split())[:80]
-        raise UndecodableError(f"its definition is invalid: {words}") from None
+        reason = " ".join(str(error).split())[:80]
+        raise UndecodableError(f"its definition is invalid: {reason}") from None
 
 
 def _parse_definition(name: str, encoding: str, text: str) -> Definitions:
     if encoding != "ros2idl":
         return get_types_from_msg(text, name)
     # In a text with several definitions a line with its name precedes each.
-    parts = re.split(r"^=+\s*\nIDL:[^\n]*\n", text, flags=re.MULTILINE)
-    found: dict[str, tuple[Any, Any]] = {}
-    for part in parts:
-        if part.strip():
-            found |= get_types_from_idl(part)
-    return found
+    types: dict[str, tuple[Any, Any]] = {}
+    for definition in re.split(r"^=+\s*\nIDL:[^\n]*\n", text, flags=re.MULTILINE):
+        if definition.strip():
+            types |= get_types_from_idl(definition)
+    return types
 
 
 @lru_cache(maxsize=2)
@@ -175,21 +174,22 @@ def _standard(ros1: bool) -> Definitions:
 class _Builder:
     """Builds the trees of the types in one definition, each type once."""
 
-    def __init__(self, known: Definitions, ros1: bool) -> None:
-        self.known = known
+    def __init__(self, definitions: Definitions, ros1: bool) -> None:
+        self.definitions = definitions
         self.ros1 = ros1
         self.built: dict[str, Group] = {}
 
     def group(self, name: str) -> Group:
         if name in self.built:
             return self.built[name]
+        fields: list[tuple[str, Field]]
         if (name, self.ros1) in _TIMES:
-            parts = zip(("sec", "nanosec"), _TIMES[name, self.ros1], strict=True)
-            fields: list[tuple[str, Field]] = [(each, Number(dtype)) for each, dtype in parts]
+            seconds, nanoseconds = _TIMES[name, self.ros1]
+            fields = [("sec", Number(seconds)), ("nanosec", Number(nanoseconds))]
         else:
-            if name not in self.known:
+            if name not in self.definitions:
                 raise UndecodableError(f"the definition of {name[:80]} is missing")
-            fields = [(each, self._field(what)) for each, what in self.known[name][1]]
+            fields = [(label, self._field(what)) for label, what in self.definitions[name][1]]
         if not fields and not self.ros1:
             fields = [("", Number("u1"))]  # ROS 2 sends one byte for an empty message
         size = sum(smallest(field) for _, field in fields)
@@ -228,12 +228,10 @@ class NumberAt:
         """Return the number in each message, in native byte order."""
         dtype = np.dtype(self.dtype)
         rows, width = messages.shape
-        column = np.ndarray((rows,), dtype, messages, self.offset, (width,))
+        column: Values = np.ndarray((rows,), dtype, messages, self.offset, (width,))
         if dtype.kind == "b":  # any byte but 0 means true, but NumPy expects 1
-            truths: NDArray[np.bool_] = column.view(np.uint8) != 0
-            return truths
-        found: Values = column.astype(dtype.newbyteorder("="))
-        return found
+            column = column.view(np.uint8) != 0
+        return column.astype(dtype.newbyteorder("="))
 
 
 @dataclass(frozen=True, slots=True)
@@ -301,8 +299,8 @@ class Layout:
         """Require every message of this layout to have the same bytes here."""
         want = np.frombuffer(data, np.uint8)[start:stop]
         if self.checks and self.checks[-1][0] + len(self.checks[-1][1]) == start:
-            start, before = self.checks.pop()
-            want = np.concatenate([before, want])
+            start, previous = self.checks.pop()
+            want = np.concatenate([previous, want])
         self.checks.append((start, want.copy()))
 
     def matches(self, messages: Matrix) -> NDArray[np.bool_]:
@@ -391,7 +389,9 @@ class _Walk:
     """Parses a message; CDR aligns fields relative to the first one, at ``begin``."""
 
     def __init__(self, message: bytes, begin: int, order: str, alignment: int) -> None:
-        self.message, self.order, self.alignment = message, order, alignment
+        self.message = message
+        self.order = order
+        self.alignment = alignment
         self.begin = self.position = begin
         self.left = MOST_PARTS
         self.layout = Layout(len(message))
@@ -414,16 +414,16 @@ class _Walk:
         if group.name in (TIME, DURATION):
             return self._time(group, path)
         names: list[str] = []
-        for name, part in group.fields:
+        for name, item in group.fields:
             below = f"{path}.{name}" if path else name
             if not self.quiet:
                 self.entity.types[below] = group.name, name
-            if isinstance(part, Many) and isinstance(part.element, Text) and name in _NAMES:
-                names = self._names(part)
-            elif isinstance(part, Text) and name in FRAMES and not self.quiet:
+            if isinstance(item, Many) and isinstance(item.element, Text) and name in _NAMES:
+                names = self._names(item)
+            elif isinstance(item, Text) and name in FRAMES and not self.quiet:
                 self.entity.frames[below] = self._text()
             else:
-                self._field(part, below, names)
+                self._field(item, below, names)
         return None
 
     def _field(self, field: Field, path: str, names: list[str]) -> None:
@@ -431,9 +431,9 @@ class _Walk:
         if self.left < 0:
             raise UndecodableError(f"a message has more than {MOST_PARTS} parts")
         if isinstance(field, Number):
-            at = self._take(field.size)
+            number = self._number(field)
             if not self.quiet and path and not path.endswith("."):
-                self.entity.leaves[path] = NumberAt(at, _dtype(field, self.order))
+                self.entity.leaves[path] = number
         elif isinstance(field, Group):
             self.group(field, path)
         elif isinstance(field, Text):
@@ -442,15 +442,19 @@ class _Walk:
             self._many(field, path, names)
 
     def _time(self, group: Group, path: str) -> None:
-        parts = []
-        for _, part in group.fields:
-            assert isinstance(part, Number)
-            parts.append(NumberAt(self._take(part.size), _dtype(part, self.order)))
+        numbers = [self._number(field) for _, field in group.fields]
         if not self.quiet:
-            self.entity.leaves[path] = TimeAt(*parts)
+            self.entity.leaves[path] = TimeAt(*numbers)
 
-    def _many(self, many: Many, path: str, names: list[str]) -> None:
-        count, element, begin = self._count(many), many.element, self.position
+    def _number(self, field: Field) -> NumberAt:
+        assert isinstance(field, Number)
+        order = "" if field.size == 1 else self.order
+        return NumberAt(self._take(field.size), order + field.dtype)
+
+    def _many(self, field: Many, path: str, names: list[str]) -> None:
+        count = self._count(field)
+        element = field.element
+        begin = self.position
         transforms = isinstance(element, Group) and element.name == TRANSFORM
         long = count > (MOST_TRANSFORMS if transforms else LONGEST_LIST)
         self.quiet += long
@@ -469,45 +473,46 @@ class _Walk:
 
     def _transform(self, group: Field) -> None:
         assert isinstance(group, Group)
-        above, self.entity = self.entity, Entity()
+        above = self.entity
+        self.entity = Entity()
         self.group(group, "")
         frames = self.entity.frames
         name = f"[{frames.get('header.frame_id', '')}>{frames.get('child_frame_id', '')}]"
         self.layout.entities.append(Entity(name, self.entity.leaves, self.entity.types, frames))
         self.entity = above
 
-    def _names(self, many: Many) -> list[str]:
+    def _names(self, field: Many) -> list[str]:
         """The names in a list; none if one is empty or repeated."""
-        count = self._count(many)
+        count = self._count(field)
         if count > LONGEST_LIST or self.quiet:
             for _ in range(count):
-                self._field(many.element, "", [])
+                self._field(field.element, "", [])
             return []
         names = [self._text() for _ in range(count)]
         return names if len(set(names)) == count and all(names) else []
 
-    def _count(self, many: Many) -> int:
+    def _count(self, field: Many) -> int:
         """The number of elements of a list; raise if the rest of the message is too short."""
-        if many.length is not None:
-            return many.length
+        if field.length is not None:
+            return field.length
         count = self._size()
         room = len(self.message) - self.position
-        if count * max(1, smallest(many.element)) > room:
+        if count * max(1, smallest(field.element)) > room:
             raise UndecodableError(f"a list states {count} elements in {room} bytes")
         return count
 
     def _size(self) -> int:
         """A count or a length, which must be equal in all messages of the layout."""
-        at = self._take(4)
-        self.layout.check(self.message, at, at + 4)
-        size: int = struct.unpack_from(self.order + "I", self.message, at)[0]
+        start = self._take(4)
+        self.layout.check(self.message, start, start + 4)
+        size: int = struct.unpack_from(self.order + "I", self.message, start)[0]
         return size
 
     def _skip_text(self) -> tuple[int, int]:
         size = self._size()
         begin = self.position
         self.position += size
-        self._inside()
+        self._check_inside()
         return begin, self.position
 
     def _text(self) -> str:
@@ -522,17 +527,13 @@ class _Walk:
     def _take(self, size: int, count: int = 1) -> int:
         """Advance past numbers of a size; return the position of the first."""
         step = min(size, self.alignment)
-        at = self.position + (self.begin - self.position) % step
-        self.position = at + size * count
-        self._inside()
-        return at
+        start = self.position + (self.begin - self.position) % step
+        self.position = start + size * count
+        self._check_inside()
+        return start
 
-    def _inside(self) -> None:
+    def _check_inside(self) -> None:
         if self.position > len(self.message):
             raise UndecodableError(
                 f"a message of {len(self.message)} bytes is too short for its type"
             )
-
-
-def _dtype(number: Number, order: str) -> str:
-    return number.dtype if number.size == 1 else order + number.dtype

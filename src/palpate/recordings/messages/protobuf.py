@@ -3,6 +3,7 @@
 import json
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from google.protobuf.descriptor import FieldDescriptor
 from google.protobuf.message import DecodeError
 
 from palpate.recordings.messages.layout import LONGEST_LIST, UndecodableError, one_line
-from palpate.recordings.messages.topic import Found, ObjectTopic
+from palpate.recordings.messages.topic import ObjectTopic, PathColumn, Series
 from palpate.recordings.opening import Request, first_line
 from palpate.validation import Integers, Values
 
@@ -30,37 +31,31 @@ class JsonTopic(ObjectTopic):
         What to read.
     """
 
-    def __init__(self, request: Request) -> None:
-        super().__init__(request)
-        self._wanted: dict[str, bool] = {}
-
     def decode_message(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError if it is invalid."""
         try:
-            found = json.loads(message, parse_int=_whole)
+            content = json.loads(message, parse_int=_whole)
         except (ValueError, RecursionError) as error:
             raise UndecodableError(f"it is not JSON: {first_line(error)[:60]}") from None
-        if not isinstance(found, dict):
-            raise UndecodableError(f"it must be a JSON object, not {type(found).__name__}")
-        return found
+        if not isinstance(content, dict):
+            raise UndecodableError(f"it must be a JSON object, not {type(content).__name__}")
+        return content
 
     def take_objects(self, messages: list[Any], times: Integers) -> None:
         """Read decoded messages with their log times, ns."""
-        values: dict[str, list[Any]] = defaultdict(list)
-        rows: dict[str, list[int]] = defaultdict(list)
-        found = self.found.get("", Found())
-        for row, message in enumerate(messages, start=found.count):
-            for path, value in self._numbers(message, "", found, 0):
-                if path not in self._wanted:
-                    self._wanted[path] = self.wants("", path)
-                if self._wanted[path]:
-                    values[path].append(value)
-                    rows[path].append(row)
-        columns = [(path, np.array(rows[path]), _column(each)) for path, each in values.items()]
-        self.keep("", found, columns, times)
+        cells: dict[str, list[tuple[int, Any]]] = defaultdict(list)
+        series = self.series.get("", Series())
+        for row, message in enumerate(messages, start=series.count):
+            for path, value in self._numbers(message, "", series, 0):
+                cells[path].append((row, value))
+        columns = []
+        for path in [path for path in cells if self.wants("", path)]:
+            rows, values = zip(*cells[path], strict=True)
+            columns.append(PathColumn(path, np.array(rows), _column(values)))
+        self.keep("", series, columns, times)
 
     def _numbers(
-        self, value: Any, path: str, found: Found, depth: int
+        self, value: Any, path: str, series: Series, depth: int
     ) -> Iterator[tuple[str, int | float | bool]]:
         """All numbers in a value, with their paths."""
         if isinstance(value, int | float):
@@ -68,39 +63,35 @@ class JsonTopic(ObjectTopic):
         elif isinstance(value, dict):
             time = _time(value)
             if time is not None and path:
-                found.times.add(path)
+                series.times.add(path)
                 yield path, time
             elif depth < _DEEPEST:
                 for name, inner in value.items():
                     below = f"{path}.{name}" if path else name
-                    yield from self._numbers(inner, below, found, depth + 1)
+                    yield from self._numbers(inner, below, series, depth + 1)
         elif isinstance(value, list):
             if len(value) > LONGEST_LIST:
                 self.skipped.add(path)
             elif depth < _DEEPEST:
                 for k, inner in enumerate(value):
-                    yield from self._numbers(inner, f"{path}[{k}]", found, depth + 1)
+                    yield from self._numbers(inner, f"{path}[{k}]", series, depth + 1)
         elif isinstance(value, str) and path.rpartition(".")[2] in ("frame_id", "parent_frame_id"):
-            found.meet_frame(path, value[:200])
+            series.meet_frame(path, value[:200])
 
 
 def _time(value: dict[str, Any]) -> int | None:
     """The time in ns of an object of seconds and nanoseconds; None for any other object."""
-    if len(value) != 2:
+    seconds = [value[name] for name in _SECONDS if isinstance(value.get(name), int)]
+    nanoseconds = [value[name] for name in _NANOSECONDS if isinstance(value.get(name), int)]
+    if len(value) != 2 or not seconds or not nanoseconds:
         return None
-    seconds = next((value[name] for name in _SECONDS if name in value), None)
-    rest = next((value[name] for name in _NANOSECONDS if name in value), None)
-    if not isinstance(seconds, int) or not isinstance(rest, int):
-        return None
-    time = seconds * 1_000_000_000 + rest
+    time = int(seconds[0]) * 1_000_000_000 + int(nanoseconds[0])
     return time if abs(time) < _LARGEST else None
 
 
-def _column(numbers: list[Any]) -> Values:
-    kinds = set(map(type, numbers))
-    if kinds == {bool}:
-        return np.array(numbers, bool)
-    return np.array(numbers, np.int64 if kinds == {int} else np.float64)
+def _column(numbers: Sequence[Any]) -> Values:
+    kinds = {*map(type, numbers)}
+    return np.array(numbers, kinds.pop() if len(kinds) == 1 else float)
 
 
 def _whole(digits: str) -> int | float:
@@ -150,8 +141,7 @@ class ProtobufTopic(ObjectTopic):
         except KeyError:
             raise UndecodableError("its schema lacks its type") from None
         except TypeError as error:
-            words = " ".join(str(error).split())[:80]
-            raise UndecodableError(f"its schema is invalid: {words}") from None
+            raise UndecodableError(f"its schema is invalid: {first_line(error)[:80]}") from None
 
     def decode_message(self, message: bytes) -> Any:
         """Return a message as an object; raise UndecodableError if it is invalid."""
@@ -162,71 +152,82 @@ class ProtobufTopic(ObjectTopic):
 
     def take_objects(self, messages: list[Any], times: Integers) -> None:
         """Read decoded messages with their log times, ns."""
-        if not self.found and self.request.channels is None and _is_long(messages[0]):
+        if not self.series and self.request.channels is None and _is_long(messages[0]):
             self.omitted = "most of it is in long lists"
             return
-        apart = self._class.DESCRIPTOR.fields_by_name.get("transforms")
-        pairs: dict[str, list[tuple[Any, int]]] = {}
-        if apart is not None and apart.message_type is not None and _is_list(apart):
+        list_field = self._class.DESCRIPTOR.fields_by_name.get("transforms")
+        pairs: dict[str, list[tuple[Any, int]]] = defaultdict(list)
+        if list_field is not None and list_field.message_type is not None and _is_list(list_field):
             for k, message in enumerate(messages):
-                for each in message.transforms:
-                    ends = [getattr(each, f"{end}_frame_id", "") for end in ("parent", "child")]
-                    pairs.setdefault("[{}>{}]".format(*map(one_line, ends)), []).append((each, k))
-        for name, given in pairs.items():
-            items, which = zip(*given, strict=True)
-            self._extend(name, items, times[list(which)], None)
-        self._extend("", messages, times, apart if pairs else None)
+                for transform in message.transforms:
+                    parent = one_line(getattr(transform, "parent_frame_id", ""))
+                    child = one_line(getattr(transform, "child_frame_id", ""))
+                    pairs[f"[{parent}>{child}]"].append((transform, k))
+        for name, pair in pairs.items():
+            transforms, which = zip(*pair, strict=True)
+            self._extend(name, transforms, times[list(which)])
+        self._extend("", messages, times, list_field if pairs else None)
 
-    def _extend(self, name: str, messages: Sequence[Any], times: Integers, without: Any) -> None:
-        found = self.found.get(name, Found())
-        rows = found.count + np.arange(len(messages))
-        columns = self._columns(messages, rows, "", found, without)
-        self.keep(name, found, [each for each in columns if self.wants(name, each[0])], times)
+    def _extend(
+        self, name: str, messages: Sequence[Any], times: Integers, without: Any = None
+    ) -> None:
+        series = self.series.get(name, Series())
+        rows = series.count + np.arange(len(messages))
+        columns = self._columns(messages, rows, "", series, without)
+        self.keep(
+            name, series, [column for column in columns if self.wants(name, column.path)], times
+        )
 
     def _columns(
-        self, messages: Sequence[Any], rows: Integers, path: str, found: Found, without: Any = None
-    ) -> Iterator[tuple[str, Integers, Values]]:
+        self,
+        messages: Sequence[Any],
+        rows: Integers,
+        path: str,
+        series: Series,
+        without: Any = None,
+    ) -> Iterator[PathColumn]:
         """Each number of some messages: its path, the rows that have it, and the values."""
         kind = messages[0].DESCRIPTOR
         for field in kind.fields:
             below = f"{path}.{field.name}" if path else field.name
             if field is without:
                 continue
-            found.types[below] = kind.full_name, field.name
+            series.types[below] = kind.full_name, field.name
             values = [getattr(message, field.name) for message in messages]
-            here = rows
             if _is_list(field):
                 longest = max(map(len, values))
                 if longest > LONGEST_LIST:
                     self.skipped.add(below)
                     continue
                 for k in range(longest):
-                    some = np.array([len(each) > k for each in values])
-                    items = [each[k] for each in values if len(each) > k]
-                    found.types[f"{below}[{k}]"] = kind.full_name, field.name
-                    yield from self._values(field, items, rows[some], f"{below}[{k}]", found)
+                    item_path = f"{below}[{k}]"
+                    has_item = [len(items) > k for items in values]
+                    items = [items[k] for items in values if len(items) > k]
+                    series.types[item_path] = kind.full_name, field.name
+                    yield from self._values(field, items, rows[has_item], item_path, series)
                 continue
+            is_set = [True] * len(messages)
             if field.has_presence and not field.has_default_value:  # absent fields give no value
-                there = [message.HasField(field.name) for message in messages]
-                values = [value for value, is_there in zip(values, there, strict=True) if is_there]
-                here = rows[np.array(there)]
-            yield from self._values(field, values, here, below, found)
+                is_set = [message.HasField(field.name) for message in messages]
+            values = list(compress(values, is_set))
+            yield from self._values(field, values, rows[is_set], below, series)
 
     def _values(
-        self, field: Any, values: Sequence[Any], rows: Integers, path: str, found: Found
-    ) -> Iterator[tuple[str, Integers, Values]]:
+        self, field: Any, values: Sequence[Any], rows: Integers, path: str, series: Series
+    ) -> Iterator[PathColumn]:
         if not values:
             return
         if field.cpp_type in _DTYPES:
-            yield path, rows, np.array(values, _DTYPES[field.cpp_type])
+            yield PathColumn(path, rows, np.array(values, _DTYPES[field.cpp_type]))
         elif field.message_type is not None and field.message_type.full_name in _TIMES:
-            found.times.add(path)
-            yield path, rows, np.array([v.seconds * 10**9 + v.nanos for v in values], np.int64)
+            series.times.add(path)
+            times = [value.seconds * 10**9 + value.nanos for value in values]
+            yield PathColumn(path, rows, np.array(times, np.int64))
         elif field.message_type is not None:
-            yield from self._columns(values, rows, path, found)
+            yield from self._columns(values, rows, path, series)
         elif field.name in _FRAMES:
             for frame in dict.fromkeys(values):
-                found.meet_frame(path, one_line(frame))
+                series.meet_frame(path, one_line(frame))
         elif field.type == FieldDescriptor.TYPE_BYTES and max(map(len, values)) > LONGEST_LIST:
             self.skipped.add(path)
 
@@ -240,10 +241,9 @@ def _is_list(field: Any) -> bool:
 
 def _is_long(message: Any) -> bool:
     """Whether most of a message is an image or similar."""
-    found = [
-        value
+    lengths = [
+        len(value)
         for field, value in message.ListFields()
         if field.type == FieldDescriptor.TYPE_BYTES or _is_list(field)
     ]
-    long = sum(len(value) for value in found if len(value) > LONGEST_LIST)
-    return 2 * long > int(message.ByteSize())
+    return 2 * sum(size for size in lengths if size > LONGEST_LIST) > int(message.ByteSize())

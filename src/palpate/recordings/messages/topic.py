@@ -1,9 +1,9 @@
 """Topics: convert blocks of messages to channels."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import zstandard
@@ -39,12 +39,11 @@ _Pieces: TypeAlias = list[tuple[_Rows, Values]]
 
 def find_stamp(paths: Iterable[str]) -> str | None:
     """Return the path of the time of measurement, or None without such a path."""
-    there = set(paths)
-    return next((path for path in STAMPS if path in there), None)
+    return next(filter({*paths}.__contains__, STAMPS), None)
 
 
 @dataclass(slots=True)
-class Found:
+class Series:
     """The data of a topic, or of one transform of it.
 
     Attributes
@@ -73,20 +72,30 @@ class Found:
         missing = self.count - sum(len(column) for _, column in pieces)
         if missing and dtype.kind != "f":
             dtype = np.dtype(np.float64)
-        values = np.full(self.count, np.nan, dtype) if missing else np.empty(self.count, dtype)
+        values = np.full(self.count, np.nan if missing else 0, dtype)
         absent = np.ones(self.count, bool)
         for rows, column in pieces:
             values[rows] = column
             absent[rows] = False
         if not missing:
             return values, None
-        first = int(np.argmax(absent))
-        return values, Faults(missing, first, "a message without this field")
+        return values, Faults(missing, int(np.argmax(absent)), "a message without this field")
 
 
-#: A column of numbers: its path, the rows that have it, and the values.
-PathColumn: TypeAlias = tuple[str, _Rows, Values]
-_Part: TypeAlias = tuple[Integers, Layout, Matrix]
+class PathColumn(NamedTuple):
+    """A column of numbers: its path, the rows that have it, and the values."""
+
+    path: str
+    rows: _Rows
+    values: Values
+
+
+class _Matched(NamedTuple):
+    """Messages of one layout: their indices in a block, and their bytes."""
+
+    which: Integers
+    layout: Layout
+    matrix: Matrix
 
 
 class Topic:
@@ -101,7 +110,7 @@ class Topic:
     ----------
     name, type_name : str
         Name and type in the file.
-    found : dict
+    series : dict
         Suffix of the topic's name, empty or ``[parent>child]``, to data.
     messages, undecodable : int
         Number of messages; number of messages that could not be decoded.
@@ -112,7 +121,7 @@ class Topic:
     def __init__(self, request: Request) -> None:
         self.name = self.type_name = ""
         self.request = request
-        self.found: dict[str, Found] = {}
+        self.series: dict[str, Series] = {}
         self.messages = 0
         self.undecodable = 0
         self.reason = ""  # of the first message that could not be decoded
@@ -132,24 +141,26 @@ class Topic:
         """Count undecodable messages; give up after many if none could be decoded."""
         self.undecodable += count
         self.reason = self.reason or reason
-        if self.undecodable >= PATIENCE and not self.found:
+        if self.undecodable >= PATIENCE and not self.series:
             self.omitted = reason
 
     def wants(self, name: str, path: str) -> bool:
         """Whether a column is requested, or is the time of measurement."""
         return path in STAMPS or self.request.wants(f"{self.name}{name}.{path}")
 
-    def keep(self, name: str, found: Found, columns: Sequence[PathColumn], times: Integers) -> None:
+    def keep(
+        self, name: str, series: Series, columns: Sequence[PathColumn], times: Integers
+    ) -> None:
         """Add columns of some messages, unless they hold nothing but the time stamp."""
-        paths = {path for path, _, _ in columns}
+        paths = {column.path for column in columns}
         if paths <= {find_stamp(paths)}:
             return
-        self.request.reserve(sum(values.nbytes for _, _, values in columns) + times.nbytes)
-        self.found[name] = found
-        rows = slice(found.count, found.count + len(times))
-        for path, part, values in (*columns, (LOG_TIME, rows, times)):
-            found.columns[path].append((part, values))
-        found.count += len(times)
+        self.request.reserve(sum(column.values.nbytes for column in columns) + times.nbytes)
+        self.series[name] = series
+        rows = slice(series.count, series.count + len(times))
+        for path, which, values in (*columns, (LOG_TIME, rows, times)):
+            series.columns[path].append((which, values))
+        series.count += len(times)
 
 
 class ObjectTopic(Topic):
@@ -165,9 +176,10 @@ class ObjectTopic(Topic):
 
     def take(self, block: Block) -> None:
         """Read messages."""
-        for first in range(0, len(block.starts), _BATCH):
-            messages, times = [], []
-            for k in range(first, min(first + _BATCH, len(block.starts))):
+        for begin in range(0, len(block.starts), _BATCH):
+            messages = []
+            times = []
+            for k in range(begin, min(begin + _BATCH, len(block.starts))):
                 try:
                     messages.append(self.decode_message(block.message(k)))
                 except UndecodableError as error:
@@ -202,19 +214,19 @@ class BinaryTopic(Topic):
         """Read messages."""
         if self._cdr and block.message(0).startswith(_ZSTD):  # ROS 2 can compress each message
             block = self._unpack_block(block)
-        parts: list[_Part] = []
+        matched: list[_Matched] = []
         for length in np.unique(block.lengths).tolist():
-            self._match(block, np.flatnonzero(block.lengths == length), length, parts)
+            matched += self._match(block, np.flatnonzero(block.lengths == length), length)
         if not self.omitted:
-            self._extend(parts, block.times)
+            self._extend(matched, block.times)
 
     def _unpack_block(self, block: Block) -> Block:
-        messages, times = [], []
+        messages = []
+        times = []
         for k, time in enumerate(block.times.tolist()):
             try:
-                most = self.request.largest_block
                 unpacked = zstandard.ZstdDecompressor().stream_reader(block.message(k))
-                message = unpacked.read(most + 1)
+                message = unpacked.read(self.request.largest_block + 1)
                 self.request.check_block(len(message))
                 messages.append(message)
             except (zstandard.ZstdError, ValueError) as error:
@@ -223,36 +235,39 @@ class BinaryTopic(Topic):
             times.append(time)
         return Block.joined(messages, times)
 
-    def _match(self, block: Block, which: Integers, length: int, parts: list[_Part]) -> None:
+    def _match(self, block: Block, which: Integers, length: int) -> Iterator[_Matched]:
         """Group messages of one length by layout: their indices, the layout, the bytes."""
-        known = self._layouts.setdefault(length, [])
+        layouts = self._layouts.setdefault(length, [])
         # Parse the first message before copying, so that images are skipped without a copy.
-        if not known and not self._new_layout(block.message(int(which[0])), known):
+        if not layouts and not self._new_layout(block.message(int(which[0])), layouts):
             which = which[1:]
         if self.omitted:
             return
         matrix = gather(block.data, block.starts[which], length)
         tried = 0
         while len(which):
-            if tried == len(known) and self._parsed > MOST_PARSED:
-                self.fail(f"they have more than {MOST_PARSED} layouts", len(which))
-                return
-            if tried == len(known) and not self._new_layout(matrix[0].tobytes(), known):
-                if self.omitted:
+            if tried == len(layouts):
+                if self._parsed > MOST_PARSED:
+                    self.fail(f"they have more than {MOST_PARSED} layouts", len(which))
                     return
-                which, matrix = which[1:], matrix[1:]
-                continue
-            layout = known[tried]
+                if not self._new_layout(matrix[0].tobytes(), layouts):
+                    if self.omitted:
+                        return
+                    which = which[1:]
+                    matrix = matrix[1:]
+                    continue
+            layout = layouts[tried]
             tried += 1
             same = layout.matches(matrix)
             if same.all():
-                parts.append((which, layout, matrix))
+                yield _Matched(which, layout, matrix)
                 return
             if same.any():
-                parts.append((which[same], layout, matrix[same]))
-                which, matrix = which[~same], matrix[~same]
+                yield _Matched(which[same], layout, matrix[same])
+                which = which[~same]
+                matrix = matrix[~same]
 
-    def _new_layout(self, message: bytes, known: list[Layout]) -> bool:
+    def _new_layout(self, message: bytes, layouts: list[Layout]) -> bool:
         """Parse a message and keep its layout; return whether that succeeded."""
         self._parsed += 1
         try:
@@ -261,14 +276,14 @@ class BinaryTopic(Topic):
             self.fail(str(error))
             return False
         self._choose(layout)
-        known.append(layout)
+        layouts.append(layout)
         return True
 
     def _choose(self, layout: Layout) -> None:
         """Drop columns that are not requested, and topics that consist of long lists."""
         named = self.request.channels is not None
         long = sum(layout.skipped.values())
-        if not self.found and not named and long > layout.length / 2:
+        if not self.series and not named and long > layout.length / 2:
             what = ", ".join(sorted(layout.skipped)[:3])
             self.omitted = f"most of it is in long lists ({what})"
             return
@@ -281,25 +296,29 @@ class BinaryTopic(Topic):
             if set(entity.leaves) <= {stamp}:
                 entity.leaves.clear()
 
-    def _extend(self, parts: list[_Part], times: Integers) -> None:
-        by_name: dict[str, list[tuple[_Part, Entity]]] = defaultdict(list)
-        for part in parts:
-            for entity in part[1].entities:
+    def _extend(self, matched: list[_Matched], times: Integers) -> None:
+        by_name: dict[str, list[tuple[Integers, Matrix, Entity]]] = defaultdict(list)
+        for which, layout, matrix in matched:
+            for entity in layout.entities:
                 if entity.leaves:
-                    by_name[entity.name].append((part, entity))
+                    by_name[entity.name].append((which, matrix, entity))
         for name, pieces in by_name.items():
-            found = self.found.get(name, Found())
-            which = [part[0] for part, _ in pieces]
+            series = self.series.get(name, Series())
             # Messages of several layouts keep their order in the file.
-            order = np.argsort(np.concatenate(which), kind="stable")
-            row_of = np.empty(len(order), np.int64)
-            row_of[order] = found.count + np.arange(len(order))
-            ends, columns = np.cumsum([len(here) for here in which[:-1]]), list[PathColumn]()
-            for rows, ((_, _, matrix), entity) in zip(np.split(row_of, ends), pieces, strict=True):
-                one = slice(found.count, found.count + len(matrix)) if len(pieces) == 1 else rows
-                found.types |= entity.types
-                found.times |= {p for p, leaf in entity.leaves.items() if isinstance(leaf, TimeAt)}
+            indices = np.concatenate([which for which, _, _ in pieces])
+            order = np.argsort(indices, kind="stable")
+            places = series.count + np.argsort(order)
+            ends = np.cumsum([len(which) for which, _, _ in pieces[:-1]], dtype=int)
+            columns: list[PathColumn] = []
+            for split, (_, matrix, entity) in zip(np.split(places, ends), pieces, strict=True):
+                rows: _Rows = split
+                if len(pieces) == 1:
+                    rows = slice(series.count, series.count + len(matrix))
+                series.types |= entity.types
                 for path, frame in entity.frames.items():
-                    found.meet_frame(path, frame)
-                columns += [(path, one, leaf.read(matrix)) for path, leaf in entity.leaves.items()]
-            self.keep(name, found, columns, times[np.sort(np.concatenate(which))])
+                    series.meet_frame(path, frame)
+                for path, leaf in entity.leaves.items():
+                    if isinstance(leaf, TimeAt):
+                        series.times.add(path)
+                    columns.append(PathColumn(path, rows, leaf.read(matrix)))
+            self.keep(name, series, columns, times[indices[order]])
