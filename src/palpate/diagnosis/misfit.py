@@ -73,7 +73,7 @@ def smooth_misfit(fit: Fit) -> float:
 # Largest ratio of the smooth misfits of the deeper half and the whole. Its unexplained force may be
 # at most that of the whole, or this fraction. Of 26 recordings of others those in which the deeper
 # half was worse have ratios from 0.96, or more unexplained force.
-LESS_MISFIT, WELL_EXPLAINED = 0.7, 0.1
+LESS_MISFIT, WELL_EXPLAINED = 0.85, 0.1
 
 
 @dataclass(frozen=True, slots=True)
