@@ -6,7 +6,7 @@ from typing import Any, Self
 from palpate.spelling import spell_advice
 
 
-class Step(Enum):
+class NextStep(Enum):
     """A next step, with its sentence; ``{}`` stands for a number or a name.
 
     Whether a step applies is decided where it is made, and whether it is predicted to lower an
@@ -85,17 +85,17 @@ class Remedy(str):
 
     Attributes
     ----------
-    step : Step
+    step : NextStep
         The id.
     otherwise : Remedy or None
         A second step, after *or*.
     """
 
-    step: Step
+    step: NextStep
     otherwise: "Remedy | None"
     _given: tuple[Any, ...]
 
-    def __new__(cls, step: Step, *values: object, otherwise: "Remedy | None" = None) -> Self:
+    def __new__(cls, step: NextStep, *values: object, otherwise: "Remedy | None" = None) -> Self:
         """Return the step's sentence with its values, and with the second step's."""
         words = spell_advice(step.value.format(*values))
         remedy = super().__new__(cls, words if otherwise is None else f"{words}, or {otherwise}")
@@ -112,4 +112,4 @@ def _restore(given: tuple[Any, ...], otherwise: Remedy | None) -> Remedy:
 
 def stated(words: str) -> Remedy:
     """Return a next step in the words of who states it."""
-    return Remedy(Step.STATED, words)
+    return Remedy(NextStep.STATED, words)

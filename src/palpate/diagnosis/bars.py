@@ -29,7 +29,7 @@ from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
@@ -113,15 +113,15 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(spread, "since other laws fit as well", Remedy(Step.OTHER_SPEEDS))
+        yield BarPart(spread, "since other laws fit as well", Remedy(NextStep.OTHER_SPEEDS))
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
             reason = "by the choice of the relaxation times"
-            yield BarPart(SPECTRUM * by_noise, reason, Remedy(Step.OTHER_SPEEDS))
+            yield BarPart(SPECTRUM * by_noise, reason, Remedy(NextStep.OTHER_SPEEDS))
     distance, remedy = np.abs(distance_to_least_squares(fit))[1:], exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
-    yield BarPart(steps, "by the steps of the position", Remedy(Step.FINER_POSITION))
+    yield BarPart(steps, "by the steps of the position", Remedy(NextStep.FINER_POSITION))
     if not fit.with_offset:
         yield BarPart(_offset_sensitivity(fit)[1:], "since the method has no offset", remedy)
 
@@ -172,7 +172,7 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
         yield BarPart(errors, reason, deeper_half_remedy(fit))
     if presses_once(fit):
         reason = "since one press does not show how far the next one differs"
-        yield BarPart(ONE_PRESS * values, reason, Remedy(Step.SEVERAL_PRESSES), is_factor=True)
+        yield BarPart(ONE_PRESS * values, reason, Remedy(NextStep.SEVERAL_PRESSES), is_factor=True)
     # If the law shows the skew of known clocks, it is among the causes.
     counted = any(cause.check is Check.DELAY for cause, _ in known.causes.counted)
     if known.clock.error and not (known.clock.is_known and shows_skew(fit) and counted):
@@ -285,7 +285,7 @@ TRUSTED, STOPPED = (0.10, 0.20), (0.25, 0.60)
 def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[Finding]:
     """Report the numbers whose error bars are too wide to trust, with the main reason."""
     noise = np.array([at.stiffness.standard_error, at.damping.standard_error])
-    statistical = BarPart(noise, "by the noise and the motion", Remedy(Step.MOVE_MORE))
+    statistical = BarPart(noise, "by the noise and the motion", Remedy(NextStep.MOVE_MORE))
     parts = [statistical, *systematic.all_parts(fit)]
     largest = np.argmax([part.errors for part in parts], axis=0)
     turning = _combined(part for part in parts if not part.is_factor)
@@ -307,7 +307,7 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
         reason, remedy = parts[largest[number]].reason, best_remedy(fit, parts, number)
         if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
-            mark, remedy = "with-care", Remedy(Step.TASK_SPEED)
+            mark, remedy = "with-care", Remedy(NextStep.TASK_SPEED)
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
         elif mark == "trust":
             clock = systematic.clock
@@ -337,7 +337,7 @@ def _differs_at_rest(fit: Fit, systematic: SystematicErrors, damping: Quantity) 
 
 HELPS = 0.95  # largest ratio of the predicted bar to the present one
 #: Factor of the statistical error by steps that identify a part of the recording alone.
-OF_A_PART = {Step.TWO_HALVES: math.sqrt(2.0), Step.TWO_PARTS: math.sqrt(2.0)}
+OF_A_PART = {NextStep.TWO_HALVES: math.sqrt(2.0), NextStep.TWO_PARTS: math.sqrt(2.0)}
 
 
 def best_remedy(fit: Fit, parts: Sequence[BarPart], number: int) -> Remedy | None:
@@ -353,11 +353,11 @@ def best_remedy(fit: Fit, parts: Sequence[BarPart], number: int) -> Remedy | Non
     return remedies[best]
 
 
-def _predict_parts(fit: Fit, parts: Sequence[BarPart], step: Step) -> Floats:
+def _predict_parts(fit: Fit, parts: Sequence[BarPart], step: NextStep) -> Floats:
     """Return the bars of stiffness and damping that are predicted after a step."""
     by_noise: Floats | float = OF_A_PART.get(step, 1.0)
     after = 0.0
-    if step is Step.DEEPER_HALF and (predicted := predict_deeper_half(fit)) is not None:
+    if step is NextStep.DEEPER_HALF and (predicted := predict_deeper_half(fit)) is not None:
         by_noise, after = predicted.errors, predicted.misfit
     left = [
         part._replace(errors=after * part.errors)

@@ -15,7 +15,7 @@ from palpate.digits import percent, rounded
 from palpate.estimators.least_squares import robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 # Chosen by hand.
@@ -112,7 +112,7 @@ def deeper_half_remedy(fit: Fit) -> Remedy | None:
     if fit.range[0] >= HALVED * fit.depth or predict_deeper_half(fit) is None:
         return None
     from_here = 0.5 * fit.depth + fit.estimate.surface
-    return Remedy(Step.DEEPER_HALF, f"{1e3 * from_here:.2g}")
+    return Remedy(NextStep.DEEPER_HALF, f"{1e3 * from_here:.2g}")
 
 
 def check_misfit(fit: Fit) -> Finding | None:
@@ -120,7 +120,7 @@ def check_misfit(fit: Fit) -> Finding | None:
     unexplained, times = fraction_unexplained(fit), fit.residual_to_noise
     if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
-    remedy = Remedy(Step.SELECT_LAW) if fit.laws is None else deeper_half_remedy(fit)
+    remedy = Remedy(NextStep.SELECT_LAW) if fit.laws is None else deeper_half_remedy(fit)
     mark: Mark = "trust"
     if unexplained > TOO_MUCH_UNEXPLAINED:
         mark = "do-not-trust"
@@ -139,7 +139,7 @@ def misfit_without_time(stiffness: Mark) -> Finding:
     """Report a misfit whose cause cannot be found without time."""
     return Check.MISFIT.finding(
         "the force differs from that of a spring, and without time palpate cannot say why",
-        Remedy(Step.SAMPLE_TIMES),
+        Remedy(NextStep.SAMPLE_TIMES),
         stiffness=stiffness,
     )
 
@@ -151,7 +151,7 @@ def check_other_laws(fit: Fit) -> Finding | None:
     return Check.REQUESTED_LAW.finding(
         "the law was requested: the error bars do not include how far other laws that fit as well "
         "differ",
-        Remedy(Step.SELECT_LAW),
+        Remedy(NextStep.SELECT_LAW),
     )
 
 
@@ -159,7 +159,7 @@ def exact_remedy(fit: Fit) -> Remedy | None:
     """Remedy for a method that is off the least squares of its law."""
     if fit.method in ("variable-projection", "viscoelastic"):
         return deeper_half_remedy(fit)
-    return Remedy(Step.EXACT_METHOD)
+    return Remedy(NextStep.EXACT_METHOD)
 
 
 def check_method(fit: Fit) -> Finding | None:
