@@ -102,6 +102,16 @@ class Remedy(str):
         remedy.step, remedy.otherwise, remedy._given = step, otherwise, (step, *values)
         return remedy
 
+    def without(self, step: NextStep) -> "Remedy | None":
+        """Return what is left without a step; None if nothing is."""
+        if self.step is step:
+            return self.otherwise
+        return Remedy(*self._given) if self.has(step) else self
+
+    def has(self, step: NextStep) -> bool:
+        """Whether it is, or has as its second step, this one."""
+        return step in (self.step, None if self.otherwise is None else self.otherwise.step)
+
     def __reduce__(self) -> Any:
         return _restore, (self._given, self.otherwise)
 

@@ -305,11 +305,13 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
         elif quantity.value < 0.0:  # passive materials have none
             mark, sign = "do-not-trust", "it is negative, "
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
-        reason, remedy = parts[largest[number]].reason, best_remedy(fit, parts, number)
-        if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
+        reason = parts[largest[number]].reason
+        if mark != "trust":
+            remedy = best_remedy(fit, parts, number)
+        elif number and _differs_at_rest(fit, systematic, quantity):
             mark, remedy = "with-care", Remedy(NextStep.TASK_SPEED)
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
-        elif mark == "trust":
+        else:
             clock = systematic.clock
             if not number or clock.is_known or shows_skew(fit):
                 continue
@@ -357,7 +359,9 @@ def _predict_parts(fit: Fit, parts: Sequence[BarPart], step: NextStep) -> Floats
     """Return the bars of stiffness and damping that are predicted after a step."""
     by_noise: Floats | float = OF_A_PART.get(step, 1.0)
     after = 0.0
-    if step is NextStep.DEEPER_HALF and (predicted := predict_deeper_half(fit)) is not None:
+    if step is NextStep.DEEPER_HALF:
+        if (predicted := predict_deeper_half(fit)) is None:
+            return np.full(2, math.inf)
         by_noise, after = predicted.errors, predicted.misfit
     left = [
         part._replace(errors=after * part.errors)

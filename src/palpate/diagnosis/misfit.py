@@ -1,7 +1,8 @@
 """Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -92,10 +93,22 @@ class DeeperHalf:
     errors: Floats
 
 
+_PREDICTED: WeakKeyDictionary[Fit, DeeperHalf | None] = WeakKeyDictionary()
+
+
 def predict_deeper_half(fit: Fit) -> DeeperHalf | None:
-    """Fit the law to the deeper half of the contact; None if it follows the force no better."""
-    half, misfit = fit.deeper_half, smooth_misfit(fit)
-    if half is None or not misfit > 0.0:
+    """Fit the law to the deeper half of the contact; None if it follows the force no better.
+
+    Once for each fit: several findings may advise it.
+    """
+    if fit not in _PREDICTED:
+        _PREDICTED[fit] = _compare_deeper_half(fit)
+    return _PREDICTED[fit]
+
+
+def _compare_deeper_half(fit: Fit) -> DeeperHalf | None:
+    half = fit.deeper_half
+    if half is None or not (misfit := smooth_misfit(fit)) > 0.0:
         return None
     ratio = smooth_misfit(half) / misfit
     most_unexplained = max(fraction_unexplained(fit), WELL_EXPLAINED)
@@ -104,12 +117,22 @@ def predict_deeper_half(fit: Fit) -> DeeperHalf | None:
     return DeeperHalf(ratio, (standard_errors(half) / standard_errors(fit))[1:])
 
 
-def deeper_half_remedy(fit: Fit) -> Remedy | None:
-    """Remedy for a law that fails over a wide range of depths; None if it is not predicted to help.
+def drop_vain_step(fit: Fit, finding: Finding) -> Finding:
+    """Return a finding without the deeper half as its next step if the law follows it no better."""
+    remedy = finding.remedy
+    if remedy is None or not remedy.has(NextStep.DEEPER_HALF):
+        return finding
+    if predict_deeper_half(fit) is not None:
+        return finding
+    return replace(finding, remedy=remedy.without(NextStep.DEEPER_HALF))
 
-    If the deeper half was identified alone, there is hardly a shallower half.
+
+def deeper_half_remedy(fit: Fit) -> Remedy | None:
+    """Remedy for a law that fails over a wide range of depths; :func:`drop_vain_step` judges it.
+
+    None if the deeper half was identified alone: then there is hardly a shallower half.
     """
-    if fit.range[0] >= HALVED * fit.depth or predict_deeper_half(fit) is None:
+    if fit.range[0] >= HALVED * fit.depth:
         return None
     from_here = 0.5 * fit.depth + fit.estimate.surface
     return Remedy(NextStep.DEEPER_HALF, f"{1e3 * from_here:.2g}")
