@@ -12,7 +12,7 @@ from test_structure import modules, tree
 import palpate
 from palpate import spelling
 from palpate.cli.reading import ReadingOptions
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.spelling import ARGUMENTS, FLAGS, options_in_advice, spell_advice
 
 
@@ -81,14 +81,17 @@ def test_errors_and_findings_name_arguments_in_python(in_python, tmp_path):
         palpate.identify({"a": values, "b": values, "c": values})
     assert "--" not in str(caught.value)
     assert "Columns(" in str(caught.value)
-    step = Remedy(Step.WIDER_WINDOW, "0.02")
+    step = Remedy(NextStep.WIDER_WINDOW, "0.02")
     assert step == "run again with velocity_window=0.02"
     with options_in_advice():
         again = pickle.loads(pickle.dumps(step))
-    assert (again.step, str(again)) == (Step.WIDER_WINDOW, "run again with --velocity-window 0.02")
+    assert (again.step, str(again)) == (
+        NextStep.WIDER_WINDOW,
+        "run again with --velocity-window 0.02",
+    )
 
 
-@pytest.mark.parametrize("step", Step)
+@pytest.mark.parametrize("step", NextStep)
 def test_a_step_is_one_sentence_without_its_dot(step):
     words = Remedy(step, "1", "2", "3")
     assert "{" not in words

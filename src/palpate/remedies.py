@@ -6,7 +6,7 @@ from typing import Any, Self
 from palpate.spelling import spell_advice
 
 
-class Step(Enum):
+class NextStep(Enum):
     """A next step, with its sentence; ``{}`` stands for a number or a name.
 
     Whether a step applies is decided where it is made, and whether it is predicted to lower an
@@ -86,22 +86,32 @@ class Remedy(str):
 
     Attributes
     ----------
-    step : Step
+    step : NextStep
         The id.
     otherwise : Remedy or None
         A second step, after *or*.
     """
 
-    step: Step
+    step: NextStep
     otherwise: "Remedy | None"
     _given: tuple[Any, ...]
 
-    def __new__(cls, step: Step, *values: object, otherwise: "Remedy | None" = None) -> Self:
+    def __new__(cls, step: NextStep, *values: object, otherwise: "Remedy | None" = None) -> Self:
         """Return the step's sentence with its values, and with the second step's."""
         words = spell_advice(step.value.format(*values))
         remedy = super().__new__(cls, words if otherwise is None else f"{words}, or {otherwise}")
         remedy.step, remedy.otherwise, remedy._given = step, otherwise, (step, *values)
         return remedy
+
+    def without(self, step: NextStep) -> "Remedy | None":
+        """Return what is left without a step; None if nothing is."""
+        if self.step is step:
+            return self.otherwise
+        return Remedy(*self._given) if self.has(step) else self
+
+    def has(self, step: NextStep) -> bool:
+        """Whether it is, or has as its second step, this one."""
+        return step in (self.step, None if self.otherwise is None else self.otherwise.step)
 
     def __reduce__(self) -> Any:
         return _restore, (self._given, self.otherwise)
@@ -113,4 +123,4 @@ def _restore(given: tuple[Any, ...], otherwise: Remedy | None) -> Remedy:
 
 def stated(words: str) -> Remedy:
     """Return a next step in the words of who states it."""
-    return Remedy(Step.STATED, words)
+    return Remedy(NextStep.STATED, words)

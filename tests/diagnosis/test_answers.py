@@ -173,7 +173,7 @@ def test_a_relaxed_stiffness_at_its_bound_is_not_given(tmp_path, run):
     palpate.write_contact(contact, file)
     out = run("identify", file)[1]
     assert "K = 0" not in out
-    course = r"at (\S+) mm.*stiffness (\S+) N/m after (\S+) ms, (\S+) N/m after (\S+) s"
+    course = r"at (\S+) mm.*stiffness (\S+) ± \S+ N/m after (\S+) ms, (\S+) ± \S+ N/m after (\S+) s"
     numbers = map(float, re.search(course, " ".join(out.split())).groups())
     depth, first, shortest, last, longest = numbers
     assert first == pytest.approx(law.stiffness_after(1e-3 * depth, 1e-3 * shortest), rel=0.1)

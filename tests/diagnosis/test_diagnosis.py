@@ -21,7 +21,7 @@ from palpate.preparation.held import hold_length
 from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import find_spikes
 from palpate.recordings.units import unit_size
-from palpate.remedies import Step
+from palpate.remedies import NextStep
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -90,7 +90,7 @@ def test_a_law_that_is_selected_has_what_another_lacks(name):
     diagnosis = palpate.diagnose(CAUSES[name])
     assert not any(each.check == name and each.z > 0.0 for each in diagnosis.findings)
     assert diagnosis.verdict == palpate.Verdict("trust", "with-care", "with-care")
-    assert diagnosis.remedy.step is Step.IN_STEP
+    assert diagnosis.remedy.step is NextStep.IN_STEP
     known = dataclasses.replace(CAUSES[name], delay=palpate.contact.Delay(0.0, 1e-4))
     assert palpate.diagnose(known).verdict.overall == "trust"
 

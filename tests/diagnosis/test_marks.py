@@ -13,7 +13,7 @@ from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
 from palpate.findings import Check
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 
 LAW = faults.LAW
 Floats = np.ndarray
@@ -199,7 +199,7 @@ def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_bet
 
 def test_the_next_step_is_the_one_that_lowers_the_bar_most():
     """Two parts of 0.8 with one remedy are more than one of 1; of what is detected one counts."""
-    first, second = Remedy(Step.MOVE_MORE), Remedy(Step.VARY_SPEED)
+    first, second = Remedy(NextStep.MOVE_MORE), Remedy(NextStep.VARY_SPEED)
     parts = [BarPart(np.array([1.0, 0.0]), "a", first)]
     parts += [BarPart(np.array([0.8, 0.0]), "b", second)] * 2
     assert best_remedy(None, parts, 0) is second
@@ -210,7 +210,7 @@ def test_the_next_step_is_the_one_that_lowers_the_bar_most():
 def test_a_step_that_is_not_predicted_to_lower_the_bar_is_not_advised():
     """Half of the recording costs more by noise than the drift did."""
     parts = [BarPart(np.array([1.0, 0.0]), "a", None)]
-    parts += [BarPart(np.array([0.8, 0.0]), "b", Remedy(Step.TWO_HALVES, 3), detected=True)]
+    parts += [BarPart(np.array([0.8, 0.0]), "b", Remedy(NextStep.TWO_HALVES, 3), detected=True)]
     assert best_remedy(None, parts, 0) is None
 
 
@@ -364,7 +364,7 @@ def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_it
     assert usual.reason.startswith(
         "the damping is known to ± 8 %, if force and position were recorded within"
     )
-    assert usual.remedy.step is Step.IN_STEP
+    assert usual.remedy.step is NextStep.IN_STEP
     assert known.verdict.damping == "trust"
 
 

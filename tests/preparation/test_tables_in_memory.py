@@ -74,6 +74,28 @@ def test_a_table_is_the_contact_that_it_holds(table, expected):
     assert found.stiffness.value == pytest.approx(expected.stiffness.value, rel=1e-6)
 
 
+@pytest.mark.peers
+@pytest.mark.parametrize("unit", ["mm", "um", "inch"])
+def test_a_table_of_pint_is_the_contact_that_it_holds(unit, expected):
+    """Of pint itself: a dict of its quantities, and a frame whose types have its units."""
+    pint = pytest.importorskip("pint")
+    units = pint.UnitRegistry()
+    time, depth, force = (
+        units.Quantity(SI[name], si).to(to)
+        for name, si, to in (("time", "s", "ms"), ("penetration", "m", unit), ("force", "N", "mN"))
+    )
+    table = {"time": time, "penetration": depth, "force": force}
+    frames = pytest.importorskip("pint_pandas")
+    frames.PintType.ureg = units
+    frame = pd.DataFrame({
+        name: pd.Series(each.magnitude, dtype=f"pint[{each.units:~}]")
+        for name, each in table.items()
+    })  # fmt: skip
+    for given in (table, frame):
+        found = palpate.identify(given)
+        assert found.stiffness.value == pytest.approx(expected.stiffness.value, rel=1e-6)
+
+
 @pytest.mark.parametrize("form", ["to_pandas", "to_xarray"])
 def test_what_palpate_gave_comes_back(form, expected):
     found = palpate.identify(getattr(expected, form)())

@@ -364,3 +364,24 @@ def test_the_page_shows_the_keys_that_there_are():
     keys = [*numbers, *(key for part in numbers.values() for key in part)]
     keys += ["Flores", "kind", "half_angle", "of_tip"]
     assert sorted(re.findall(r'"(\w+)":', shown)) == sorted(keys)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_stiffness_after_a_time_is_within_three_bars_of_the_truth(seed):
+    """By the noise of 1 % of the force; three standard errors, of six numbers."""
+    time = 1e-3 * np.arange(8000)
+    depth = 4e-3 + 1.5e-3 * np.sin(4.0 * np.pi * time) + 1e-3 * np.sin(1.1 * time)
+    law = palpate.GeneralisedHuntCrossley(
+        K=4e4, n=1.5, B=100.0, p=1.5, M=6e4, relaxation=palpate.SingleRelaxation(0.2)
+    )
+    speed = np.gradient(depth, time)
+    force = law.force_along(depth, speed, np.full(time.size, 1e-3))
+    force += np.random.default_rng(seed).normal(0.0, 0.01 * force.max(), time.size)
+    contact = palpate.Contact(time, penetration=depth, velocity=speed, force=force)
+    result = palpate.identify(contact, trace=False)
+    assert result.law.remembers
+    for after in (0.05, 0.3):
+        found = result.stiffness_after(after)
+        truth = law.stiffness_after(result.diagnosis.working_depth.depth, after)
+        assert abs(found.value - truth) <= 3.0 * found.whole_error
+        assert found.whole_error < 0.3 * truth

@@ -29,7 +29,7 @@ from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.velocity import filter_gain
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
@@ -114,16 +114,16 @@ def _parts_of_law(fit: Fit) -> Iterator[BarPart]:
     """Yield the errors by the choice of the law, its method and the position's steps."""
     if fit.response is not None:
         spread = fit.response.spread(np.array(_values(fit)[1:]), fit.depth, fit.frequency)
-        yield BarPart(spread, "since other laws fit as well", Remedy(Step.VARY_SPEED))
+        yield BarPart(spread, "since other laws fit as well", Remedy(NextStep.VARY_SPEED))
         if fit.equivalent is not None:
             by_noise = fit.response.at(fit.depth, fit.frequency)[1]
             reason = "by the choice of the relaxation times"
-            yield BarPart(SPECTRUM * by_noise, reason, Remedy(Step.VARY_SPEED))
+            yield BarPart(SPECTRUM * by_noise, reason, Remedy(NextStep.VARY_SPEED))
     distance = np.abs(distance_to_least_squares(fit))[1:]
     remedy = exact_remedy(fit)
     yield BarPart(distance, "since the method is off its least squares", remedy)
     steps = _change_with_depth(fit, ROUNDING * fit.data.penetration_step)[1:]
-    yield BarPart(steps, "by the steps of the position", Remedy(Step.FINER_POSITION))
+    yield BarPart(steps, "by the steps of the position", Remedy(NextStep.FINER_POSITION))
     if not fit.with_offset:
         yield BarPart(_offset_sensitivity(fit)[1:], "since the method has no offset", remedy)
 
@@ -174,7 +174,7 @@ def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
         yield BarPart(errors, reason, deeper_half_remedy(fit))
     if presses_once(fit):
         reason = "since one press does not show how far the next one differs"
-        yield BarPart(ONE_PRESS * values, reason, Remedy(Step.SEVERAL_PRESSES), is_factor=True)
+        yield BarPart(ONE_PRESS * values, reason, Remedy(NextStep.SEVERAL_PRESSES), is_factor=True)
     # If the law shows the skew of known clocks, it is among the causes.
     counted = any(cause.check is Check.DELAY for cause, _ in known.causes.counted)
     if known.clock.error and not (known.clock.is_known and shows_skew(fit) and counted):
@@ -292,8 +292,8 @@ def all_parts(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) -> list[
     surface = _change_with_depth(fit, fit.data.contact.surface_deviation)[1:]
     noise = np.sqrt(np.maximum(statistical**2 - surface**2, 0.0))
     return [
-        BarPart(noise, "by the noise and the motion", Remedy(Step.MOVE_MORE)),
-        BarPart(surface, "by the standard error of the surface", Remedy(Step.APPROACH)),
+        BarPart(noise, "by the noise and the motion", Remedy(NextStep.MOVE_MORE)),
+        BarPart(surface, "by the standard error of the surface", Remedy(NextStep.APPROACH)),
         *systematic.all_parts(fit),
     ]
 
@@ -324,12 +324,13 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
             sign = "it is negative, "
             sentence = f"the {name} is negative, {with_error(quantity.value, error, unit=unit)}"
         reason = parts[largest[number]].reason
-        remedy = best_remedy(fit, parts, number)
-        if mark == "trust" and number and _differs_at_rest(fit, systematic, quantity):
+        if mark != "trust":
+            remedy = best_remedy(fit, parts, number)
+        elif number and _differs_at_rest(fit, systematic, quantity):
             mark = "with-care"
-            remedy = Remedy(Step.TASK_SPEED)
+            remedy = Remedy(NextStep.TASK_SPEED)
             reason = f"at the recorded speed of {format_quantity(fit.speed, 'm/s', digits=2)} only"
-        elif mark == "trust":
+        else:
             clock = systematic.clock
             if not number or clock.is_known or shows_skew(fit):
                 continue
@@ -358,7 +359,7 @@ def _differs_at_rest(fit: Fit, systematic: SystematicErrors, damping: Quantity) 
 
 HELPS = 0.95  # largest ratio of the predicted bar to the present one
 #: Factor of the statistical error by steps that identify a part of the recording alone.
-OF_A_PART = {Step.TWO_HALVES: math.sqrt(2.0), Step.TWO_PARTS: math.sqrt(2.0)}
+OF_A_PART = {NextStep.TWO_HALVES: math.sqrt(2.0), NextStep.TWO_PARTS: math.sqrt(2.0)}
 
 
 def best_remedy(fit: Fit, parts: Sequence[BarPart], number: int) -> Remedy | None:
@@ -374,11 +375,13 @@ def best_remedy(fit: Fit, parts: Sequence[BarPart], number: int) -> Remedy | Non
     return remedies[best]
 
 
-def _predict_parts(fit: Fit, parts: Sequence[BarPart], step: Step) -> Floats:
+def _predict_parts(fit: Fit, parts: Sequence[BarPart], step: NextStep) -> Floats:
     """Return the bars of stiffness and damping that are predicted after a step."""
     by_noise: Floats | float = OF_A_PART.get(step, 1.0)
     after = 0.0
-    if step is Step.DEEPER_HALF and (predicted := predict_deeper_half(fit)) is not None:
+    if step is NextStep.DEEPER_HALF:
+        if (predicted := predict_deeper_half(fit)) is None:
+            return np.full(2, math.inf)
         by_noise, after = predicted.errors, predicted.misfit
     left = [
         part._replace(errors=after * part.errors)

@@ -15,7 +15,7 @@ from palpate.estimators.by_law import linear_in
 from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
 from palpate.findings import Check
 from palpate.force_laws import ForceLaw
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 BLOCKS = 48  # changes are searched for at the borders of these blocks
@@ -261,7 +261,7 @@ def _significant_changes(fits: _EpisodeFits, cut: Cut) -> Changes | None:
     when = ", ".join(f"{rounded(time, 3)} s" for time in times)
     levels = " → ".join(rounded(value, 3) for value in values)
     sentence = f"the material changes at {when}: stiffness at working depth {levels} N/m"
-    remedy = Remedy(Step.SEGMENTS)
+    remedy = Remedy(NextStep.SEGMENTS)
     change = SeveralLaws(laws)
     cause = MisfitHypothesis(Check.CHANGE, *stats, sentence, remedy, change, *change.relative(fit))
     return Changes(cause, times, laws)

@@ -11,7 +11,7 @@ from palpate.diagnosis.fit import Fit
 from palpate.digits import rounded
 from palpate.findings import Check
 from palpate.force_laws import ForceLaw
-from palpate.remedies import Step
+from palpate.remedies import NextStep
 
 #: Skew between force and position that is assumed possible if nothing is known of their clocks, s.
 #: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
@@ -30,14 +30,14 @@ class Clock(NamedTuple):
         damping of a law that hides it safe to trust (``benchmarks.known_clock``).
     reason : str
         End of the sentence *the damping is known to ± 20 %, …*.
-    remedy : Step
+    remedy : NextStep
         What shows it better.
     """
 
     error: float
     is_known: bool
     reason: str
-    remedy: Step
+    remedy: NextStep
 
 
 def clock_of(fit: Fit) -> Clock:
@@ -46,7 +46,7 @@ def clock_of(fit: Fit) -> Clock:
     if applied is not None:
         two = applied.from_contact and has_two_clocks(fit)
         what = "clocks' offset" if two else "delay"
-        remedy = Step.ONE_CLOCK if two and applied.found else Step.IN_STEP
+        remedy = NextStep.ONE_CLOCK if two and applied.found else NextStep.IN_STEP
         reason = f"by the standard error of the {what}"
         # Two clocks may be one: then a law that shows the skew knows it better than the offset.
         left_alone = applied.from_contact and not applied.found
@@ -55,7 +55,7 @@ def clock_of(fit: Fit) -> Clock:
     late = 0.0 if fit.response is None else fit.response.delay
     error = 0.0 if shows_skew(fit) else max(USUAL_SKEW, late)
     reason = f"since {rounded(1e3 * error, 2)} ms of skew between force and position is possible"
-    return Clock(error, False, reason, Step.IN_STEP)
+    return Clock(error, False, reason, NextStep.IN_STEP)
 
 
 def shows_skew(fit: Fit) -> bool:

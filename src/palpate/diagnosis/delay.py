@@ -13,7 +13,7 @@ from palpate.diagnosis.fit import SIGNIFICANT, Fit, MovedSamples, Solution, fit_
 from palpate.diagnosis.windows import WindowedSamples
 from palpate.digits import percent, rounded, with_error
 from palpate.findings import Check, Finding
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 LONGEST = 25e-3  # s; with more the recording is misaligned, not delayed
@@ -59,12 +59,12 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     # If a delay was found and applied before, the rest depends on the law identified here.
     found = applied is not None and applied.from_contact
     known = f"{total * 1e3:.4g}ms+-{error * 1e3:.2g}ms" if found else "find"
-    remedy = Remedy(Step.DELAY, known)
+    remedy = Remedy(NextStep.DELAY, known)
     clock = clock_of(fit)
     if has_two_clocks(fit) or (clock.is_known and fine.z <= SIGNIFICANT):
         remedy = Remedy(clock.remedy)
     elif total < 0.0 and fit.equivalent is not None:
-        remedy = Remedy(Step.STEEL_SPRING)  # relaxation looks like a force that is early
+        remedy = Remedy(NextStep.STEEL_SPRING)  # relaxation looks like a force that is early
     other_law = OtherLaw(moved.law, before.law) if shift else None
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
 
@@ -121,7 +121,7 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         f"{with_error(abs(result.amount) * 1e3, error * 1e3, unit='ms')} "
         f"{'later' if result.amount > 0.0 else 'earlier'}: samples of one channel were lost"
     )
-    remedy = Remedy(Step.TWO_PARTS, f"{time:.4g}")
+    remedy = Remedy(NextStep.TWO_PARTS, f"{time:.4g}")
     change = whole.change + result.change[: len(whole.change)]
     moved = replace(result, change=change)
     return [cause_from_column(fit, Check.SKEW_JUMP, moved, sentence, remedy)]

@@ -6,7 +6,7 @@ from palpate.diagnosis.fit import Fit
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.law_verdicts import ONE_WAY, one_speed, one_way
 from palpate.findings import Check, Finding, Mark
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 
 FEWEST_SAMPLES = 60
 # A probe is held below the first fraction of its rms speed and beyond the second of its depth, for
@@ -27,7 +27,7 @@ def explain_no_check(fit: Fit) -> Finding:
     """Report why the law cannot be checked: too few samples, or too little motion."""
     return check_excitation(fit) or Check.EXCITATION.finding(
         "the motion varies too little to check the law",
-        Remedy(Step.VARY_SPEED),
+        Remedy(NextStep.VARY_SPEED),
         mark="do-not-trust",
     )
 
@@ -35,7 +35,7 @@ def explain_no_check(fit: Fit) -> Finding:
 def few_samples(count: int, mark: Mark = "trust") -> Finding:
     """Report the number of samples in contact as too small."""
     words = f"only {count} sample{'s' * (count != 1)} in contact"
-    return Check.EXCITATION.finding(words, Remedy(Step.LONGER), mark=mark)
+    return Check.EXCITATION.finding(words, Remedy(NextStep.LONGER), mark=mark)
 
 
 def check_extrapolation(fit: Fit) -> Finding | None:
@@ -46,7 +46,7 @@ def check_extrapolation(fit: Fit) -> Finding | None:
     return Check.DEPTH.finding(
         f"the working depth, {format_quantity(fit.depth, 'm')}, is outside the recorded depths, "
         f"{format_quantity(least, 'm')} to {format_quantity(peak, 'm')}: the law is extrapolated",
-        Remedy(Step.RECORDED_DEPTH, f"{1e3 * fit.reference:.2g}"),
+        Remedy(NextStep.RECORDED_DEPTH, f"{1e3 * fit.reference:.2g}"),
         mark="with-care",
     )
 
@@ -65,7 +65,7 @@ def check_one_way(fit: Fit) -> Finding | None:
             return None
         return Check.LOADING_ALONE.finding(
             "the probe never withdraws: the law that relaxes is only known while it presses",
-            Remedy(Step.RELEASE),
+            Remedy(NextStep.RELEASE),
             damping="do-not-trust",
             brief="the probe never withdraws",
         )

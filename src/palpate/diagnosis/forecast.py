@@ -8,7 +8,7 @@ from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.windows import FEWEST_ROWS
 from palpate.digits import percent, rounded
 from palpate.findings import Check, Finding
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 
 PARTS = 3  # parts of the rows; the last part is predicted
 CARE = 0.25
@@ -38,7 +38,7 @@ def check_forecast(fit: Fit) -> Finding | None:
         return Check.FORECAST.finding(
             "identified on its first two thirds, the recording's last third is off by "
             f"{percent(whole / size)} of the force",
-            Remedy(Step.TASK_MOTION),
+            Remedy(NextStep.TASK_MOTION),
             mark="do-not-trust" if whole > STOP * size else "trust",
         )
     recent, _ = _prediction_error(fit, slice(third, last, 3))
@@ -49,7 +49,7 @@ def check_forecast(fit: Fit) -> Finding | None:
     return Check.FORECAST.finding(
         "the force settles, or the material or a sensor changes slowly: the third before the last "
         "predicts that to {} of the force, all before it to {}".format(*parts),
-        Remedy(Step.LATEST_PART, rounded(float(fit.time[last]), 4)),
+        Remedy(NextStep.LATEST_PART, rounded(float(fit.time[last]), 4)),
     )
 
 

@@ -13,7 +13,7 @@ from palpate.findings import Check, Finding
 from palpate.force_laws import HuntCrossley
 from palpate.preparation.resolution import find_dead_band
 from palpate.preparation.surface import fit_surface_position, report_assumed_surface
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 MOST_IN_CONTACT = 3000
@@ -51,7 +51,7 @@ def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     parameter = abs((n - law.parameters[2]) * math.log(fit.reference)) + n * abs(depth)
     kind = ESTIMATORS.get(fit.method)
     estimates = kind is not None and "surface" in kind().settings
-    remedy = Remedy(Step.SURFACE if estimates else Step.SURFACE_BY_METHOD)
+    remedy = Remedy(NextStep.SURFACE if estimates else NextStep.SURFACE_BY_METHOD)
     numbers = abs(depth) / max(error, 1e-300), explained, parameter
     return [MisfitHypothesis(Check.SURFACE, *numbers, sentence, remedy, change, *changes)]
 

@@ -27,7 +27,7 @@ from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rounded
 from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import Check, Finding
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
@@ -69,20 +69,20 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
     return {
         Check.SLOW_CHANGE: (
             f"the material {change} during the recording",
-            None if presses_once(fit) else Remedy(Step.TWO_HALVES, half),
+            None if presses_once(fit) else Remedy(NextStep.TWO_HALVES, half),
         ),
         Check.FRICTION: (
             f"friction of {part} of the force: it depends on the direction of motion, not on "
             "the speed",
-            Remedy(Step.ALONG_NORMAL) if _knows_directions(fit) else None,
+            Remedy(NextStep.ALONG_NORMAL) if _knows_directions(fit) else None,
         ),
         Check.DAMPING_FORM: (
             "the damping grows with depth differently than in the law",
-            Remedy(Step.WORKING_DEPTH),
+            Remedy(NextStep.WORKING_DEPTH),
         ),
         Check.DAMPING_WITH_DEPTH: (
             "the damping grows with depth, but not in this law",
-            Remedy(Step.GROWING_DAMPING),
+            Remedy(NextStep.GROWING_DAMPING),
         ),
         Check.SHAPE: (
             "the force does not grow with depth by the exponent that was passed"
@@ -93,7 +93,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
         Check.SQUARE_SPEED: (
             "the damping force is not proportional to the speed: the damping holds at "
             f"{format_quantity(fit.speed, 'm/s', digits=2)}",
-            Remedy(Step.TASK_SPEED),
+            Remedy(NextStep.TASK_SPEED),
         ),
     }[check]
 
@@ -154,7 +154,7 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, Remedy]:
         other = ", longer than the law does: sensor drift, or a material that softens"
     else:
         return f"the force relaxes over {over} differently than the law", remedy
-    return f"the force relaxes over {over}{other}", Remedy(Step.TARE_EACH_TOUCH)
+    return f"the force relaxes over {over}{other}", Remedy(NextStep.TARE_EACH_TOUCH)
 
 
 # Depth range over the working depth in which adhesion is searched for, and its number of pieces.
@@ -191,7 +191,7 @@ def find_adhesion_or_relaxation(fit: Fit) -> list[MisfitHypothesis]:
         return causes
     force = format_quantity(pull, "N")
     sentence = f"adhesion: near the surface the material pulls the probe with {force}"
-    remedy = Remedy(Step.STAY_IN_CONTACT, otherwise=deeper_half_remedy(fit))
+    remedy = Remedy(NextStep.STAY_IN_CONTACT, otherwise=deeper_half_remedy(fit))
     return [cause_from_column(fit, Check.ADHESION, best, sentence, remedy)]
 
 
@@ -252,7 +252,7 @@ def check_relaxed_stiffness(fit: Fit) -> Finding | None:
     return Check.RELAXED_STIFFNESS.finding(
         "the relaxed stiffness is extrapolated: no hold as long as three relaxation times was "
         "recorded; K′ and B′ at the motion's frequency do not need it",
-        Remedy(Step.HOLD, rounded(HOLD * relaxation.longest_time, 2)),
+        Remedy(NextStep.HOLD, rounded(HOLD * relaxation.longest_time, 2)),
     )
 
 
@@ -324,7 +324,7 @@ def check_unknown_law(
         return None
     return Check.UNKNOWN_LAW.finding(
         f"{what}: the stiffness may be that of another law",
-        Remedy(Step.SPRING_CHECK),
+        Remedy(NextStep.SPRING_CHECK),
         stiffness="with-care",
         brief=what,
     )
@@ -358,7 +358,7 @@ def relaxation_remedy(laws: ModelSelection | None, time: float) -> Remedy:
         Relaxation time in the residual, s.
     """
     if laws is None:
-        return Remedy(Step.SELECT_LAW)
+        return Remedy(NextStep.SELECT_LAW)
     if time > laws.longest:  # sensor drift is as likely
-        return Remedy(Step.TARE_EACH_TOUCH)
-    return Remedy(Step.TASK_SPEED)
+        return Remedy(NextStep.TARE_EACH_TOUCH)
+    return Remedy(NextStep.TASK_SPEED)

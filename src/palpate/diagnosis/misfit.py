@@ -1,7 +1,8 @@
 """Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from palpate.digits import percent, rounded
 from palpate.estimators.least_squares import robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 # Chosen by hand.
@@ -76,7 +77,7 @@ def smooth_misfit(fit: Fit) -> float:
 # Largest ratio of the smooth misfits of the deeper half and the whole. Its unexplained force may be
 # at most that of the whole, or this fraction. Of 26 recordings of others those in which the deeper
 # half was worse have ratios from 0.96, or more unexplained force.
-LESS_MISFIT, WELL_EXPLAINED = 0.7, 0.1
+LESS_MISFIT, WELL_EXPLAINED = 0.85, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,10 +96,22 @@ class DeeperHalf:
     errors: Floats
 
 
+_PREDICTED: WeakKeyDictionary[Fit, DeeperHalf | None] = WeakKeyDictionary()
+
+
 def predict_deeper_half(fit: Fit) -> DeeperHalf | None:
-    """Fit the law to the deeper half of the contact; None if it follows the force no better."""
-    half, misfit = fit.deeper_half, smooth_misfit(fit)
-    if half is None or not misfit > 0.0:
+    """Fit the law to the deeper half of the contact; None if it follows the force no better.
+
+    Once for each fit: several findings may advise it.
+    """
+    if fit not in _PREDICTED:
+        _PREDICTED[fit] = _compare_deeper_half(fit)
+    return _PREDICTED[fit]
+
+
+def _compare_deeper_half(fit: Fit) -> DeeperHalf | None:
+    half = fit.deeper_half
+    if half is None or not (misfit := smooth_misfit(fit)) > 0.0:
         return None
     ratio = smooth_misfit(half) / misfit
     most_unexplained = max(fraction_unexplained(fit), WELL_EXPLAINED)
@@ -107,15 +120,25 @@ def predict_deeper_half(fit: Fit) -> DeeperHalf | None:
     return DeeperHalf(ratio, (standard_errors(half) / standard_errors(fit))[1:])
 
 
-def deeper_half_remedy(fit: Fit) -> Remedy | None:
-    """Remedy for a law that fails over a wide range of depths; None if it is not predicted to help.
+def drop_vain_step(fit: Fit, finding: Finding) -> Finding:
+    """Return a finding without the deeper half as its next step if the law follows it no better."""
+    remedy = finding.remedy
+    if remedy is None or not remedy.has(NextStep.DEEPER_HALF):
+        return finding
+    if predict_deeper_half(fit) is not None:
+        return finding
+    return replace(finding, remedy=remedy.without(NextStep.DEEPER_HALF))
 
-    If the deeper half was identified alone, there is hardly a shallower half.
+
+def deeper_half_remedy(fit: Fit) -> Remedy | None:
+    """Remedy for a law that fails over a wide range of depths; :func:`drop_vain_step` judges it.
+
+    None if the deeper half was identified alone: then there is hardly a shallower half.
     """
-    if fit.range[0] >= HALVED * fit.depth or predict_deeper_half(fit) is None:
+    if fit.range[0] >= HALVED * fit.depth:
         return None
     from_here = 0.5 * fit.depth + fit.estimate.surface
-    return Remedy(Step.DEEPER_HALF, f"{1e3 * from_here:.2g}")
+    return Remedy(NextStep.DEEPER_HALF, f"{1e3 * from_here:.2g}")
 
 
 def check_misfit(fit: Fit) -> Finding | None:
@@ -124,7 +147,7 @@ def check_misfit(fit: Fit) -> Finding | None:
     times = fit.residual_to_noise
     if unexplained <= UNEXPLAINED and not fit.exceeds_noise:
         return None
-    remedy = Remedy(Step.SELECT_LAW) if fit.laws is None else deeper_half_remedy(fit)
+    remedy = Remedy(NextStep.SELECT_LAW) if fit.laws is None else deeper_half_remedy(fit)
     mark: Mark = "trust"
     if unexplained > TOO_MUCH_UNEXPLAINED:
         mark = "do-not-trust"
@@ -143,7 +166,7 @@ def misfit_without_time(stiffness: Mark) -> Finding:
     """Report a misfit whose cause cannot be found without time."""
     return Check.MISFIT.finding(
         "the force differs from that of a spring, and without time palpate cannot say why",
-        Remedy(Step.SAMPLE_TIMES),
+        Remedy(NextStep.SAMPLE_TIMES),
         stiffness=stiffness,
     )
 
@@ -155,7 +178,7 @@ def check_other_laws(fit: Fit) -> Finding | None:
     return Check.REQUESTED_LAW.finding(
         "the law was requested: the error bars do not include how far other laws that fit as well "
         "differ",
-        Remedy(Step.SELECT_LAW),
+        Remedy(NextStep.SELECT_LAW),
     )
 
 
@@ -163,7 +186,7 @@ def exact_remedy(fit: Fit) -> Remedy | None:
     """Remedy for a method that is off the least squares of its law."""
     if fit.method in ("variable-projection", "viscoelastic"):
         return deeper_half_remedy(fit)
-    return Remedy(Step.EXACT_METHOD)
+    return Remedy(NextStep.EXACT_METHOD)
 
 
 def check_method(fit: Fit) -> Finding | None:

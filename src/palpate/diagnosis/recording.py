@@ -25,7 +25,7 @@ from palpate.preparation.velocity import (
     step_of,
     window_samples,
 )
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 
@@ -116,7 +116,7 @@ class Data:
         rate = float(np.std(moving) / (np.std(self.penetration[self.penetration > 0.0]) or np.inf))
         if rate * window > MOST_TURN:
             return None
-        return Remedy(Step.WIDER_WINDOW, f"{window:.2g}")
+        return Remedy(NextStep.WIDER_WINDOW, f"{window:.2g}")
 
     @cached_property
     def findings(self) -> tuple[Finding, ...]:
@@ -149,8 +149,8 @@ REPEATED = 0.85
 def check_steps(data: Data) -> Finding | None:
     """Steps above 4 % of the force or 1 % of the penetration, and over 85 % of samples repeat."""
     effect = ": the velocity is coarse and the damping too small"
-    finer = Remedy(Step.FINER_FORCE)
-    smoother = data.wider_window if data.velocity_filter else Remedy(Step.DIFFERENTIATE)
+    finer = Remedy(NextStep.FINER_FORCE)
+    smoother = data.wider_window if data.velocity_filter else Remedy(NextStep.DIFFERENTIATE)
     force = data.force, "force", "N", data.peak_force, FORCE_STEP
     penetration = data.penetration, "penetration", "m", data.peak_penetration, PENETRATION_STEP
     for channel, more, remedy in ((force, "", finer), (penetration, effect, smoother)):
@@ -196,13 +196,13 @@ def check_signs(data: Data) -> Finding | None:
     shallow = float(force[x <= low].mean())
     if deep >= shallow:
         return None
-    step = Step.FLIP_PENETRATION
+    step = NextStep.FLIP_PENETRATION
     words = (
         f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
         "penetration grows: the penetration must be positive into the material"
     )
     if deep < 0.0 and abs(deep) > abs(shallow):
-        step = Step.FLIP_FORCE
+        step = NextStep.FLIP_FORCE
         words = (
             f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
             "compression must be positive"
@@ -248,7 +248,7 @@ def check_spikes(data: Data) -> Finding | None:
         return None
     return Check.SPIKES.finding(
         f"{percent(part)} of the {name} samples are spikes",
-        Remedy(Step.CABLE, name),
+        Remedy(NextStep.CABLE, name),
         mark="do-not-trust" if part > MANY else "with-care",
     )
 
@@ -288,7 +288,7 @@ def check_time_stamps(data: Data) -> Finding | None:
     return Check.TIME_STAMPS.finding(
         "the time stamps jump where the penetration is smooth: they are times of arrival, not of "
         "sampling",
-        Remedy(Step.SENSOR_TIMES),
+        Remedy(NextStep.SENSOR_TIMES),
         z=ratio,
         damping="with-care" if lost > CARE else "trust",
         moves_percent=(0.0, -100.0 * lost),
@@ -384,8 +384,8 @@ SI = {"time": "s", "penetration": "m", "force": "N"}
 def _unit_remedy(contact: Contact, channel: str, guess: str) -> Remedy:
     """Remedy for a suspected unit: state it, or confirm the one that was used; both without any."""
     if channel in POSITION_AND_FORCE <= contact.assumed_units:
-        return Remedy(Step.BOTH_UNITS)
-    return Remedy(Step.UNIT, channel, guess, SI[channel])
+        return Remedy(NextStep.BOTH_UNITS)
+    return Remedy(NextStep.UNIT, channel, guess, SI[channel])
 
 
 OTHER = ": it may have another unit or sign, or be another channel"
@@ -411,7 +411,9 @@ def check_velocity_column(data: Data) -> Finding | None:
     correlation = float(np.corrcoef(dx, integral)[0, 1])
     if correlation < VELOCITIES_AGAINST:
         words = "the velocity column runs against the rate of the penetration" + OTHER
-        return Check.VELOCITY_COLUMN.finding(words, Remedy(Step.DIFFERENTIATE), mark="do-not-trust")
+        return Check.VELOCITY_COLUMN.finding(
+            words, Remedy(NextStep.DIFFERENTIATE), mark="do-not-trust"
+        )
     if correlation <= ALIKE:
         return None
     # Noise in Δx lowers the first slope, noise in ∫v dt raises the second: the one nearer to 1 is
@@ -421,14 +423,14 @@ def check_velocity_column(data: Data) -> Finding | None:
     words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
         return Check.VELOCITY_COLUMN.finding(
-            words + OTHER, Remedy(Step.DIFFERENTIATE), mark="do-not-trust"
+            words + OTHER, Remedy(NextStep.DIFFERENTIATE), mark="do-not-trust"
         )
     if abs(slope - 1.0) <= SAME_SPEED:
         return None
     wrong = f"{percent(abs(slope - 1.0))} too {'small' if slope > 1.0 else 'large'}"
     return Check.VELOCITY_COLUMN.finding(
         f"{words}: the damping is {wrong} if the penetration is right",
-        Remedy(Step.DIFFERENTIATE),
+        Remedy(NextStep.DIFFERENTIATE),
         damping="with-care" if abs(slope - 1.0) > CARE else "trust",
         moves_percent=(0.0, 100.0 * (slope - 1.0)),
     )

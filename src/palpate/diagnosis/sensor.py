@@ -22,7 +22,7 @@ from palpate.estimators.least_squares import mean_error
 from palpate.findings import Check, Finding, Mark
 from palpate.preparation.held import hold_length
 from palpate.preparation.resolution import find_dead_band
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 SHORTEST = 5  # samples
@@ -70,12 +70,12 @@ def check_saturation(fit: Fit) -> Finding | None:
     mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
     if at_top < elsewhere:
         words = f"the force is constant for {percent(part)} of the contact while the probe moves"
-        return Check.STUCK_FORCE.finding(words, Remedy(Step.CONNECTION), mark=mark)
+        return Check.STUCK_FORCE.finding(words, Remedy(NextStep.CONNECTION), mark=mark)
     words = (
         f"the force stays at its largest value, {rounded(top, 3)} N, for {percent(part)} of the "
         "contact: the sensor saturates"
     )
-    return Check.SATURATION.finding(words, Remedy(Step.LARGER_RANGE), mark=mark)
+    return Check.SATURATION.finding(words, Remedy(NextStep.LARGER_RANGE), mark=mark)
 
 
 def check_dead_band(fit: Fit) -> Finding | None:
@@ -86,7 +86,7 @@ def check_dead_band(fit: Fit) -> Finding | None:
     return Check.DEAD_BAND.finding(
         f"the force is zero below {format_quantity(band, 'N', digits=1)}: the sensor or its "
         "firmware has a dead band, and palpate leaves these samples out",
-        Remedy(Step.NO_THRESHOLD),
+        Remedy(NextStep.NO_THRESHOLD),
     )
 
 
@@ -155,7 +155,7 @@ def check_force_jump(fit: Fit) -> Finding | None:
     return Check.FORCE_JUMP.finding(
         f"the force jumps by {format_quantity(size, 'N')} within a sample at {when} s while the "
         "probe presses: the sensor was zeroed in contact, or the material gave way",
-        Remedy(Step.BEFORE_JUMP, when),
+        Remedy(NextStep.BEFORE_JUMP, when),
         stiffness=marks[0],
         damping=marks[1],
         brief=f"the force jumps by {format_quantity(size, 'N')} within a sample",
@@ -171,7 +171,7 @@ def outlier_finding(count: int, samples: int) -> Finding:
     part = rounded(100.0 * count / samples, 2)
     return Check.OUTLIERS.finding(
         f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
-        Remedy(Step.KEEP_OUTLIERS),
+        Remedy(NextStep.KEEP_OUTLIERS),
         mark="with-care" if count > MANY_LEFT_OUT * samples else "trust",
     )
 
@@ -192,7 +192,7 @@ def check_velocity_noise(fit: Fit) -> Finding | None:
     )
     return Check.VELOCITY_NOISE.finding(
         f"{whose} is noisy: the damping is about {percent(min(part, 1.0))} too small",
-        fit.data.wider_window if derived else Remedy(Step.DIFFERENTIATE),
+        fit.data.wider_window if derived else Remedy(NextStep.DIFFERENTIATE),
         moves_percent=(0.0, 100.0 * min(part, 1.0)),
     )
 
@@ -219,7 +219,7 @@ def check_free_air(fit: Fit) -> Finding | None:
     return Check.FREE_AIR.finding(
         "the force changes with the motion in free air: a cable, a guide or a mass that moves "
         f"with the probe changes {much}",
-        Remedy(Step.FREE_AIR_FORCE),
+        Remedy(NextStep.FREE_AIR_FORCE),
         float(np.max(np.abs(slopes) / errors)),
         brief="the force in free air changes with the motion",
         moves_percent=(100.0 * float(moved[0]), 100.0 * float(moved[1])),
@@ -257,7 +257,7 @@ def check_impact(fit: Fit) -> Finding | None:
     return Check.MOVING_MASS.finding(
         f"an impact of {format_quantity(mass, 'kg', digits=2)} does not show what moves beyond the "
         "force sensor: a tenth of it there makes stiffness and damping a tenth too small",
-        Remedy(Step.WEIGH),
+        Remedy(NextStep.WEIGH),
         mark="with-care",
         brief="an impact does not show the mass beyond the force sensor",
     )
@@ -283,7 +283,7 @@ def check_offset(fit: Fit) -> Finding | None:
         f"the fitted force offset is {format_quantity(abs(difference), 'N')} "
         f"{'above' if difference > 0 else 'below'} the force in free air: another law at light "
         "touch, or a wrong tare",
-        Remedy(Step.TARE, _longest_free_interval(fit)),
+        Remedy(NextStep.TARE, _longest_free_interval(fit)),
         z,
     )
 
@@ -348,7 +348,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
     if check is Check.OFFSET_DRIFT:
         return (
             f"the force sensor's zero drifts by {format_quantity(abs(amount), 'N')}",
-            Remedy(Step.TARE_EACH_TOUCH),
+            Remedy(NextStep.TARE_EACH_TOUCH),
         )
     if check is Check.SENSOR_GAIN:
         if abs(amount) > MOST_CURVED * NUISANCES[check].unit(fit):
@@ -360,17 +360,17 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
     if check is Check.GUIDE_FRICTION:
         return (
             f"friction of {format_quantity(abs(amount), 'N')} at any load, as of a guide",
-            Remedy(Step.FREE_AIR_MOTION),
+            Remedy(NextStep.FREE_AIR_MOTION),
         )
     if amount > 0.0:
         return (
             f"a mass of {rounded(amount, 2)} kg moves between the force sensor and the material",
-            Remedy(Step.INERTIA),
+            Remedy(NextStep.INERTIA),
         )
     # Behind a link of the natural frequency ω₀ the tip moves by x − ẍ/ω₀².
     rate = math.sqrt(abs(fit.stiffness(fit.solution.law) / (amount or 1.0)))
     resonance = format_quantity(rate / (2.0 * math.pi), "Hz", digits=2)
     return (
         f"the force depends on the acceleration, as behind a link that resonates at {resonance}",
-        Remedy(Step.STIFFER_PROBE),
+        Remedy(NextStep.STIFFER_PROBE),
     )

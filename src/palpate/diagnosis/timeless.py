@@ -17,7 +17,7 @@ from palpate.diagnosis.verdict import assemble_diagnosis
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.findings import HOLD_WITHOUT_TIME, Check, Finding, worst
 from palpate.force_laws.laws import Spring
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 #: Indices of K and n among the parameters of Hunt–Crossley.
@@ -25,7 +25,7 @@ _SPRING = np.array([0, 2])
 
 NO_TIME = Check.NO_TIME.finding(
     "the recording has no time: palpate gives the stiffness alone, and no damping",
-    Remedy(Step.SAMPLE_TIMES),
+    Remedy(NextStep.SAMPLE_TIMES),
     damping="do-not-trust",
     brief="the recording has no time",
 )

@@ -41,6 +41,7 @@ from palpate.diagnosis.misfit import (
     check_method,
     check_misfit,
     check_other_laws,
+    drop_vain_step,
     fraction_unexplained,
 )
 from palpate.diagnosis.outcome import (
@@ -157,6 +158,7 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     known = {finding.check for finding in findings}
     more = (note for note in notes if note.check not in known)
     findings += (note for note in more if not (episodes and note.severity == "note"))
+    findings = [drop_vain_step(fit, finding) for finding in findings]
     return assemble_diagnosis(findings, depths, episodes, fit.laws)
 
 

@@ -12,7 +12,7 @@ from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw
-from palpate.remedies import Remedy
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
 # Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
@@ -21,7 +21,7 @@ ADVICE = {
         "exponent not identifiable from this motion",
         "alternate between shallow and deep penetrations",
     ),
-    2: Check.DAMPING.finding("damping not identifiable", Remedy(Step.VARY_SPEED)),
+    2: Check.DAMPING.finding("damping not identifiable", Remedy(NextStep.VARY_SPEED)),
     4: Check.EXPONENT_RANGE.finding(
         "exponent at the edge of its range", "check that the penetration is 0 at the surface"
     ),

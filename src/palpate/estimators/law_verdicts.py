@@ -9,7 +9,7 @@ import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
 from palpate.findings import Check, Finding, Mark
-from palpate.remedies import Remedy
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Plain, finite_or_none, or_nan
 
 # In the order of the compiled enumerations.
@@ -293,7 +293,7 @@ def one_way(stiffness: Mark = "trust", damping: Mark = "trust") -> Finding:
     return Check.ONE_WAY.finding(
         "the probe moves one way at nearly one speed: only the shape of the law separates "
         "stiffness, damping and relaxation, which the error bars do not include",
-        Remedy(Step.VARY_SPEED),
+        Remedy(NextStep.VARY_SPEED),
         stiffness=stiffness,
         damping=damping,
         brief="the probe moves one way",
@@ -305,7 +305,7 @@ def one_speed(speed: str) -> Finding:
     return Check.ONE_WAY.finding(
         f"the probe moves one way at nearly one speed: the stiffness holds at {speed}, and the "
         "damping is part of it",
-        f"for the damping, {Step.VARY_SPEED.value}",
+        f"for the damping, {NextStep.VARY_SPEED.value}",
         damping="do-not-trust",
         brief="the probe moves one way at nearly one speed",
     )
@@ -324,7 +324,7 @@ def _law_findings(evidence: Evidence, model_ranking: tuple[RankedModel, ...]) ->
         yield Check.WHICH_LAW.finding(
             f"the samples do not distinguish it from {' or '.join(tied)}: the standard errors hold "
             "only if this law is the right one",
-            Remedy(Step.VARY_SPEED),
+            Remedy(NextStep.VARY_SPEED),
         )
     ranked = {each.candidate for each in model_ranking}
     if any(each.memory != "none" and each not in ranked for each in evidence.laws):

@@ -17,11 +17,11 @@ from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace, prediction_rmse_percent, violated_fraction
 from palpate.findings import Check, Finding
 from palpate.identification.refusals import not_finite
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 
 NEGATIVE_STIFFNESS = Check.NEGATIVE_STIFFNESS.finding(
     "negative stiffness: in this law the force falls with depth",
-    Remedy(Step.CHECK_SIGNS),
+    Remedy(NextStep.CHECK_SIGNS),
 )
 NEGATIVE_DAMPING = Check.NEGATIVE_DAMPING.finding(
     "negative damping: this law creates energy, which no passive material does"

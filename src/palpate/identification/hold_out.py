@@ -9,7 +9,7 @@ from palpate.contact import Contact
 from palpate.digits import percent, rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 # A law that predicts worse than this multiple of Hunt–Crossley's error is not to be trusted.
@@ -55,6 +55,6 @@ def check_prediction(
     return Check.HOLD_OUT.finding(
         f"the law of the first half predicts the second to {parts[0]} of the force, plain "
         f"Hunt–Crossley to {parts[1]}: {rounded(ratio, 3)} times that error",
-        Remedy(Step.PLAIN_LAW) if worse else None,
+        Remedy(NextStep.PLAIN_LAW) if worse else None,
         mark="do-not-trust" if worse else "trust",
     )

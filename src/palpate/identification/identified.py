@@ -73,7 +73,7 @@ from palpate.quantities.derived import (
     passivity_from,
     restitution_from,
 )
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
@@ -232,7 +232,7 @@ class Identified:
         yield Check.LATE_FORCE.finding(
             f"the damper beside the relaxation is negative: the force is at least {late} late, or "
             "the material's memory has another form",
-            Remedy(Step.FIND_DELAY),
+            Remedy(NextStep.FIND_DELAY),
             damping="with-care",
         )
 

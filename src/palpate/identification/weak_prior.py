@@ -9,7 +9,7 @@ from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.variable_projection import EXPONENTS, solve_in_box
 from palpate.findings import Check, Finding, Mark
 from palpate.force_laws import HuntCrossley
-from palpate.remedies import Remedy, Step
+from palpate.remedies import NextStep, Remedy
 
 # Relative change of the stiffness above which the estimate is not trusted; chosen by hand.
 STOP = 0.20
@@ -54,7 +54,7 @@ def _finding(least_squares: HuntCrossley, bounded: HuntCrossley, depth: float) -
         "the probe moves one way at nearly one speed, which leaves n and B open: the answer is the "
         f"least squares with B ≥ 0 and n from {EXPONENTS[0]:g} to {EXPONENTS[1]:g}; without this "
         f"prior n is {least_squares.n:.2f} and B {sign}",
-        Remedy(Step.WITHOUT_PRIOR),
+        Remedy(NextStep.WITHOUT_PRIOR),
         stiffness="do-not-trust" if abs(moved) > STOP else mark,
         damping="do-not-trust",
         moves_percent=(100.0 * moved, math.nan),

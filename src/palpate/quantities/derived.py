@@ -18,6 +18,7 @@ from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import band_about
 from palpate.estimators.oscillation import Oscillation
 from palpate.findings import Check
+from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.quantities.energy import (
     EnergyLoss,
     Passivity,
@@ -226,8 +227,8 @@ def compute_stiffness_after(result: Derivable, time: float, depth: float | None 
     """Stiffness a time after a small step of the penetration, N/m, as felt within the recording.
 
     n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)]; its statistical error by the delta method. Its systematic error is
-    that of the stiffness at the motion's frequency, relative, and the spread over the laws that fit
-    as well.
+    that of the stiffness at the motion's frequency, relative, the spread over the laws that fit as
+    well, and half of what the step from one relaxation time that was offered to the next changes.
 
     Parameters
     ----------
@@ -238,13 +239,18 @@ def compute_stiffness_after(result: Derivable, time: float, depth: float | None 
     depth : float, optional
         Depth below the surface, m, > 0. Default: the working depth.
     """
-    there = _evaluate_depth(result, depth)
-    found = result.oscillation
-    if not result.law.relaxes or found is None:
+    there, law, found = _evaluate_depth(result, depth), result.law, result.oscillation
+    if not (isinstance(law, GeneralisedHuntCrossley) and law.remembers):
         return there.stiffness
+    own = there.stiffness
+    if found is None:  # the relative errors of the stiffness are all that is known
+        return own.scaled(law.stiffness_after(there.depth, time) / own.value)
     value, error, spread = found.stiffness_after(there.depth, time)
-    shared = there.stiffness.systematic / abs(there.stiffness.value)
-    return Quantity(value, error, math.hypot(spread, shared * value))
+    assert law.relaxation is not None
+    step = law.relaxation.resolution
+    ends = law.stiffness_after(there.depth, [time * (1.0 - step), time * (1.0 + step)])
+    parts = spread, own.systematic / own.value * value, 0.5 * float(np.ptp(ends))
+    return Quantity(value, error, math.hypot(*parts))
 
 
 def compute_relaxation_time(result: Derivable) -> Quantity | None:

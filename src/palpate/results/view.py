@@ -583,7 +583,7 @@ def format_number(quantity: Quantity) -> str:
 def _format_with_unit(quantity: Quantity, unit: str) -> str:
     """Format a number with both error bars combined; a long one with a prefix: 185 kN/m."""
     size = abs(quantity.value)
-    if 1e-3 <= max(size, quantity.whole_error or 0.0) < 1e5 or size == 0.0:
+    if 1e-2 <= max(size, quantity.whole_error or 0.0) < 1e5 or size == 0.0:
         return f"{format_number(quantity)} {unit}"
     return format_with_prefix(quantity.combined, unit)
 
