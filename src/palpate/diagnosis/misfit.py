@@ -61,9 +61,9 @@ def smooth_misfit(fit: Fit) -> float:
     if len(basis) <= 2 * basis.shape[1]:
         return 0.0
     removed = basis.T @ solution.residual
-    after = solution.residual - basis @ removed
+    remaining = solution.residual - basis @ removed
     others = solution.jacobian.shape[1]
-    by_chance = robust_covariance(basis, after, fit.windows.shared, others).trace()
+    by_chance = robust_covariance(basis, remaining, fit.windows.shared, others).trace()
     # A short residual does not show the correlation length of slow noise; free air does.
     rows = (1.0 + len(fit.windows.shared)) * fit.correlated_windows
     by_chance = max(by_chance, fit.noise_floor**2 * rows * basis.shape[1])

@@ -154,9 +154,9 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     if has_reported(findings, Check.ONE_WAY):
         depths = [replace(depth, damping=UNKNOWN) for depth in depths]
     episodes = () if changed is None else _episodes(fit, changed)
-    known = {finding.check for finding in findings}
-    more = (note for note in notes if note.check not in known)
-    findings += (note for note in more if not (episodes and note.severity == "note"))
+    reported = {finding.check for finding in findings}
+    new_notes = (note for note in notes if note.check not in reported)
+    findings += (note for note in new_notes if not (episodes and note.severity == "note"))
     return assemble_diagnosis(findings, depths, episodes, fit.laws)
 
 
@@ -214,6 +214,6 @@ def _decide_marks(
         marks.append(mark)
         limits.append(None if mark == "trust" else next(deciding))
     # A damping that is not reported does not count.
-    given = math.isfinite(at.damping.value)
-    overall = worst(*marks) if given else marks[0]
+    has_damping = math.isfinite(at.damping.value)
+    overall = worst(*marks) if has_damping else marks[0]
     return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])
