@@ -24,7 +24,7 @@ from palpate.diagnosis.windows import (
 )
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
-from palpate.estimators.least_squares import least_squares, robust_covariance
+from palpate.estimators.least_squares import column_sizes, least_squares, robust_covariance
 from palpate.estimators.oscillation import Oscillation
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
@@ -90,8 +90,7 @@ class Solution:
     @cached_property
     def inverse(self) -> Floats:
         """Pseudo-inverse of the Jacobian."""
-        size = np.linalg.norm(self.jacobian, axis=0)
-        size[size == 0.0] = 1.0
+        size = column_sizes(self.jacobian)
         inverse: Floats = np.linalg.pinv(self.jacobian / size) / size[:, None]
         return inverse
 

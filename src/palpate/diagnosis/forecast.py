@@ -7,6 +7,7 @@ import numpy as np
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.windows import FEWEST_ROWS
 from palpate.digits import percent, rounded
+from palpate.estimators.least_squares import column_sizes
 from palpate.findings import Check, Finding
 
 PARTS = 3  # parts of the rows; the last part is predicted
@@ -60,7 +61,7 @@ def _prediction_error(fit: Fit, training_rows: slice) -> tuple[float, float]:
     predicted_rows = slice(training_rows.stop, None, training_rows.step)
     earlier = jacobian[training_rows]
     later = jacobian[predicted_rows]
-    size = np.maximum(np.linalg.norm(earlier, axis=0), 1e-300)
+    size = column_sizes(earlier)
     earlier = earlier / size
     later = later / size
     inverse = np.linalg.pinv(earlier.T @ earlier, rcond=1e-12, hermitian=True)

@@ -13,7 +13,7 @@ from palpate.diagnosis.fit import (
 )
 from palpate.diagnosis.outcome import SELECT_LAW
 from palpate.digits import percent, rounded
-from palpate.estimators.least_squares import robust_covariance
+from palpate.estimators.least_squares import column_sizes, robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
 
@@ -54,8 +54,7 @@ def smooth_misfit(fit: Fit) -> float:
     powers = place[:, None] ** np.arange(5.0)
     by_speed = (speed, np.tanh(3.0 * speed), speed**2)
     columns = np.hstack([powers, *(each[:, None] * powers[:, :3] for each in by_speed)])
-    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)  # at rest those of speed are 0
-    columns = solution.orthogonal_part(columns / sizes)
+    columns = solution.orthogonal_part(columns / column_sizes(columns))
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, sizes > DISTINCT]
     if len(basis) <= 2 * basis.shape[1]:

@@ -311,7 +311,7 @@ DEEPEST = 0.25
 FASTEST = 3.0  # m, m/s; the recordings reach at most 19 mm and 0.84 m/s
 # F/x² in Pa, a modulus that depends little on geometry: recordings have 6e3 to 7e7 Pa.
 SOFTEST = 2.0
-HARDEST = 5e8  # compared as F/x with x, because x² can overflow
+HARDEST = 5e8
 LARGEST_FORCE = 5e3  # N; the testing machine presses TPU with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
@@ -320,19 +320,13 @@ def check_penetration_unit(data: Data) -> Finding | None:
     """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
     depth = data.peak_penetration
     force = data.peak_force
-    if depth <= 0.0 or "penetration" in data.contact.stated_units:
-        return None
     touched = data.penetration > 0.0
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
-    sentence = _half_stated(data.contact, "penetration")
-    plausible = depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth
-    if plausible and not sentence:
-        return None
+    large = depth > DEEPEST or speed > FASTEST or force < SOFTEST * depth * depth
     size = f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N"
-    return Check.PENETRATION_UNIT.finding(
-        sentence or f"{size}: it may be in millimetres, or swapped with another column",
-        _unit_remedy(data.contact, "penetration", "mm"),
-        mark="do-not-trust",
+    suspicion = f"{size}: it may be in millimetres, or swapped with another column"
+    return _unit_finding(
+        data, Check.PENETRATION_UNIT, "penetration", "mm", suspicion if large else ""
     )
 
 
@@ -340,17 +334,21 @@ def check_force_unit(data: Data) -> Finding | None:
     """F > 5 kN or F/x² > 5e8 Pa; it finds 87 % of such errors, so the peak is always shown."""
     depth = data.peak_penetration
     force = data.peak_force
-    if depth <= 0.0 or "force" in data.contact.stated_units:
-        return None
-    sentence = _half_stated(data.contact, "force")
-    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth and not sentence:
-        return None
+    large = force > LARGEST_FORCE or force > HARDEST * depth * depth
     size = f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm"
-    return Check.FORCE_UNIT.finding(
-        sentence or f"{size}: it may be in millinewtons",
-        _unit_remedy(data.contact, "force", "mN"),
-        mark="do-not-trust",
-    )
+    suspicion = f"{size}: it may be in millinewtons"
+    return _unit_finding(data, Check.FORCE_UNIT, "force", "mN", suspicion if large else "")
+
+
+def _unit_finding(
+    data: Data, check: Check, channel: str, guess: str, suspicion: str
+) -> Finding | None:
+    """Report a unit that is suspected, or that only the other channel's option states."""
+    sentence = _half_stated(data.contact, channel) or suspicion
+    if not sentence or channel in data.contact.stated_units or data.peak_penetration <= 0.0:
+        return None
+    remedy = _unit_remedy(data.contact, channel, guess)
+    return check.finding(sentence, remedy, mark="do-not-trust")
 
 
 def check_time_unit(data: Data) -> Finding | None:

@@ -134,12 +134,10 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     causes = assess_causes(fit, all_causes, unexplained)
     if not has_reported(causes.findings, Check.CHANGE):
         changed = None
-    findings = [*fit.given.data.findings]
-    if (jump := check_force_jump(fit)) is not None:
-        findings.append(jump)
-    findings += causes.findings
-    if (unknown := check_unknown_law(fit, all_causes, unexplained)) is not None:
-        findings.append(unknown)
+    jump = check_force_jump(fit)
+    unknown = check_unknown_law(fit, all_causes, unexplained)
+    reported = (*fit.given.data.findings, jump, *causes.findings, unknown)
+    findings = [finding for finding in reported if finding is not None]
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
         findings += check_behind_relaxation(fit)
     for check in CHECKS:

@@ -52,8 +52,7 @@ def robust_covariance(
     ``others`` is the number of further fitted parameters, whose columns are orthogonal to these;
     for ``shared`` see :func:`long_run_covariance`.
     """
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0.0] = 1.0
+    size = column_sizes(jacobian)
     unit = jacobian / size
     scores = unit @ (np.linalg.pinv(unit.T @ unit, hermitian=True) / size)
     covariance = long_run_covariance(scores, residual, shared, len(size) + others)
@@ -90,6 +89,13 @@ def _ar1_variances(jacobian: Floats, residual: Floats) -> Floats:
     lags = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
     variances: Floats = variance * ((POLES[best] ** lags @ scores) * scores).sum(axis=0)
     return variances
+
+
+def column_sizes(matrix: Floats) -> Floats:
+    """Lengths of the columns, by which they are divided; 1 for a column of zeros."""
+    with np.errstate(all="ignore"):
+        size: Floats = np.linalg.norm(matrix, axis=0)
+    return np.where(size > 0.0, size, 1.0)
 
 
 class Fitted(NamedTuple):
@@ -132,8 +138,7 @@ def least_squares(
         parameters = best.parameters
         held = ((parameters <= low) & (slope < 0.0)) | ((parameters >= high) & (slope > 0.0))
         jacobian = np.where(held, 0.0, best.jacobian)
-        size = np.linalg.norm(jacobian, axis=0)
-        size[size == 0.0] = 1.0
+        size = column_sizes(jacobian)
         unit = jacobian / size
         # Damping limits the condition number to 1e9, so the normal equations are accurate enough.
         normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))

@@ -261,20 +261,13 @@ class _Columns:
         for place in self.moved:
             size = abs(self.numbers[place]) or 1e-3 * np.abs(self.numbers).max()
             step = _STEP if place == 1 else 1e-4 * size
-            ends = []
             for side in (step, -step):
                 numbers = self.numbers.copy()
                 numbers[place] += side
-                ends.append(self._response(numbers, depth, frequency))
-            gradient[:, place] = (ends[0] - ends[1]) / (2.0 * step)
+                numbers[3] = _power(self.candidate, numbers[1])
+                law = build_law(self.times, numbers)
+                gradient[:, place] += dynamic_response(law, depth, frequency) / (2.0 * side)
         return self.errors(gradient)
-
-    def _response(self, numbers: Floats, depth: float, omega: float) -> Floats:
-        stiffness, n, damping = numbers[:3]
-        turn = 1j * omega * self.times
-        whole = n * depth ** (n - 1.0) * (stiffness + numbers[4:] @ (turn / (1.0 + turn)))
-        whole += 1j * omega * damping * depth ** _power(self.candidate, n)
-        return np.array([whole.real, whole.imag / omega])
 
 
 def _power(candidate: Candidate, exponent: float) -> float:
