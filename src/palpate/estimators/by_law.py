@@ -180,8 +180,8 @@ class LeastSquaresOfLaw(PythonEstimator):
             self.law_type.from_parameters(found[:-1] + step[:-1])
         except PalpateError:
             return found, joint
-        near = bool((np.abs(step) <= _NEAR * np.sqrt(np.diag(joint))).all())
-        return found + step if near else found, joint
+        is_small = bool((np.abs(step) <= _NEAR * np.sqrt(np.diag(joint))).all())
+        return found + step if is_small else found, joint
 
     def _commit(self, *, search: bool) -> None:
         start = self._found
@@ -221,9 +221,9 @@ class LeastSquaresOfLaw(PythonEstimator):
 
 
 def _rebuild(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
-    made = least_squares_class(law)(**settings)
-    made._restore(state)
-    return made
+    estimator = least_squares_class(law)(**settings)
+    estimator._restore(state)
+    return estimator
 
 
 class _Rows:

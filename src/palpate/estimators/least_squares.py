@@ -58,9 +58,9 @@ def robust_covariance(
     covariance = long_run_covariance(scores, residual, shared, len(size) + others)
     every = len(shared) + 1
     if not others and len(residual[::every]) in FEW_ROWS:
-        known = np.diag(covariance) > 0.0  # not those that are kept fixed
+        free = np.diag(covariance) > 0.0  # not those that are kept fixed
         variances = _ar1_variances(unit[::every], residual[::every]) / size**2
-        wider = float(np.mean(variances[known] / np.diag(covariance)[known]))
+        wider = float(np.mean(variances[free] / np.diag(covariance)[free]))
         if 1.0 < wider < np.inf:
             covariance *= wider
     return covariance
@@ -145,14 +145,14 @@ def least_squares(
         trial = np.clip(parameters + np.linalg.solve(normal, slope / size) / size, low, high)
         if not np.isfinite(trial).all():  # sums of absurd samples overflow
             break
-        after = Fitted(trial, *model(trial))
-        gained = energy - float(after.residual @ after.residual)
+        tried = Fitted(trial, *model(trial))
+        gained = energy - float(tried.residual @ tried.residual)
         if not gained > 0.0:
             damping = max(damping, 1e-6) * 10.0
             if damping > 1e3:
                 break
             continue
-        best = after
+        best = tried
         energy = energy - gained
         damping = damping / 10.0
         if gained < enough * (energy + gained):

@@ -85,16 +85,16 @@ class Oscillation:
         ]
         least = min(mean_square for mean_square, _, _ in fits)
         equivalent = (
-            build_law(times, other)
-            for mean_square, other, _ in fits
+            build_law(times, parameters)
+            for mean_square, parameters, _ in fits
             if mean_square <= AS_WELL**2 * least
         )
         laws = build_law(times, numbers), *equivalent
         # At a start in contact the columns of the unknown state absorb a lag, or imitate one: 18 of
         # 96 contacts were flagged.
         relaxes = candidate.memory != "none" and not evidence.begun
-        late = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
-        return cls(laws, late, columns)
+        delay = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
+        return cls(laws, delay, columns)
 
     def at(self, depth: float, frequency: float) -> tuple[Floats, Floats]:
         """K′ [N/m] and B′ [N·s/m] at a depth [m] and a frequency ω [rad/s], each shape (2,).
