@@ -136,8 +136,8 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
         changed = None
     jump = check_force_jump(fit)
     unknown = check_unknown_law(fit, all_causes, unexplained)
-    reported = (*fit.given.data.findings, jump, *causes.findings, unknown)
-    findings = [finding for finding in reported if finding is not None]
+    candidates = (*fit.given.data.findings, jump, *causes.findings, unknown)
+    findings = [finding for finding in candidates if finding is not None]
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
         findings += check_behind_relaxation(fit)
     for check in CHECKS:
