@@ -5,12 +5,16 @@ segments, of the touches, or of the time in a contact of many cycles. K′ and B
 compared at one depth and frequency: the median penetration and the motion's frequency, both of the
 whole recording. A recording of one touch has no halves. For each law and set the table has the
 difference of the halves (median and 90 %), the width of a bar, and the share of recordings whose
-halves agree within two bars of the difference. Default laws: ``hunt-crossley`` and ``auto``.
+halves agree within two bars of the difference. Default laws: ``hunt-crossley`` and ``auto``. The
+last lines count the stiffnesses that ``identify`` trusts in both halves, or in two repeats of one
+object that follow each other, and those that are more than two bars of the difference apart.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,6 +24,7 @@ from numpy.typing import NDArray
 
 from benchmarks.common.recordings import with_notes
 from benchmarks.common.report import markdown_table, run_command
+from benchmarks.diagnosis.marks import blocks_of, objects_of
 from palpate import Contact, PalpateError, identify, prepare
 from palpate.preparation.gate import choose_gate
 
@@ -152,6 +157,20 @@ def rows_of(law: str, pairs: list[Pair]) -> Iterator[list[object]]:
         yield cells
 
 
+def trusted_distances(name: str, repeats: Iterable[Contact]) -> Iterator[tuple[str, float]]:
+    """Distance of K′, in bars of the difference, of each two consecutive repeats with *trust*."""
+    results = []
+    for contact in repeats:
+        with suppress(PalpateError):
+            results.append(identify(contact, trace=False))
+    depth = float(np.median([each.diagnosis.working_depth.depth for each in results]))
+    there = [each.at_depth(depth).diagnosis.working_depth.stiffness for each in results]
+    for one, two in pairwise(there):
+        if one.mark == two.mark == "trust":
+            bar = math.hypot(one.whole_error, two.whole_error)
+            yield name, abs(two.value - one.value) / bar
+
+
 def main(*laws: str, v: Annotated[bool, Parameter("-v")] = False) -> None:
     """Print the table.
 
@@ -173,6 +192,15 @@ def main(*laws: str, v: Annotated[bool, Parameter("-v")] = False) -> None:
     for name in ("K′", "B′"):
         heads += [f"{name} apart, median / 90 %, %", "bar, %", "within two bars, %"]
     print("\n".join(markdown_table(heads, rows)))
+    halves = ((path.stem, halves_of(prepare(path), path.stem)) for path in with_notes())
+    kinds: dict[str, list[tuple[str, Iterable[Contact]]]] = {
+        "halves": [(name, pair) for name, pair in halves if pair is not None],
+        "repeats": [(name, blocks_of(name, paths)) for name, paths in objects_of().items()],
+    }
+    for kind, recordings in kinds.items():
+        distances = [each for pair in recordings for each in trusted_distances(*pair)]
+        far = [f"{name} by {distance:.2g}" for name, distance in distances if distance > 2.0]
+        print(f"\n{kind}, both trusted: {len(distances)}; more than two bars apart: {far or 0}")
 
 
 if __name__ == "__main__":

@@ -153,7 +153,7 @@ def largest_named(result: Identification) -> list[bool]:
     for number, quantity in enumerate((printed.stiffness, printed.damping)):
         named = [part.errors[number] for part in parts if part.reason in quantity.reason]
         if named:
-            largest.append(max(named) == max(part.errors[number] for part in parts))
+            largest.append(bool(max(named) == max(part.errors[number] for part in parts)))
     return largest
 
 
@@ -210,7 +210,8 @@ def recordings_of(bank: str, seeds: range, robot: range) -> Jobs:
         }
         jobs |= {f"recording/{path.stem}": partial(_recording, path) for path in recorded()}
         jobs |= {
-            f"repeats/{name}": partial(_repeats, name, paths) for name, paths in _objects().items()
+            f"repeats/{name}": partial(_repeats, name, paths)
+            for name, paths in objects_of().items()
         }
     return jobs
 
@@ -285,7 +286,7 @@ def _recording(path: Path) -> list[Row]:
     return [{**head, **marks, "reason": diagnosis.reason, "errors": errors}]
 
 
-def _objects() -> dict[str, list[Path]]:
+def objects_of() -> dict[str, list[Path]]:
     """Return the recordings of each object that was pressed repeatedly, by its name."""
     objects = {LEVER: recorded(f"{LEVER}*.csv")}
     objects |= {path.stem: [path] for initial in BLOCKS for path in recorded(f"{initial}_*.csv")}
@@ -294,9 +295,8 @@ def _objects() -> dict[str, list[Path]]:
 
 def _repeats(name: str, paths: list[Path]) -> list[Row]:
     """Return reduced χ at a common working depth, without the systematic part and with it."""
-    count = BLOCKS.get(name.partition("_")[0], 1)
     results = []
-    for part in (part for path in paths for part in _blocks(prepare(path), count)):
+    for part in blocks_of(name, paths):
         try:
             results.append(identify(part))
         except RecordingError:  # a block without contact
@@ -307,10 +307,13 @@ def _repeats(name: str, paths: list[Path]) -> list[Row]:
     return [row | {key: _factors([getattr(each, key) for each in there]) for key in QUANTITIES}]
 
 
-def _blocks(contact: Contact, count: int) -> Iterator[Contact]:
-    borders = np.linspace(contact.time[0], contact.time[-1], count + 1)
-    for start, stop in pairwise(borders.tolist()):
-        yield contact.window(start, stop)
+def blocks_of(name: str, paths: list[Path]) -> Iterator[Contact]:
+    """The repeats of one object: its recordings, or blocks of one of them."""
+    count = BLOCKS.get(name.partition("_")[0], 1)
+    for contact in map(prepare, paths):
+        borders = np.linspace(contact.time[0], contact.time[-1], count + 1)
+        for start, stop in pairwise(borders.tolist()):
+            yield contact.window(start, stop)
 
 
 def _factors(quantities: list[Quantity]) -> list[float]:

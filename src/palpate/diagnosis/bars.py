@@ -160,8 +160,8 @@ def _combined(parts: Iterable[BarPart]) -> Floats:
     hidden = np.array([part.errors for part in chosen if not part.detected]).reshape(-1, 2)
     detected = np.array([part.errors for part in chosen if part.detected]).reshape(-1, 2)
     largest = np.max(detected**2, axis=0, initial=0.0)
-    whole: Floats = np.sqrt(np.sum(hidden**2, axis=0) + largest)
-    return whole
+    total: Floats = np.sqrt(np.sum(hidden**2, axis=0) + largest)
+    return total
 
 
 def _parts(fit: Fit, known: SystematicErrors) -> Iterator[BarPart]:
@@ -341,8 +341,8 @@ def check_precision(fit: Fit, at: WorkingDepth, systematic: SystematicErrors) ->
                 f"if force and position were recorded within {step} of each other, which palpate "
                 "cannot check"
             )
-        more: Any = {name: mark, "brief": f"{sign}{reason}"}
-        findings.append(Check.PRECISION.finding(f"{sentence}, {reason}", remedy, **more))
+        marks: Any = {name: mark, "brief": f"{sign}{reason}"}
+        findings.append(Check.PRECISION.finding(f"{sentence}, {reason}", remedy, **marks))
     return findings
 
 

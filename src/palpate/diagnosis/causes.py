@@ -142,12 +142,12 @@ def cause_from_column(
     ``change``: default, the change of the parameters in the fit with the column.
     """
     law = fit.solution.law
-    moved = result.change
+    parameter_changes = result.change
     # Relative change of the law's first parameter, SI: Δk/k − Δn ln x_r for a power law.
-    parameter = float(moved[0]) / max(abs(float(law.parameters[0])), 1e-300)
+    parameter = float(parameter_changes[0]) / max(abs(float(law.parameters[0])), 1e-300)
     if law.power_law:
-        parameter -= float(moved[2]) * math.log(fit.units.depth)
-    change = change or ParameterChange(law, moved)
+        parameter -= float(parameter_changes[2]) * math.log(fit.units.depth)
+    change = change or ParameterChange(law, parameter_changes)
     numbers = (result.z, result.explained_fraction)
     changes = change.relative(fit)
     return MisfitHypothesis(
@@ -176,8 +176,8 @@ def causes_from_columns(
     means = fit.windows.mean(np.array([*columns.values()]).T).T
     for check, column in zip(columns, means, strict=True):
         result = fit_with_column(fit, column)
-        if result is not None and (words := explain(fit, check, result.amount)) is not None:
-            causes.append(cause_from_column(fit, check, result, *words))
+        if result is not None and (explanation := explain(fit, check, result.amount)) is not None:
+            causes.append(cause_from_column(fit, check, result, *explanation))
     return causes
 
 
@@ -276,11 +276,11 @@ def _weigh_causes(
     weighed = []
     for cause in (leading, *rivals):
         relative = cause.explained_fraction / highest
-        first = cause is leading
+        is_leading = cause is leading
         minor = cause.negligible and fit.at_noise_floor
-        drift = cause.check is Check.OFFSET_DRIFT and not first
+        drift = cause.check is Check.OFFSET_DRIFT and not is_leading
         if not (minor or drift or cause.check in decided or cause.check is Check.SQUARE_SPEED):
-            weighed.append((cause, 1.0 if first or relative > ALIKE else 0.5 * relative))
+            weighed.append((cause, 1.0 if is_leading or relative > ALIKE else 0.5 * relative))
     return weighed
 
 
@@ -293,9 +293,9 @@ def _leading_cause(significant: list[MisfitHypothesis], unexplained: float) -> M
     """
     first = significant[0]
     for cause in significant:
-        less = first.explained_fraction - max(cause.explained_fraction, 0.0)
-        near = cause is first or (less < NEAR and not clearly_better(first, cause))
-        if cause.check is Check.SURFACE and unexplained < MOST_UNEXPLAINED and near:
+        shortfall = first.explained_fraction - max(cause.explained_fraction, 0.0)
+        is_near = cause is first or (shortfall < NEAR and not clearly_better(first, cause))
+        if cause.check is Check.SURFACE and unexplained < MOST_UNEXPLAINED and is_near:
             return cause
     if first.check.subject != "sensor" or first.check is Check.DELAY:
         return first  # the sentence of a delay names the damping too
@@ -316,8 +316,8 @@ def _is_subsumed(leading: MisfitHypothesis, rival: MisfitHypothesis) -> bool:
     """
     if rival.check not in SOUGHT or leading.group == rival.group:
         return False
-    less = rival.explained_fraction < ALIKE * leading.explained_fraction
-    return leading.check is Check.SURFACE or less or clearly_better(leading, rival)
+    explains_less = rival.explained_fraction < ALIKE * leading.explained_fraction
+    return leading.check is Check.SURFACE or explains_less or clearly_better(leading, rival)
 
 
 def clearly_better(

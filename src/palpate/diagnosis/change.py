@@ -150,10 +150,10 @@ class _EpisodeFits:
             chosen.append(np.argmin(total, axis=0))
             best = total.min(axis=0)
         borders = []
-        at = BLOCKS
+        block = BLOCKS
         for back in reversed(chosen):
-            at = int(back[at])
-            borders.append(at)
+            block = int(back[block])
+            borders.append(block)
         rows: list[int] = self.edges[sorted(set(borders) - {0, BLOCKS})].tolist()
         return rows
 
@@ -161,26 +161,26 @@ class _EpisodeFits:
         """Fit coefficients for each episode, an offset, and a common exponent unless held."""
         linear = math.isnan(exponent)
         held = held or linear or bool(self.fit.fixed)
-        first = self.columns(exponent)
-        count = first.shape[1]
+        start_columns = self.columns(exponent)
+        count = start_columns.shape[1]
         start = 0.0 if linear else exponent
-        parts = [slice(*ends) for ends in itertools.pairwise([0, *borders, self.rows])]
+        episodes = [slice(*ends) for ends in itertools.pairwise([0, *borders, self.rows])]
 
         def model(parameters: Floats) -> tuple[Floats, Floats]:
             coefficients = parameters[:-2].reshape(-1, count)
             n = float(parameters[-2])
-            basis = first if held else self.columns(n)
+            basis = start_columns if held else self.columns(n)
             slopes = None if held else self.columns(n, logarithm=True)
             columns = np.zeros((len(basis), len(parameters)))
-            for k, part in enumerate(parts):
-                columns[part, k * count : (k + 1) * count] = basis[part]
+            for k, episode in enumerate(episodes):
+                columns[episode, k * count : (k + 1) * count] = basis[episode]
                 if slopes is not None:
-                    columns[part, -2] = slopes[part] @ coefficients[k]
+                    columns[episode, -2] = slopes[episode] @ coefficients[k]
             columns[:, -1] = self.fit.with_offset
             residual = self.force - columns[:, :-2] @ parameters[:-2] - parameters[-1]
             return residual, columns
 
-        high = np.full(count * len(parts) + 2, np.inf)
+        high = np.full(count * len(episodes) + 2, np.inf)
         low = -high
         low[-2], high[-2] = (start, start) if held else (max(start - 0.4, 0.3), start + 0.4)
         initial = np.zeros(len(high))
@@ -197,10 +197,10 @@ class _EpisodeFits:
             borders = self.best_borders(self.block_costs(cut.exponent, cut.offset), count)
             if borders == cut.borders:
                 break
-            again = self.cut(borders, cut.exponent)
-            if again.energy >= cut.energy * (1.0 - 1e-6):
+            refitted = self.cut(borders, cut.exponent)
+            if refitted.energy >= cut.energy * (1.0 - 1e-6):
                 break
-            cut = again
+            cut = refitted
         return cut
 
     def sharpen_borders(self, cut: Cut) -> Cut:
@@ -215,9 +215,13 @@ class _EpisodeFits:
         target = self.force - cut.offset
         rows = set()
         for k, border in enumerate(cut.borders):
-            near = slice(max(border - half, 1), min(border + half, self.rows - 1))
-            left, right = (target[near] - basis[near] @ cut.coefficients[k + m] for m in (0, 1))
-            rows.add(near.start + int(np.argmin(np.cumsum(left**2 - right**2))) + 1)
+            nearby = slice(max(border - half, 1), min(border + half, self.rows - 1))
+            residual_before, residual_after = (
+                target[nearby] - basis[nearby] @ cut.coefficients[k + m] for m in (0, 1)
+            )
+            rows.add(
+                nearby.start + int(np.argmin(np.cumsum(residual_before**2 - residual_after**2))) + 1
+            )
         cut = self.cut(sorted(rows), cut.exponent)
         while cut.borders:
             lengths = np.diff(self.fit.time[[0, *cut.borders, -1]])
@@ -273,12 +277,12 @@ def _border_time(fit: Fit, cut: Cut, laws: tuple[ForceLaw, ...], border: int) ->
     data = fit.data
     reach = 2.0 * fit.period / WINDOWS_A_PERIOD + 2.0 * data.sample_time
     middle = 0.5 * (fit.time[row - 1] + fit.time[row])
-    near = np.flatnonzero(fit.inside & (np.abs(data.time - middle) <= reach))
-    if not near.size:
+    nearby = np.flatnonzero(fit.inside & (np.abs(data.time - middle) <= reach))
+    if not nearby.size:
         return float(middle)
-    x = fit.penetration[near]
-    v = data.velocity[near]
-    force = data.force[near] - cut.offset
-    before, after = (force - laws[border + m].force(x, v) for m in (0, 1))
-    last = int(np.argmin(np.cumsum(before**2 - after**2)))
-    return float(data.time[near[min(last + 1, near.size - 1)]])
+    x = fit.penetration[nearby]
+    v = data.velocity[nearby]
+    force = data.force[nearby] - cut.offset
+    residual_before, residual_after = (force - laws[border + m].force(x, v) for m in (0, 1))
+    last = int(np.argmin(np.cumsum(residual_before**2 - residual_after**2)))
+    return float(data.time[nearby[min(last + 1, nearby.size - 1)]])

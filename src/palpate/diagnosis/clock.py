@@ -52,8 +52,8 @@ def clock_of(fit: Fit) -> Clock:
         left_alone = applied.from_contact and not applied.found
         error = 0.0 if left_alone and shows_skew(fit) else applied.standard_error
         return Clock(error, not applied.from_contact, reason, remedy)
-    late = 0.0 if fit.response is None else fit.response.delay
-    error = 0.0 if shows_skew(fit) else max(USUAL_SKEW, late)
+    least_delay = 0.0 if fit.response is None else fit.response.delay
+    error = 0.0 if shows_skew(fit) else max(USUAL_SKEW, least_delay)
     reason = f"since {rounded(1e3 * error, 2)} ms of skew between force and position is possible"
     return Clock(error, False, reason, NextStep.IN_STEP)
 

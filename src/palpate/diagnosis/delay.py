@@ -34,19 +34,19 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
     fine = fit_with_column(fit, _force_by_delay(fit, 0))
     if fine is None:
         return []
-    moved, shift = _best_shift(fit, reach)
+    shifted, shift = _best_shift(fit, reach)
     if abs(shift) >= reach:
         return []
-    before = fit.solution
+    unshifted = fit.solution
     result = fine
     if shift:  # the change is the refit minus the fit without a shift
-        remainder = moved.orthogonal_part(_force_by_delay(fit, shift))
-        rest = float(remainder @ moved.residual / max(float(remainder @ remainder), 1e-300))
-        late = shift * step + min(max(rest, -step), step)
+        remainder = shifted.orthogonal_part(_force_by_delay(fit, shift))
+        fraction = float(remainder @ shifted.residual / max(float(remainder @ remainder), 1e-300))
+        delay = shift * step + min(max(fraction, -step), step)
         change = np.zeros_like(fine.change)
-        change[: len(before.law.symbols)] = moved.law.parameters - before.law.parameters
-        explained = max(fit.explained_fraction(moved.energy), fine.explained_fraction)
-        result = replace(fine, change=change, amount=late, explained_fraction=explained)
+        change[: len(unshifted.law.symbols)] = shifted.law.parameters - unshifted.law.parameters
+        explained = max(fit.explained_fraction(shifted.energy), fine.explained_fraction)
+        result = replace(fine, change=change, amount=delay, explained_fraction=explained)
     error = abs(fine.amount) / max(fine.z, 1e-300)
     applied = fit.data.contact.delay
     total = result.amount + (0.0 if applied is None else applied.seconds)
@@ -57,15 +57,15 @@ def find_delay(fit: Fit) -> list[MisfitHypothesis]:
         "recording cannot tell which)"
     )
     # If a delay was found and applied before, the rest depends on the law identified here.
-    found = applied is not None and applied.from_contact
-    known = f"{total * 1e3:.4g}ms+-{error * 1e3:.2g}ms" if found else "find"
-    remedy = Remedy(NextStep.DELAY, known)
+    found_in_contact = applied is not None and applied.from_contact
+    option = f"{total * 1e3:.4g}ms+-{error * 1e3:.2g}ms" if found_in_contact else "find"
+    remedy = Remedy(NextStep.DELAY, option)
     clock = clock_of(fit)
     if has_two_clocks(fit) or (clock.is_known and fine.z <= SIGNIFICANT):
         remedy = Remedy(clock.remedy)
     elif total < 0.0 and fit.equivalent is not None:
         remedy = Remedy(NextStep.STEEL_SPRING)  # relaxation looks like a force that is early
-    other_law = OtherLaw(moved.law, before.law) if shift else None
+    other_law = OtherLaw(shifted.law, unshifted.law) if shift else None
     return [cause_from_column(fit, Check.DELAY, result, sentence, remedy, other_law)]
 
 
@@ -81,25 +81,27 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
     """Fit a delay dF̂/dτ for the whole recording, and a second one from the best border on."""
     slope = _force_by_delay(fit, 0)
     solution = fit.solution
-    whole = fit_with_column(fit, slope)
-    if whole is None:
+    constant_delay = fit_with_column(fit, slope)
+    if constant_delay is None:
         return []
     with_delay = Solution(
         solution.law,
         solution.offset,
         np.column_stack([solution.jacobian, slope]),
-        solution.residual - whole.amount * solution.orthogonal_part(slope),
+        solution.residual - constant_delay.amount * solution.orthogonal_part(slope),
     )
     rows = len(fit.windows)
-    between = (0, len(fit.windows))
+    search_range = (0, len(fit.windows))
     pressing = np.cumsum(fit.windows.mean(fit.v) > 0.0)
     place = 0
     for _ in range(2):
-        borders = np.unique(np.linspace(*between, BORDERS + 2)[1:-1].astype(int))
+        borders = np.unique(np.linspace(*search_range, BORDERS + 2)[1:-1].astype(int))
         borders = borders[(borders > 0) & (borders < rows)]
         # A part that only presses or only withdraws cannot distinguish a delay from damping.
-        before = pressing[borders - 1]
-        shares = np.stack([before / borders, (pressing[-1] - before) / (rows - borders)])
+        pressing_before = pressing[borders - 1]
+        shares = np.stack(
+            [pressing_before / borders, (pressing[-1] - pressing_before) / (rows - borders)]
+        )
         borders = borders[np.all((shares > BOTH_WAYS) & (shares < 1.0 - BOTH_WAYS), axis=0)]
         if not borders.size:
             return []
@@ -108,8 +110,8 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         energy = np.square(remainders).sum(axis=0)
         removed = (remainders.T @ with_delay.residual) ** 2 / np.maximum(energy, 1e-300)
         place = int(borders[np.argmax(np.where(energy > 0.0, removed, 0.0))])
-        step = -(-(between[1] - between[0]) // (BORDERS + 1))
-        between = place - step, place + step
+        step = -(-(search_range[1] - search_range[0]) // (BORDERS + 1))
+        search_range = place - step, place + step
     result = fit_with_column(fit, np.where(np.arange(rows) >= place, slope, 0.0), with_delay)
     least = LEAST_JUMP * fit.data.sample_time
     if result is None or result.z < JUMP_Z or abs(result.amount) < least:
@@ -122,9 +124,9 @@ def find_skew_jump(fit: Fit) -> list[MisfitHypothesis]:
         f"{'later' if result.amount > 0.0 else 'earlier'}: samples of one channel were lost"
     )
     remedy = Remedy(NextStep.TWO_PARTS, f"{time:.4g}")
-    change = whole.change + result.change[: len(whole.change)]
-    moved = replace(result, change=change)
-    return [cause_from_column(fit, Check.SKEW_JUMP, moved, sentence, remedy)]
+    change = constant_delay.change + result.change[: len(constant_delay.change)]
+    with_jump = replace(result, change=change)
+    return [cause_from_column(fit, Check.SKEW_JUMP, with_jump, sentence, remedy)]
 
 
 def check_skew(fit: Fit) -> Finding:
@@ -136,24 +138,24 @@ def check_skew(fit: Fit) -> Finding:
     law = fit.solution.law
     damping = abs(fit.damping(law))
     by_skew = abs(fit.stiffness(law)) * 1e-3 / damping if damping > 0.0 else math.inf
-    words = f"1 ms of skew between force and position changes the damping by {percent(by_skew)}"
+    sentence = f"1 ms of skew between force and position changes the damping by {percent(by_skew)}"
     if (applied := fit.data.contact.delay) is not None and applied.seconds:
         size = with_error(abs(applied.seconds) * 1e3, applied.standard_error * 1e3, unit="ms")
         way = "late" if applied.seconds > 0.0 else "early"
-        words = f"a delay was taken out: the force was {size} {way}; {words}"
+        sentence = f"a delay was taken out: the force was {size} {way}; {sentence}"
     if fit.laws is not None and fit.laws.verdict.candidate.damping == "half-space":
-        words += "; no check can distinguish half-space damping from a force that is early"
-    return Check.SKEW.finding(words)
+        sentence += "; no check can distinguish half-space damping from a force that is early"
+    return Check.SKEW.finding(sentence)
 
 
 def _force_by_delay(fit: Fit, shift: int) -> Floats:
     """Return dF̂/dτ at a shift of whole samples, N/s."""
     law = fit.solution.law
     step = fit.data.sample_time
-    later, earlier = (_shift_motion(fit, shift + by, fit.windows, fit.force) for by in (1, -1))
-    more = law.force(np.maximum(later.x, 0.0), later.v)
-    less = law.force(np.maximum(earlier.x, 0.0), earlier.v)
-    return (fit.windows.mean(more) - fit.windows.mean(less)) / (2.0 * step)
+    later, earlier = (_shift_motion(fit, shift + side, fit.windows, fit.force) for side in (1, -1))
+    force_later = law.force(np.maximum(later.x, 0.0), later.v)
+    force_earlier = law.force(np.maximum(earlier.x, 0.0), earlier.v)
+    return (fit.windows.mean(force_later) - fit.windows.mean(force_earlier)) / (2.0 * step)
 
 
 def _shift_motion(fit: Fit, shift: int, windows: WindowedSamples, force: Floats) -> MovedSamples:
@@ -166,10 +168,10 @@ def _shift_motion(fit: Fit, shift: int, windows: WindowedSamples, force: Floats)
 def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[np.intp]:
     """Return the samples ``shift`` earlier, clipped to the segment."""
     segment = fit.data.segment
-    parts = segment[windows.samples]
-    first = np.searchsorted(segment, parts)
-    last = np.searchsorted(segment, parts, "right") - 1
-    place: NDArray[np.intp] = np.clip(windows.samples - shift, first, last)
+    segments = segment[windows.samples]
+    first_of_segment = np.searchsorted(segment, segments)
+    last = np.searchsorted(segment, segments, "right") - 1
+    place: NDArray[np.intp] = np.clip(windows.samples - shift, first_of_segment, last)
     return place
 
 
@@ -190,6 +192,6 @@ def _best_shift(fit: Fit, reach: int) -> tuple[Solution, int]:
     best = min({0, -reach, reach, *range(-reach, reach + 1, coarse)}, key=energy)
     while coarse > 1:
         coarse //= 2
-        near = (best - coarse, best, best + coarse)
-        best = min((s for s in near if abs(s) <= reach), key=energy)
+        nearby_shifts = (best - coarse, best, best + coarse)
+        best = min((s for s in nearby_shifts if abs(s) <= reach), key=energy)
     return fit.solve(law, offset, _shift_motion(fit, best, fit.windows, fit.force)), best

@@ -34,8 +34,8 @@ def explain_no_check(fit: Fit) -> Finding:
 
 def few_samples(count: int, mark: Mark = "trust") -> Finding:
     """Report the number of samples in contact as too small."""
-    words = f"only {count} sample{'s' * (count != 1)} in contact"
-    return Check.EXCITATION.finding(words, Remedy(NextStep.LONGER), mark=mark)
+    sentence = f"only {count} sample{'s' * (count != 1)} in contact"
+    return Check.EXCITATION.finding(sentence, Remedy(NextStep.LONGER), mark=mark)
 
 
 def check_extrapolation(fit: Fit) -> Finding | None:
@@ -71,8 +71,8 @@ def check_one_way(fit: Fit) -> Finding | None:
         )
     if fit.steady_speed:
         return one_speed(format_quantity(fit.steady_speed, "m/s", digits=2))
-    known = "n" in fit.estimate.fixed
-    return one_way("trust" if known else "do-not-trust", "do-not-trust")
+    exponent_known = "n" in fit.estimate.fixed
+    return one_way("trust" if exponent_known else "do-not-trust", "do-not-trust")
 
 
 def presses_once(fit: Fit) -> bool:

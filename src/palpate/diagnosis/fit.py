@@ -24,7 +24,7 @@ from palpate.diagnosis.windows import (
 )
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.law_verdicts import ONE_WAY
-from palpate.estimators.least_squares import least_squares, robust_covariance
+from palpate.estimators.least_squares import column_sizes, least_squares, robust_covariance
 from palpate.estimators.oscillation import Oscillation
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats
@@ -90,8 +90,7 @@ class Solution:
     @cached_property
     def inverse(self) -> Floats:
         """Pseudo-inverse of the Jacobian."""
-        size = np.linalg.norm(self.jacobian, axis=0)
-        size[size == 0.0] = 1.0
+        size = column_sizes(self.jacobian)
         inverse: Floats = np.linalg.pinv(self.jacobian / size) / size[:, None]
         return inverse
 
@@ -143,7 +142,7 @@ def find_steady_speed(velocity: Floats) -> float:
     There K xⁿ + B v xⁿ is one power of the depth, K and B are open, and its slope is well known.
     """
     mean = float(velocity.mean()) if velocity.size >= PARTS else 0.0
-    means = np.array([part.mean() for part in np.array_split(velocity, PARTS)]) if mean else mean
+    means = np.array([block.mean() for block in np.array_split(velocity, PARTS)]) if mean else mean
     steady = bool(np.all(np.abs(means - mean) <= STEADY * abs(mean)))
     return mean if steady and abs(mean) > ONE_WAY * float(np.sqrt(np.mean(velocity**2))) else 0.0
 
@@ -181,12 +180,13 @@ class Fit:
         self.equivalent: EquivalentEstimate | None = None
         self._force = force
         if estimate.law.relaxes:
-            known = data.penetration[trace.taken[data.known]] - estimate.surface
-            middle = float(np.median(known[known > 0.0])) if (known > 0.0).any() else 1.0
+            depths_taken = data.penetration[trace.taken[data.known]] - estimate.surface
+            below = depths_taken[depths_taken > 0.0]
+            middle = float(np.median(below)) if below.size else 1.0
             self._force = force_along(data, estimate) if force is None else force
             # A probe held still has no frequency.
-            by = depth or middle, self.frequency if moves else 1.0, self._force
-            data, self.equivalent = equivalent_hunt_crossley(data, estimate, *by)
+            oscillation_at = depth or middle, self.frequency if moves else 1.0, self._force
+            data, self.equivalent = equivalent_hunt_crossley(data, estimate, *oscillation_at)
         self.data = data
         self.estimate = self.equivalent or estimate
         estimate = self.estimate
@@ -243,11 +243,11 @@ class Fit:
         """
         if self.given.estimate.law.relaxes:
             return Fit(self.given, depth, self._force)
-        other = copy(self)
-        other.depth = depth
+        copied = copy(self)
+        copied.depth = depth
         for of_depth in ("gradients", "reference_scales", "deeper_half"):
-            other.__dict__.pop(of_depth, None)
-        return other
+            copied.__dict__.pop(of_depth, None)
+        return copied
 
     @cached_property
     def deeper_half(self) -> "Fit | None":
@@ -304,11 +304,11 @@ class Fit:
         self,
         law: ForceLaw,
         offset: float,
-        moved: "MovedSamples | None" = None,
+        other_motion: "MovedSamples | None" = None,
         enough: float = 1e-9,
     ) -> Solution:
         """Return the least squares from a starting law in local units, to a relative ``enough``."""
-        motion = moved or MovedSamples(self.x, self.v, self.windows, self.force)
+        motion = other_motion or MovedSamples(self.x, self.v, self.windows, self.force)
         x = np.maximum(motion.x, 1e-12)
         names = len(law.symbols)
         high = np.full(names + 1, np.inf)
@@ -329,10 +329,12 @@ class Fit:
             zero = np.full(len(gradient), float(self.with_offset))
             return motion.force - force - parameters[names], np.column_stack([gradient, zero])
 
-        found = least_squares(model, np.array([*law.parameters, offset]), (low, high), enough)
-        law = law.from_parameters(found.parameters[:names])
-        offset = float(found.parameters[names])
-        return Solution(law, offset, found.jacobian[:, : names + self.with_offset], found.residual)
+        fitted = least_squares(model, np.array([*law.parameters, offset]), (low, high), enough)
+        law = law.from_parameters(fitted.parameters[:names])
+        offset = float(fitted.parameters[names])
+        return Solution(
+            law, offset, fitted.jacobian[:, : names + self.with_offset], fitted.residual
+        )
 
     def stiffness(self, law: ForceLaw) -> float:
         """∂F/∂x at the working depth of a law in local units, N/m."""
@@ -405,8 +407,8 @@ class Fit:
         """Rms of the force's white noise in contact, N, from fourth differences."""
         inside = self.inside
         force = self.data.force
-        whole = inside[:-4] & inside[1:-3] & inside[2:-2] & inside[3:-1] & inside[4:]
-        differences = np.diff(force, 4)[whole]
+        in_contact = inside[:-4] & inside[1:-3] & inside[2:-2] & inside[3:-1] & inside[4:]
+        differences = np.diff(force, 4)[in_contact]
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
 
     @cached_property
@@ -416,8 +418,8 @@ class Fit:
         For AR(1) noise the ratio of its variance to the variance of its fourth differences is 0.9
         correlation times.
         """
-        known = self.free_air.noise and self._above_band > 0.0
-        return max((self.noise_floor / self._above_band) ** 2, 1.0) if known else 1.0
+        noise_known = self.free_air.noise and self._above_band > 0.0
+        return max((self.noise_floor / self._above_band) ** 2, 1.0) if noise_known else 1.0
 
     @property
     def residual_to_noise(self) -> float:
@@ -447,8 +449,8 @@ class Fit:
         """Whether the residual is more than noise."""
         # The noise is known from one period of free air, and proportionally more if it is
         # correlated over longer than a window.
-        known = self.free_air.windows >= FEWEST_AIR * self.correlated_windows
-        return self.residual_to_noise > (MISFIT if known else MISFIT_UNKNOWN)
+        noise_well_known = self.free_air.windows >= FEWEST_AIR * self.correlated_windows
+        return self.residual_to_noise > (MISFIT if noise_well_known else MISFIT_UNKNOWN)
 
     @cached_property
     def free_air(self) -> "FreeAir":
@@ -469,11 +471,11 @@ class Fit:
         lag = -(-self.windows.width // step) if step else 1
         if len(starts) < 4 * lag + FEWEST_ROWS or not 0 < step <= 2 * self.windows.width:
             return 0.0
-        whole = starts[4 * lag :] - starts[: -4 * lag] == 4 * lag * step
+        contiguous = starts[4 * lag :] - starts[: -4 * lag] == 4 * lag * step
         differences = self.solution.residual
         for _ in range(4):
             differences = differences[lag:] - differences[:-lag]
-        differences = differences[whole]
+        differences = differences[contiguous]
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
 
 
@@ -527,16 +529,19 @@ def fit_with_column(
     jacobian = solution.jacobian
     residual = solution.residual
     shares = solution.inverse @ column
-    rest = solution.orthogonal_part(column)
-    if not np.isfinite(rest).all() or float(rest @ rest) <= COLLINEAR**2 * float(column @ column):
+    orthogonal = solution.orthogonal_part(column)
+    square = float(orthogonal @ orthogonal)
+    if not (math.isfinite(square) and square > COLLINEAR**2 * float(column @ column)):
         return None
-    amount = float(rest @ residual / (rest @ rest))
-    after = residual - amount * rest
+    amount = float(orthogonal @ residual) / square
+    remaining = residual - amount * orthogonal
     # The remainder is orthogonal to the other columns, so its standard error does not need them.
     others = jacobian.shape[1]
-    error = math.sqrt(robust_covariance(rest[:, None], after, fit.windows.shared, others)[0, 0])
+    error = math.sqrt(
+        robust_covariance(orthogonal[:, None], remaining, fit.windows.shared, others)[0, 0]
+    )
     z = abs(amount) / max(error, 1e-300)
-    gain = fit.explained_fraction(float(after @ after))
+    gain = fit.explained_fraction(float(remaining @ remaining))
     if z > SIGNIFICANT and fit.noise_floor > 0.0:
         # A short residual does not show the correlation length of slow noise; free air does.
         rows = (1.0 + len(fit.windows.shared)) * fit.correlated_windows

@@ -7,6 +7,7 @@ import numpy as np
 from palpate.diagnosis.fit import Fit
 from palpate.diagnosis.windows import FEWEST_ROWS
 from palpate.digits import percent, rounded
+from palpate.estimators.least_squares import column_sizes
 from palpate.findings import Check, Finding
 from palpate.remedies import NextStep, Remedy
 
@@ -31,42 +32,42 @@ def check_forecast(fit: Fit) -> Finding | None:
     third = rows // PARTS
     last = rows - rows // PARTS
     size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
-    whole, expected = _prediction_error(fit, slice(0, last, 3))
-    if not whole > UNEXPECTED * fit.noise_floor:
+    error_of_all, expected = _prediction_error(fit, slice(0, last, 3))
+    if not error_of_all > UNEXPECTED * fit.noise_floor:
         return None
-    if whole > max(CARE * size, UNEXPECTED * expected):
+    if error_of_all > max(CARE * size, UNEXPECTED * expected):
         return Check.FORECAST.finding(
             "identified on its first two thirds, the recording's last third is off by "
-            f"{percent(whole / size)} of the force",
+            f"{percent(error_of_all / size)} of the force",
             Remedy(NextStep.TASK_MOTION),
-            mark="do-not-trust" if whole > STOP * size else "trust",
+            mark="do-not-trust" if error_of_all > STOP * size else "trust",
         )
     recent, _ = _prediction_error(fit, slice(third, last, 3))
     cycles = fit.time[-1] - fit.time[0] > CYCLES * fit.period > 0.0
-    if not (cycles and recent < FADES * whole and (fit.time[:last] < fit.time[last]).all()):
+    if not (cycles and recent < FADES * error_of_all and (fit.time[:last] < fit.time[last]).all()):
         return None
-    parts = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, whole))
+    percentages = (f"{rounded(100.0 * error / size, 2)} %" for error in (recent, error_of_all))
     return Check.FORECAST.finding(
         "the force settles, or the material or a sensor changes slowly: the third before the last "
-        "predicts that to {} of the force, all before it to {}".format(*parts),
+        "predicts that to {} of the force, all before it to {}".format(*percentages),
         Remedy(NextStep.LATEST_PART, rounded(float(fit.time[last]), 4)),
     )
 
 
-def _prediction_error(fit: Fit, before: slice) -> tuple[float, float]:
+def _prediction_error(fit: Fit, training_rows: slice) -> tuple[float, float]:
     """Return the rms error of predicting later rows from earlier ones, and its expectation, N."""
     jacobian = fit.solution.jacobian
     residual = fit.solution.residual
-    after = slice(before.stop, None, before.step)
-    earlier = jacobian[before]
-    later = jacobian[after]
-    size = np.maximum(np.linalg.norm(earlier, axis=0), 1e-300)
+    predicted_rows = slice(training_rows.stop, None, training_rows.step)
+    earlier = jacobian[training_rows]
+    later = jacobian[predicted_rows]
+    size = column_sizes(earlier)
     earlier = earlier / size
     later = later / size
     inverse = np.linalg.pinv(earlier.T @ earlier, rcond=1e-12, hermitian=True)
-    change = inverse @ (earlier.T @ residual[before])
-    error = residual[after] - later @ change
-    earlier_residual = residual[before] - earlier @ change
+    change = inverse @ (earlier.T @ residual[training_rows])
+    error = residual[predicted_rows] - later @ change
+    earlier_residual = residual[training_rows] - earlier @ change
     leverage = float(np.mean(np.sum((later @ inverse) * later, axis=1)))
     noise = max(float(np.mean(earlier_residual**2)), fit.noise_floor**2)
     return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))

@@ -27,16 +27,16 @@ RESOLVED = 5.0
 def find_surface(fit: Fit) -> list[MisfitHypothesis]:
     """Fit (k, c, n, F₀, d) with the free approach by Levenberg–Marquardt; Hunt–Crossley only."""
     law = fit.solution.law
-    known = fit.estimate.surface_standard_error > 0.0
-    if known or not (law.power_law and fit.with_offset and fit.has_free_air):
+    surface_known = fit.estimate.surface_standard_error > 0.0
+    if surface_known or not (law.power_law and fit.with_offset and fit.has_free_air):
         return []
-    given = (*law.parameters, fit.solution.offset)
-    starts = np.array([(*given, start) for start in STARTS])
-    after = fit_surface_position(_thin_samples(fit), starts, exponent_fixed=bool(fit.fixed))
-    k, c, n, zero, depth = after.parameters.tolist()
+    parameters = (*law.parameters, fit.solution.offset)
+    starts = np.array([(*parameters, start) for start in STARTS])
+    fitted = fit_surface_position(_thin_samples(fit), starts, exponent_fixed=bool(fit.fixed))
+    k, c, n, zero, depth = fitted.parameters.tolist()
     if abs(depth) < max(FEWEST_MOVED, RESOLVED * fit.data.penetration_noise / fit.reference):
         return []
-    error = math.sqrt(robust_covariance(after.jacobian, after.residual)[-1, -1])
+    error = math.sqrt(robust_covariance(fitted.jacobian, fitted.residual)[-1, -1])
     # Energy over the windows, refitted with this surface.
     motion = MovedSamples(np.maximum(fit.x - depth, 1e-9), fit.v, fit.windows, fit.force)
     change = OtherLaw(HuntCrossley(K=k, B=c, n=n), law, depth)
@@ -73,14 +73,18 @@ def _thin_samples(fit: Fit) -> Floats:
     chosen = []
     if band := find_dead_band(fit.data.contact):  # the sensor suppresses smaller forces
         between &= fit.data.force >= band
-    for kept, most in ((fit.inside, MOST_IN_CONTACT), (fit.free, MOST_FREE), (between, MOST_FREE)):
-        index = np.flatnonzero(kept)
+    for selected, most in (
+        (fit.inside, MOST_IN_CONTACT),
+        (fit.free, MOST_FREE),
+        (between, MOST_FREE),
+    ):
+        index = np.flatnonzero(selected)
         chosen.append(index[:: -(-index.size // most) or 1])
-    at = np.sort(np.concatenate(chosen))
+    samples = np.sort(np.concatenate(chosen))
     data = fit.data
-    x = fit.penetration[at] / fit.units.depth
-    v = data.velocity[at] / fit.units.speed
-    return np.array([x, v, data.force[at]])
+    x = fit.penetration[samples] / fit.units.depth
+    v = data.velocity[samples] / fit.units.speed
+    return np.array([x, v, data.force[samples]])
 
 
 OFF_AXIS = 10.0
@@ -96,11 +100,11 @@ def check_unobservable(fit: Fit) -> Finding:
     several frequencies shows as negative inertia.
     """
     law = fit.solution.law
-    part = math.cos(math.radians(OFF_AXIS))
+    cosine = math.cos(math.radians(OFF_AXIS))
     stiffness = fit.stiffness(law)
     force = fit.force_at_depth(law)
     power = fit.depth * stiffness / force if force else 1.0
-    lost = (1.0 - part ** (power + 1.0), 1.0 - part ** (power + 2.0))
+    lost = (1.0 - cosine ** (power + 1.0), 1.0 - cosine ** (power + 2.0))
     soft = format_quantity(abs(stiffness) * (1.0 / SOFT_MOUNT - 1.0), "N/m")
     slow = format_quantity(1.0 / (fit.period * math.sqrt(SOFT_MOUNT)), "Hz", digits=2)
     return Check.UNSEEN.finding(

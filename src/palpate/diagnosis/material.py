@@ -35,12 +35,12 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     law = fit.solution.law
     time = relative_time(fit)
     x = np.maximum(fit.x, 1e-12)
-    rest = np.zeros_like(fit.x)
+    at_rest = np.zeros_like(fit.x)
     # Dimensionless: depth over the working depth, speed over its rms.
     depth = x * fit.units.depth / fit.reference
     speed = fit.v * fit.units.speed / fit.speed
-    spring = law.force(x, rest)
-    slope = law.penetration_gradient(x, rest)
+    spring = law.force(x, at_rest)
+    slope = law.penetration_gradient(x, at_rest)
     spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
     slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
     logarithm = np.log(np.maximum(depth, 1e-12))
@@ -49,7 +49,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
         Check.FRICTION: spring * np.tanh(RISE * speed),
         # Only for laws whose damping grows as xⁿ. For a constant damper, K₁ v + 2 K₂ x v would
         # equal that damper except for rounding of K₂.
-        Check.DAMPING_FORM: slope * speed if law.power_law else rest,
+        Check.DAMPING_FORM: slope * speed if law.power_law else at_rest,
         Check.DAMPING_WITH_DEPTH: spring * speed,
         # ∂²F/∂n², or ∂F/∂n if the exponent is fixed, because the true exponent is then only
         # assumed.
@@ -61,7 +61,7 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
 
 def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy | None]:
     """Return the sentence and the next step for an amount of a column."""
-    part = percent(abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300))
+    force_fraction = percent(abs(amount) / max(abs(fit.force_at_depth(fit.solution.law)), 1e-300))
     # The line through a change that is not even may fall below zero.
     change = f"hardens by {percent(amount)}" if amount > 0.0 else f"softens by {percent(-amount)}"
     change = "softens by over 90 %" if amount < -0.9 else change
@@ -72,8 +72,8 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
             None if presses_once(fit) else Remedy(NextStep.TWO_HALVES, half),
         ),
         Check.FRICTION: (
-            f"friction of {part} of the force: it depends on the direction of motion, not on "
-            "the speed",
+            f"friction of {force_fraction} of the force: it depends on the direction of motion, "
+            "not on the speed",
             Remedy(NextStep.ALONG_NORMAL) if _knows_directions(fit) else None,
         ),
         Check.DAMPING_FORM: (
@@ -128,16 +128,16 @@ def find_relaxation(fit: Fit) -> list[MisfitHypothesis]:
     times = np.geomspace(shortest, 0.7 * duration, TIMES)
     states = _core.relaxation_states(1.0, times, steps, spring)[fit.windows.samples]
     fits = [fit_with_column(fit, fit.windows.mean(h)) for h in states.T]
-    known = [(each, time) for each, time in zip(fits, times.tolist(), strict=True) if each]
-    if not known:
+    fitted = [(each, time) for each, time in zip(fits, times.tolist(), strict=True) if each]
+    if not fitted:
         return []
-    best, time = max(known, key=lambda each: each[0].explained_fraction)
+    best, time = max(fitted, key=lambda each: each[0].explained_fraction)
     turn = 2.0 * math.pi * time / fit.period
     branch = best.amount / (1.0 + turn**2) / at_depth
     change = ParameterChange(law, best.change, (turn**2 * branch, time * branch))
-    words = _describe_relaxation(fit, time)
+    explanation = _describe_relaxation(fit, time)
     numbers = best.z, best.explained_fraction, 0.0
-    return [MisfitHypothesis(Check.MEMORY, *numbers, *words, change, *change.relative(fit))]
+    return [MisfitHypothesis(Check.MEMORY, *numbers, *explanation, change, *change.relative(fit))]
 
 
 def _describe_relaxation(fit: Fit, time: float) -> tuple[str, Remedy]:
@@ -149,12 +149,14 @@ def _describe_relaxation(fit: Fit, time: float) -> tuple[str, Remedy]:
         frequency = f"{rounded(1.0 / fit.period, 2)} Hz"
         return f"stress relaxation over {over}: the stiffness holds at {frequency}", remedy
     if relaxing.longest == 0.0:
-        other = ", which no compared law describes better: sensor drift, or a material that changes"
+        suffix = (
+            ", which no compared law describes better: sensor drift, or a material that changes"
+        )
     elif time > relaxing.longest:
-        other = ", longer than the law does: sensor drift, or a material that softens"
+        suffix = ", longer than the law does: sensor drift, or a material that softens"
     else:
         return f"the force relaxes over {over} differently than the law", remedy
-    return f"the force relaxes over {over}{other}", Remedy(NextStep.TARE_EACH_TOUCH)
+    return f"the force relaxes over {over}{suffix}", Remedy(NextStep.TARE_EACH_TOUCH)
 
 
 # Depth range over the working depth in which adhesion is searched for, and its number of pieces.
@@ -207,8 +209,8 @@ def largest_pull(fit: Fit) -> float:
     x = fit.penetration / fit.reference
     force = fit.data.contact.force[fit.data.known]
     leaves = (fit.data.velocity < -0.1 * fit.speed) & ~fit.rejected
-    still = [each for each in (free, free[leaves[free]]) if each.size]
-    away = [each[x[each] <= np.median(x[each])] for each in still]
+    free_sets = [each for each in (free, free[leaves[free]]) if each.size]
+    away = [each[x[each] <= np.median(x[each])] for each in free_sets]
     zero = min((force[each] for each in away), key=np.mean)
     comes = free[~leaves[free]]
     slope = 0.0
@@ -241,8 +243,8 @@ def check_relaxed_stiffness(fit: Fit) -> Finding | None:
         return None
     inside = np.flatnonzero(fit.inside)
     data = fit.data
-    still = np.abs(data.velocity[inside]) < STILL * fit.speed
-    ends = np.flatnonzero(np.diff(still, prepend=False, append=False)).reshape(-1, 2)
+    is_still = np.abs(data.velocity[inside]) < STILL * fit.speed
+    ends = np.flatnonzero(np.diff(is_still, prepend=False, append=False)).reshape(-1, 2)
     time = data.time[inside]
     held = max((float(time[end - 1] - time[begin]) for begin, end in ends.tolist()), default=0.0)
     relaxation = fit.laws.law.relaxation
@@ -307,16 +309,16 @@ def check_unknown_law(
     """
     if fit.laws is None or not causes:
         return None
-    first, *others = sorted(causes, key=attrgetter("explained_fraction"), reverse=True)
-    explained = first.explained_fraction
-    rivals = [cause for cause in others if {first.check, cause.check} - {*ELASTIC}]
+    leading, *others = sorted(causes, key=attrgetter("explained_fraction"), reverse=True)
+    explained = leading.explained_fraction
+    rivals = [cause for cause in others if {leading.check, cause.check} - {*ELASTIC}]
     leads = all(cause.explained_fraction < SECOND * explained for cause in rivals)
-    memory = first.check is Check.MEMORY and fit.equivalent is None and unexplained > LEAST_MEMORY
-    bent = first.check is Check.SENSOR_GAIN and abs(first.stiffness) > CARE
-    shape = first.check is Check.SHAPE or bent
+    memory = leading.check is Check.MEMORY and fit.equivalent is None and unexplained > LEAST_MEMORY
+    bent = leading.check is Check.SENSOR_GAIN and abs(leading.stiffness) > CARE
+    shape = leading.check is Check.SHAPE or bent
     if leads and memory and explained > ALONE:
         what = "the force depends on its past as in no compared law, as by hysteresis"
-    elif leads and shape and first.z > BENT_Z:
+    elif leads and shape and leading.z > BENT_Z:
         what = "the force grows with depth as in no compared law, as of a sensor near its limit"
     elif (slope := local_slope(fit)) > LEAST_SLOPE:
         what = f"at the working depth the force is {percent(slope)} steeper or flatter than the law"
@@ -336,13 +338,13 @@ def local_slope(fit: Fit) -> float:
     scale = fit.units.depth / fit.depth
     place = scale * mean(fit.x) - 1.0
     speed = mean(fit.v)
-    near = np.abs(place) < NEAR_DEPTH
-    if np.count_nonzero(near) < FEWEST_NEAR:
+    nearby = np.abs(place) < NEAR_DEPTH
+    if np.count_nonzero(nearby) < FEWEST_NEAR:
         return 0.0
-    columns = np.column_stack([place, np.ones_like(place), speed])[near]
-    solved, *_ = np.linalg.lstsq(columns, fit.solution.residual[near], rcond=None)
-    after = fit.solution.residual[near] - columns @ solved
-    error = math.sqrt(robust_covariance(columns, after, fit.windows.shared)[0, 0])
+    columns = np.column_stack([place, np.ones_like(place), speed])[nearby]
+    solved, *_ = np.linalg.lstsq(columns, fit.solution.residual[nearby], rcond=None)
+    remaining = fit.solution.residual[nearby] - columns @ solved
+    error = math.sqrt(robust_covariance(columns, remaining, fit.windows.shared)[0, 0])
     stiffness = fit.depth * float(fit.reference_scales[0])
     return abs(float(solved[0])) / stiffness if abs(solved[0]) > SLOPE_Z * error else 0.0
 

@@ -13,7 +13,7 @@ from palpate.diagnosis.fit import (
     standard_errors,
 )
 from palpate.digits import percent, rounded
-from palpate.estimators.least_squares import robust_covariance
+from palpate.estimators.least_squares import column_sizes, robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
 from palpate.findings import Check, Finding, Mark
 from palpate.remedies import NextStep, Remedy
@@ -57,16 +57,15 @@ def smooth_misfit(fit: Fit) -> float:
     powers = place[:, None] ** np.arange(5.0)
     by_speed = (speed, np.tanh(3.0 * speed), speed**2)
     columns = np.hstack([powers, *(each[:, None] * powers[:, :3] for each in by_speed)])
-    sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)  # at rest those of speed are 0
-    columns = solution.orthogonal_part(columns / sizes)
+    columns = solution.orthogonal_part(columns / column_sizes(columns))
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     basis = basis[:, sizes > DISTINCT]
     if len(basis) <= 2 * basis.shape[1]:
         return 0.0
     removed = basis.T @ solution.residual
-    after = solution.residual - basis @ removed
+    remaining = solution.residual - basis @ removed
     others = solution.jacobian.shape[1]
-    by_chance = robust_covariance(basis, after, fit.windows.shared, others).trace()
+    by_chance = robust_covariance(basis, remaining, fit.windows.shared, others).trace()
     # A short residual does not show the correlation length of slow noise; free air does.
     rows = (1.0 + len(fit.windows.shared)) * fit.correlated_windows
     by_chance = max(by_chance, fit.noise_floor**2 * rows * basis.shape[1])

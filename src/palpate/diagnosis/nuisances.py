@@ -130,9 +130,9 @@ def remaining_part(fit: Fit, check: Check, amount: float, z: float) -> float:
     if prior is None or not 0.0 < size < math.inf:
         return 0.0
     error = size / max(z, 1e-9)
-    kept = prior.width**2 / (prior.width**2 + error**2)
+    shrinkage = prior.width**2 / (prior.width**2 + error**2)
     log_odds = math.log(prior.odds / (1.0 - prior.odds))
-    log_odds += 0.5 * math.log(max(1.0 - kept, 1e-300)) + 0.5 * kept * z**2
+    log_odds += 0.5 * math.log(max(1.0 - shrinkage, 1e-300)) + 0.5 * shrinkage * z**2
     present = 1.0 / (1.0 + math.exp(-max(log_odds, -700.0)))
     factor = 1.0 if z > SIGNIFICANT or prior.odds == CERTAIN else FACTOR
-    return factor * math.sqrt(present * ((kept * size) ** 2 + kept * error**2)) / size
+    return factor * math.sqrt(present * ((shrinkage * size) ** 2 + shrinkage * error**2)) / size

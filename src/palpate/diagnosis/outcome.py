@@ -113,8 +113,8 @@ class Quantity(Plain):
 
     def scaled(self, factor: float) -> "Quantity":
         """Return the number multiplied by a factor: another one, which nothing has judged."""
-        value, error, moved = (factor * each for each in self.numbers)
-        return Quantity(value, error, moved)
+        value, error, systematic = (factor * each for each in self.numbers)
+        return Quantity(value, error, systematic)
 
     @property
     def numbers(self) -> tuple[float, float, float]:
@@ -272,9 +272,9 @@ class Diagnosis(Plain):
             if limit is not None and limit.check is Check.PRECISION and size > 2.0 * error:
                 reason = f"± {rough_percent(error / size)}, {reason}"
             often = frequency if relaxes or name == "damping" else math.nan
-            given = math.isfinite(size)
-            where = Where(at.depth, often, at.speed) if given else None
-            judged = mark if given else None
+            has_value = math.isfinite(size)
+            where = Where(at.depth, often, at.speed) if has_value else None
+            judged = mark if has_value else None
             changed: Any = {name: replace(quantity, mark=judged, reason=reason, at=where)}
             at = replace(at, **changed)
         return replace(self, working_depths=(at, *self.working_depths[1:]))
@@ -293,8 +293,12 @@ class Diagnosis(Plain):
     @property
     def reason(self) -> str:
         """The message of the deciding finding."""
-        found = self.deciding
-        return "no problem found that would change the result" if found is None else found.message
+        deciding = self.deciding
+        return (
+            "no problem found that would change the result"
+            if deciding is None
+            else deciding.message
+        )
 
     @property
     def remedy(self) -> Remedy | None:

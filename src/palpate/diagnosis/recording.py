@@ -99,8 +99,10 @@ class Data:
     @property
     def filter_samples(self) -> int:
         """Samples in the window of the velocity filter."""
-        own = self.velocity_filter
-        return window_samples(self.sample_time) if own is None else own.samples
+        velocity_filter = self.velocity_filter
+        return (
+            window_samples(self.sample_time) if velocity_filter is None else velocity_filter.samples
+        )
 
     @property
     def wider_window(self) -> Remedy | None:
@@ -122,8 +124,8 @@ class Data:
     def findings(self) -> tuple[Finding, ...]:
         """Findings of the checks of the data, then findings of the preparation."""
         with np.errstate(all="ignore"):  # absurd samples overflow; a check then finds them
-            found = [check(self) for check in (CHECKS if len(self) >= FEWEST_SAMPLES else ())]
-        return (*(each for each in found if each is not None), *self.contact.findings)
+            reported = [check(self) for check in (CHECKS if len(self) >= FEWEST_SAMPLES else ())]
+        return (*(each for each in reported if each is not None), *self.contact.findings)
 
     @cached_property
     def peak_force(self) -> float:
@@ -153,13 +155,13 @@ def check_steps(data: Data) -> Finding | None:
     smoother = data.wider_window if data.velocity_filter else Remedy(NextStep.DIFFERENTIATE)
     force = data.force, "force", "N", data.peak_force, FORCE_STEP
     penetration = data.penetration, "penetration", "m", data.peak_penetration, PENETRATION_STEP
-    for channel, more, remedy in ((force, "", finer), (penetration, effect, smoother)):
+    for channel, consequence, remedy in ((force, "", finer), (penetration, effect, smoother)):
         values, name, unit, peak, most = channel
         step = step_of(values)
         if 0.0 < most * peak < step and np.mean(np.diff(values) == 0.0) > REPEATED:
             return Check.COARSE_STEPS.finding(
                 f"the {name} is quantised in steps of {format_quantity(step, unit)}, "
-                f"{percent(step / peak)} of its largest value{more}",
+                f"{percent(step / peak)} of its largest value{consequence}",
                 remedy,
                 mark="with-care",
             )
@@ -197,17 +199,17 @@ def check_signs(data: Data) -> Finding | None:
     if deep >= shallow:
         return None
     step = NextStep.FLIP_PENETRATION
-    words = (
+    sentence = (
         f"the force falls from {rounded(shallow, 3)} N to {rounded(deep, 3)} N as the "
         "penetration grows: the penetration must be positive into the material"
     )
     if deep < 0.0 and abs(deep) > abs(shallow):
         step = NextStep.FLIP_FORCE
-        words = (
+        sentence = (
             f"the force is negative, {rounded(deep, 3)} N, where the penetration is largest: "
             "compression must be positive"
         )
-    return Check.SIGNS.finding(words, Remedy(step), mark="do-not-trust")
+    return Check.SIGNS.finding(sentence, Remedy(step), mark="do-not-trust")
 
 
 def _ranks(values: Floats) -> NDArray[np.intp]:
@@ -232,24 +234,26 @@ def check_spikes(data: Data) -> Finding | None:
     """More than 0.1 % of the samples are spikes; force spikes count only while the probe moves."""
     force = find_spikes(data.force)
     penetration = find_spikes(data.penetration)
-    at = np.flatnonzero(force)
-    before = np.maximum(at - 1, 0)
-    after = np.minimum(at + 1, len(data) - 1)
-    leaps = np.abs(data.force[at] - 0.5 * (data.force[before] + data.force[after]))
-    force[at] = leaps > max(LARGE * data.peak_force, FAR * data.force_noise)
+    places = np.flatnonzero(force)
+    previous_samples = np.maximum(places - 1, 0)
+    next_samples = np.minimum(places + 1, len(data) - 1)
+    leaps = np.abs(
+        data.force[places] - 0.5 * (data.force[previous_samples] + data.force[next_samples])
+    )
+    force[places] = leaps > max(LARGE * data.peak_force, FAR * data.force_noise)
     speed = np.abs(data.velocity)
     fast = speed > SLOW * np.sqrt(np.mean(speed**2))
     if np.mean(fast) < FEWEST_FAST:
         fast = np.ones_like(fast)
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
     name = max(fractions, key=fractions.__getitem__)
-    part = fractions[name]
-    if part <= SOME or part * len(data) < FEWEST_SPIKES:
+    fraction = fractions[name]
+    if fraction <= SOME or fraction * len(data) < FEWEST_SPIKES:
         return None
     return Check.SPIKES.finding(
-        f"{percent(part)} of the {name} samples are spikes",
+        f"{percent(fraction)} of the {name} samples are spikes",
         Remedy(NextStep.CABLE, name),
-        mark="do-not-trust" if part > MANY else "with-care",
+        mark="do-not-trust" if fraction > MANY else "with-care",
     )
 
 
@@ -268,11 +272,11 @@ def check_time_stamps(data: Data) -> Finding | None:
     standard deviation σ of the stamps is a noise v σ of the position; the relative noise of the
     velocity, squared, is missing in the damping.
     """
-    part = slice(0, MOST_STAMPS)
-    time = data.time[part]
-    x = data.penetration[part]
+    used = slice(0, MOST_STAMPS)
+    time = data.time[used]
+    x = data.penetration[used]
     steps = np.diff(time)
-    steps = steps[(np.diff(data.segment[part]) == 0) & (steps > 0.0)]
+    steps = steps[(np.diff(data.segment[used]) == 0) & (steps > 0.0)]
     if steps.size < 10 * WIDTH or float(steps.std()) <= UNEVEN * float(steps.mean()):
         return None
     by_index = _distance_to_parabola(np.arange(len(x), dtype=np.float64), x)
@@ -311,7 +315,7 @@ DEEPEST = 0.25
 FASTEST = 3.0  # m, m/s; the recordings reach at most 19 mm and 0.84 m/s
 # F/x² in Pa, a modulus that depends little on geometry: recordings have 6e3 to 7e7 Pa.
 SOFTEST = 2.0
-HARDEST = 5e8  # compared as F/x with x, because x² can overflow
+HARDEST = 5e8
 LARGEST_FORCE = 5e3  # N; the testing machine presses TPU with 2.6 kN
 SLOWEST = 0.2  # s between samples
 
@@ -320,19 +324,13 @@ def check_penetration_unit(data: Data) -> Finding | None:
     """Largest x > 0.25 m, rms v > 3 m/s, or F/x² < 2 Pa."""
     depth = data.peak_penetration
     force = data.peak_force
-    if depth <= 0.0 or "penetration" in data.contact.stated_units:
-        return None
     touched = data.penetration > 0.0
     speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
-    words = _half_stated(data.contact, "penetration")
-    plausible = depth <= DEEPEST and speed <= FASTEST and force / depth >= SOFTEST * depth
-    if plausible and not words:
-        return None
+    large = depth > DEEPEST or speed > FASTEST or force < SOFTEST * depth * depth
     size = f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N"
-    return Check.PENETRATION_UNIT.finding(
-        words or f"{size}: it may be in millimetres, or swapped with another column",
-        _unit_remedy(data.contact, "penetration", "mm"),
-        mark="do-not-trust",
+    suspicion = f"{size}: it may be in millimetres, or swapped with another column"
+    return _unit_finding(
+        data, Check.PENETRATION_UNIT, "penetration", "mm", suspicion if large else ""
     )
 
 
@@ -340,17 +338,21 @@ def check_force_unit(data: Data) -> Finding | None:
     """F > 5 kN or F/x² > 5e8 Pa; it finds 87 % of such errors, so the peak is always shown."""
     depth = data.peak_penetration
     force = data.peak_force
-    if depth <= 0.0 or "force" in data.contact.stated_units:
-        return None
-    words = _half_stated(data.contact, "force")
-    if force <= LARGEST_FORCE and force / depth <= HARDEST * depth and not words:
-        return None
+    large = force > LARGEST_FORCE or force > HARDEST * depth * depth
     size = f"the force reaches {rounded(force, 3)} N at {rounded(1e3 * depth, 3)} mm"
-    return Check.FORCE_UNIT.finding(
-        words or f"{size}: it may be in millinewtons",
-        _unit_remedy(data.contact, "force", "mN"),
-        mark="do-not-trust",
-    )
+    suspicion = f"{size}: it may be in millinewtons"
+    return _unit_finding(data, Check.FORCE_UNIT, "force", "mN", suspicion if large else "")
+
+
+def _unit_finding(
+    data: Data, check: Check, channel: str, guess: str, suspicion: str
+) -> Finding | None:
+    """Report a unit that is suspected, or that only the other channel's option states."""
+    sentence = _half_stated(data.contact, channel) or suspicion
+    if not sentence or channel in data.contact.stated_units or data.peak_penetration <= 0.0:
+        return None
+    remedy = _unit_remedy(data.contact, channel, guess)
+    return check.finding(sentence, remedy, mark="do-not-trust")
 
 
 def check_time_unit(data: Data) -> Finding | None:
@@ -362,11 +364,11 @@ def check_time_unit(data: Data) -> Finding | None:
     if data.sample_time <= SLOWEST or "time" in contact.stated_units or contact.timeless:
         return None
     step = rounded(data.sample_time, 3)
-    words = f"there is a sample every {step} s: the times may be in milliseconds"
+    sentence = f"there is a sample every {step} s: the times may be in milliseconds"
     others = check_penetration_unit(data) or check_force_unit(data)
     mark: Mark = "trust" if others is None else "do-not-trust"
     remedy = _unit_remedy(contact, "time", "ms")
-    return Check.TIME_UNIT.finding(words, remedy, stiffness=mark, damping="do-not-trust")
+    return Check.TIME_UNIT.finding(sentence, remedy, stiffness=mark, damping="do-not-trust")
 
 
 def _half_stated(contact: Contact, channel: str) -> str:
@@ -410,9 +412,9 @@ def check_velocity_column(data: Data) -> Finding | None:
         return None
     correlation = float(np.corrcoef(dx, integral)[0, 1])
     if correlation < VELOCITIES_AGAINST:
-        words = "the velocity column runs against the rate of the penetration" + OTHER
+        sentence = "the velocity column runs against the rate of the penetration" + OTHER
         return Check.VELOCITY_COLUMN.finding(
-            words, Remedy(NextStep.DIFFERENTIATE), mark="do-not-trust"
+            sentence, Remedy(NextStep.DIFFERENTIATE), mark="do-not-trust"
         )
     if correlation <= ALIKE:
         return None
@@ -420,16 +422,16 @@ def check_velocity_column(data: Data) -> Finding | None:
     # less biased.
     slopes = float(dx @ integral / (dx @ dx)), float(integral @ integral / (dx @ integral))
     slope = min(slopes, key=lambda each: abs(each - 1.0))
-    words = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
+    sentence = f"the velocity column is {rounded(slope, 3)} times the rate of the penetration"
     if not STOP[0] <= slope <= STOP[1]:
         return Check.VELOCITY_COLUMN.finding(
-            words + OTHER, Remedy(NextStep.DIFFERENTIATE), mark="do-not-trust"
+            sentence + OTHER, Remedy(NextStep.DIFFERENTIATE), mark="do-not-trust"
         )
     if abs(slope - 1.0) <= SAME_SPEED:
         return None
     wrong = f"{percent(abs(slope - 1.0))} too {'small' if slope > 1.0 else 'large'}"
     return Check.VELOCITY_COLUMN.finding(
-        f"{words}: the damping is {wrong} if the penetration is right",
+        f"{sentence}: the damping is {wrong} if the penetration is right",
         Remedy(NextStep.DIFFERENTIATE),
         damping="with-care" if abs(slope - 1.0) > CARE else "trust",
         moves_percent=(0.0, 100.0 * (slope - 1.0)),
@@ -440,12 +442,12 @@ def _displacements(data: Data) -> tuple[Floats, Floats]:
     """Displacement of each piece from the penetration, and from the integral of the velocity, m."""
     ends = np.arange(0, (len(data) // MEAN) * MEAN, MEAN)
     last = ends + MEAN - 1
-    whole = data.segment[ends] == data.segment[last]
-    ends = ends[whole]
-    last = last[whole]
+    in_one_segment = data.segment[ends] == data.segment[last]
+    ends = ends[in_one_segment]
+    last = last[in_one_segment]
     steps = 0.5 * (data.velocity[1:] + data.velocity[:-1]) * np.diff(data.time)
-    gone = np.concatenate([[0.0], np.cumsum(steps)])
-    return data.penetration[last] - data.penetration[ends], gone[last] - gone[ends]
+    travel = np.concatenate([[0.0], np.cumsum(steps)])
+    return data.penetration[last] - data.penetration[ends], travel[last] - travel[ends]
 
 
 #: Every check of the data.

@@ -64,18 +64,20 @@ def check_saturation(fit: Fit) -> Finding | None:
     count = np.count_nonzero(inside)
     at_top = lengths[stuck & highest].sum() / count
     elsewhere = lengths[stuck & ~highest].sum() / count
-    part = max(at_top, elsewhere)
-    if part <= SOME_FLAT:
+    fraction = max(at_top, elsewhere)
+    if fraction <= SOME_FLAT:
         return None
-    mark: Mark = "do-not-trust" if part > MANY_FLAT else "with-care"
+    mark: Mark = "do-not-trust" if fraction > MANY_FLAT else "with-care"
     if at_top < elsewhere:
-        words = f"the force is constant for {percent(part)} of the contact while the probe moves"
-        return Check.STUCK_FORCE.finding(words, Remedy(NextStep.CONNECTION), mark=mark)
-    words = (
-        f"the force stays at its largest value, {rounded(top, 3)} N, for {percent(part)} of the "
-        "contact: the sensor saturates"
+        sentence = (
+            f"the force is constant for {percent(fraction)} of the contact while the probe moves"
+        )
+        return Check.STUCK_FORCE.finding(sentence, Remedy(NextStep.CONNECTION), mark=mark)
+    sentence = (
+        f"the force stays at its largest value, {rounded(top, 3)} N, for {percent(fraction)} of "
+        "the contact: the sensor saturates"
     )
-    return Check.SATURATION.finding(words, Remedy(NextStep.LARGER_RANGE), mark=mark)
+    return Check.SATURATION.finding(sentence, Remedy(NextStep.LARGER_RANGE), mark=mark)
 
 
 def check_dead_band(fit: Fit) -> Finding | None:
@@ -111,20 +113,21 @@ def find_force_jumps(data: Data) -> tuple[list[int], Floats]:
     jumps = list[int]()
     band = find_dead_band(data.contact)
     for k in np.flatnonzero(np.abs(changes) > least).tolist():
-        near = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
-        before = data.velocity[max(k - 3, 0)]
-        after = data.velocity[min(k + 4, len(data) - 1)]
+        neighbours = [j for j in range(max(k - 3, 0), min(k + 4, len(changes))) if j != k]
+        velocity_before = data.velocity[max(k - 3, 0)]
+        velocity_after = data.velocity[min(k + 4, len(data) - 1)]
         pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
-        usual = float(np.median(changes[near]))
-        beyond[k] -= usual
+        usual_change = float(np.median(changes[neighbours]))
+        beyond[k] -= usual_change
         if (
             pressed
             and (not band or np.min(data.force[k : k + 2]) >= band)
             and data.segment[k] == data.segment[k + 1]
-            and len(near) == 6
-            and abs(beyond[k]) > max(USUAL * np.max(np.abs(changes[near] - usual)), least)
-            and moves[k] <= 2.0 * np.max(moves[near])
-            and before * after >= -1e-2 * np.mean(data.velocity**2)
+            and len(neighbours) == 6
+            and abs(beyond[k])
+            > max(USUAL * np.max(np.abs(changes[neighbours] - usual_change)), least)
+            and moves[k] <= 2.0 * np.max(moves[neighbours])
+            and velocity_before * velocity_after >= -1e-2 * np.mean(data.velocity**2)
         ):
             jumps.append(k)
     sizes = beyond[jumps]
@@ -145,11 +148,11 @@ def check_force_jump(fit: Fit) -> Finding | None:
     later = data.time[fit.windows.samples, None] > data.time[jumps]
     added = fit.windows.mean(later @ sizes)
     change = fit.solution.inverse @ added
-    moved = fit.relative_changes(fit.gradients[1:] @ change[: len(fit.solution.law.symbols)])
+    changes = fit.relative_changes(fit.gradients[1:] @ change[: len(fit.solution.law.symbols)])
     largest = int(np.argmax(np.abs(sizes)))
     size = float(sizes[largest])
     when = rounded(float(data.time[jumps[largest]]), 4)
-    marks: list[Mark] = ["with-care" if abs(part) > CARE else "trust" for part in moved]
+    marks: list[Mark] = ["with-care" if abs(relative) > CARE else "trust" for relative in changes]
     if abs(size) > MUCH * data.peak_force:
         marks = ["do-not-trust", "do-not-trust"]
     return Check.FORCE_JUMP.finding(
@@ -159,7 +162,7 @@ def check_force_jump(fit: Fit) -> Finding | None:
         stiffness=marks[0],
         damping=marks[1],
         brief=f"the force jumps by {format_quantity(size, 'N')} within a sample",
-        moves_percent=(100.0 * moved[0], 100.0 * moved[1]),
+        moves_percent=(100.0 * changes[0], 100.0 * changes[1]),
     )
 
 
@@ -168,9 +171,10 @@ MANY_LEFT_OUT = 0.05  # fraction of the samples in contact
 
 def outlier_finding(count: int, samples: int) -> Finding:
     """Report the number of samples in contact that were excluded; more than 5 % call for care."""
-    part = rounded(100.0 * count / samples, 2)
+    percentage = rounded(100.0 * count / samples, 2)
+    plural = "s" * (count > 1)
     return Check.OUTLIERS.finding(
-        f"{count} sample{'s' * (count > 1)} ({part} %) excluded as outlier{'s' * (count > 1)}",
+        f"{count} sample{plural} ({percentage} %) excluded as outlier{plural}",
         Remedy(NextStep.KEEP_OUTLIERS),
         mark="with-care" if count > MANY_LEFT_OUT * samples else "trust",
     )
@@ -183,17 +187,17 @@ def check_velocity_noise(fit: Fit) -> Finding | None:
     the penetration's noise, including its steps.
     """
     speed = float(np.mean(fit.data.velocity[fit.inside] ** 2))
-    part = fit.data.velocity_noise**2 / speed if speed > 0.0 else 0.0
-    if not part > CARE:
+    attenuation = fit.data.velocity_noise**2 / speed if speed > 0.0 else 0.0
+    if not attenuation > CARE:
         return None
     derived = fit.data.velocity_filter is not None
     whose = (
         "the velocity, differentiated from the penetration," if derived else "the velocity column"
     )
     return Check.VELOCITY_NOISE.finding(
-        f"{whose} is noisy: the damping is about {percent(min(part, 1.0))} too small",
+        f"{whose} is noisy: the damping is about {percent(min(attenuation, 1.0))} too small",
         fit.data.wider_window if derived else Remedy(NextStep.DIFFERENTIATE),
-        moves_percent=(0.0, 100.0 * min(part, 1.0)),
+        moves_percent=(0.0, 100.0 * min(attenuation, 1.0)),
     )
 
 
@@ -210,19 +214,21 @@ def check_free_air(fit: Fit) -> Finding | None:
     """
     slopes = np.array(fit.free_air.slopes)
     errors = np.array(fit.free_air.errors)
-    moved = np.where(np.abs(slopes) > AIR_Z * errors, slopes / fit.reference_scales, 0.0)
-    moved = np.where(np.abs(moved) > AIR_PART, moved, 0.0)
-    if not moved.any():
+    changes = np.where(np.abs(slopes) > AIR_Z * errors, slopes / fit.reference_scales, 0.0)
+    changes = np.where(np.abs(changes) > AIR_PART, changes, 0.0)
+    if not changes.any():
         return None
-    parts = zip(("stiffness", "damping"), moved.tolist(), strict=True)
-    much = " and ".join(f"{name} by {rough_percent(abs(by))}" for name, by in parts if by)
+    named_changes = zip(("stiffness", "damping"), changes.tolist(), strict=True)
+    much = " and ".join(
+        f"{name} by {rough_percent(abs(change))}" for name, change in named_changes if change
+    )
     return Check.FREE_AIR.finding(
         "the force changes with the motion in free air: a cable, a guide or a mass that moves "
         f"with the probe changes {much}",
         Remedy(NextStep.FREE_AIR_FORCE),
         float(np.max(np.abs(slopes) / errors)),
         brief="the force in free air changes with the motion",
-        moves_percent=(100.0 * float(moved[0]), 100.0 * float(moved[1])),
+        moves_percent=(100.0 * float(changes[0]), 100.0 * float(changes[1])),
     )
 
 

@@ -49,15 +49,15 @@ class SpringEstimate(Estimate):
     @property
     def covariance(self) -> Floats:
         """Joint covariance of K and n."""
-        part: Floats = super().covariance[np.ix_(_SPRING, _SPRING)]
-        return part
+        block: Floats = super().covariance[np.ix_(_SPRING, _SPRING)]
+        return block
 
     @property
     def joint_covariance(self) -> Floats:
         """The same with the offset."""
-        kept = np.array([*_SPRING, 3])
-        part: Floats = super().joint_covariance[np.ix_(kept, kept)]
-        return part
+        places = np.array([*_SPRING, 3])
+        block: Floats = super().joint_covariance[np.ix_(places, places)]
+        return block
 
     @property
     def standard_errors(self) -> Floats:
@@ -83,20 +83,20 @@ def trace_without_time(trace: Trace) -> Trace:
 
 def findings_without_time(findings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Return the findings that hold without time; a general misfit replaces others that mark S."""
-    kept = list[Finding]()
+    remaining = list[Finding]()
     marks = []
     for finding in findings:
         if finding.check in HOLD_WITHOUT_TIME:
             alone = replace(finding, damping="trust", moves_damping_percent=math.nan)
-            kept.append(finding if finding is NO_TIME else alone)
+            remaining.append(finding if finding is NO_TIME else alone)
         else:
             marks.append(finding.stiffness)
     if (mark := worst(*marks)) != "trust":
-        kept.append(misfit_without_time(mark))
-    return tuple(kept)
+        remaining.append(misfit_without_time(mark))
+    return tuple(remaining)
 
 
-def diagnosis_without_time(found: Diagnosis) -> Diagnosis:
+def diagnosis_without_time(diagnosis: Diagnosis) -> Diagnosis:
     """Return the diagnosis of the stiffness alone."""
-    depths = [replace(depth, damping=UNKNOWN) for depth in found.working_depths]
-    return assemble_diagnosis((*findings_without_time(found.findings), NO_TIME), depths)
+    depths = [replace(depth, damping=UNKNOWN) for depth in diagnosis.working_depths]
+    return assemble_diagnosis((*findings_without_time(diagnosis.findings), NO_TIME), depths)

@@ -135,12 +135,10 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     causes = assess_causes(fit, all_causes, unexplained)
     if not has_reported(causes.findings, Check.CHANGE):
         changed = None
-    findings = [*fit.given.data.findings]
-    if (jump := check_force_jump(fit)) is not None:
-        findings.append(jump)
-    findings += causes.findings
-    if (unknown := check_unknown_law(fit, all_causes, unexplained)) is not None:
-        findings.append(unknown)
+    jump = check_force_jump(fit)
+    unknown = check_unknown_law(fit, all_causes, unexplained)
+    candidates = (*fit.given.data.findings, jump, *causes.findings, unknown)
+    findings = [finding for finding in candidates if finding is not None]
     if fit.equivalent is not None and not has_reported(findings, Check.ADHESION, Check.CHANGE):
         findings += check_behind_relaxation(fit)
     for check in CHECKS:
@@ -155,9 +153,9 @@ def _diagnose(fit: Fit, fits: Sequence[Fit], notes: Sequence[Finding]) -> Diagno
     if has_reported(findings, Check.ONE_WAY):
         depths = [replace(depth, damping=UNKNOWN) for depth in depths]
     episodes = () if changed is None else _episodes(fit, changed)
-    known = {finding.check for finding in findings}
-    more = (note for note in notes if note.check not in known)
-    findings += (note for note in more if not (episodes and note.severity == "note"))
+    reported = {finding.check for finding in findings}
+    new_notes = (note for note in notes if note.check not in reported)
+    findings += (note for note in new_notes if not (episodes and note.severity == "note"))
     findings = [drop_vain_step(fit, finding) for finding in findings]
     return assemble_diagnosis(findings, depths, episodes, fit.laws)
 
@@ -216,6 +214,6 @@ def _decide_marks(
         marks.append(mark)
         limits.append(None if mark == "trust" else next(deciding))
     # A damping that is not reported does not count.
-    given = math.isfinite(at.damping.value)
-    overall = worst(*marks) if given else marks[0]
+    has_damping = math.isfinite(at.damping.value)
+    overall = worst(*marks) if has_damping else marks[0]
     return Verdict(marks[0], marks[1], overall), (limits[0], limits[1])

@@ -57,15 +57,15 @@ class WindowedSamples:
     @cached_property
     def shared(self) -> tuple[Floats, ...]:
         """Fraction of its window that a row shares with the next one, two, … rows."""
-        first = self.samples[self.places[0]]
-        length = self.samples[self.places[-1]] - first + 1
-        parts: list[Floats] = []
+        starts = self.samples[self.places[0]]
+        length = self.samples[self.places[-1]] - starts + 1
+        overlaps: list[Floats] = []
         for lag in range(1, len(self)):
-            part = np.clip(1.0 - (first[lag:] - first[:-lag]) / length[:-lag], 0.0, None)
-            if not part.any():
+            overlap = np.clip(1.0 - (starts[lag:] - starts[:-lag]) / length[:-lag], 0.0, None)
+            if not overlap.any():
                 break
-            parts.append(part)
-        return tuple(parts)
+            overlaps.append(overlap)
+        return tuple(overlaps)
 
     def thin(self, every: int) -> "WindowedSamples":
         """Return every n-th window."""
@@ -83,8 +83,8 @@ def windows_over(
         return WindowedSamples.from_indices(np.empty((width, 0), np.intp))
     broken = np.concatenate([[0], np.cumsum((~inside[1:]) | (np.diff(segment) != 0))])
     starts = np.arange(len(inside) - width + 1)
-    whole = inside[starts] & (broken[starts + width - 1] == broken[starts])
-    starts = starts[whole][:: max(width // 3, 1)]
+    unbroken = inside[starts] & (broken[starts + width - 1] == broken[starts])
+    starts = starts[unbroken][:: max(width // 3, 1)]
     starts = starts[:: -(-starts.size // MOST_ROWS) or 1]
     # In a long window 64 samples resolve the motion; the noise is then averaged over those.
     within = np.unique(np.linspace(0, width - 1, min(width, 64)).round().astype(np.intp))
@@ -125,8 +125,10 @@ def free_air_statistics(data: Data, windows: WindowedSamples) -> FreeAir:
     long = (count >= FEWEST_WINDOWS)[interval]
     if not long.any():
         return FreeAir()
-    at = windows.samples
-    rows = windows.mean(np.column_stack([data.force[at], data.penetration[at], data.velocity[at]]))
+    samples = windows.samples
+    rows = windows.mean(
+        np.column_stack([data.force[samples], data.penetration[samples], data.velocity[samples]])
+    )
     means = np.array([np.bincount(interval, column) for column in rows.T])
     rows = (rows - (means / np.bincount(interval)).T[interval])[long]
     force = rows[:, 0]

@@ -187,11 +187,11 @@ def _fit_rows(
     codes = np.empty((count, 2), np.uint8)
     rows = max(1, _AT_ONCE // max(samples, 1)) * threads
     for first in range(0, count, rows):
-        part = slice(first, first + rows)
-        inputs: list[Any] = [values[part] for values in curves]
-        inputs += exponents, offset, noise, offset_deviation[part], surface_deviation[part], *rest
-        inputs += [column[part] for column in (numbers, covariance, taken, codes)]
-        inputs += [None if roles is None else roles[part], threads]
+        block = slice(first, first + rows)
+        inputs: list[Any] = [values[block] for values in curves]
+        inputs += exponents, offset, noise, offset_deviation[block], surface_deviation[block], *rest
+        inputs += [column[block] for column in (numbers, covariance, taken, codes)]
+        inputs += [None if roles is None else roles[block], threads]
         _core.fit_curves(*inputs)
     return numbers, covariance, taken, codes
 

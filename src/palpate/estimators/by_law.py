@@ -24,7 +24,7 @@ from palpate.estimators.contact_estimator import (
     register,
 )
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.least_squares import least_squares
+from palpate.estimators.least_squares import column_sizes, least_squares
 from palpate.estimators.variable_projection import PROBING, VariableProjection
 from palpate.estimators.viscoelastic import ViscoelasticContact
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
@@ -180,8 +180,8 @@ class LeastSquaresOfLaw(PythonEstimator):
             self.law_type.from_parameters(found[:-1] + step[:-1])
         except PalpateError:
             return found, joint
-        near = bool((np.abs(step) <= _NEAR * np.sqrt(np.diag(joint))).all())
-        return found + step if near else found, joint
+        is_small = bool((np.abs(step) <= _NEAR * np.sqrt(np.diag(joint))).all())
+        return found + step if is_small else found, joint
 
     def _commit(self, *, search: bool) -> None:
         start = self._found
@@ -221,9 +221,9 @@ class LeastSquaresOfLaw(PythonEstimator):
 
 
 def _rebuild(law: type[ForceLaw], settings: dict[str, Any], state: Any) -> LeastSquaresOfLaw:
-    made = least_squares_class(law)(**settings)
-    made._restore(state)
-    return made
+    estimator = least_squares_class(law)(**settings)
+    estimator._restore(state)
+    return estimator
 
 
 class _Rows:
@@ -319,7 +319,7 @@ class _Rows:
         """Covariance of parameters and offset for white noise; large if not identifiable."""
         if not np.isfinite(residual).all():
             return _wide_covariance(found)
-        size = _sizes(jacobian)
+        size = column_sizes(jacobian)
         energy = float(residual @ residual)
         values, vectors = np.linalg.eigh((jacobian / size).T @ (jacobian / size))
         scaled = vectors * (self.noise(energy) / np.sqrt(np.maximum(values, 1e-13)))
@@ -341,15 +341,9 @@ def _deviation(variance: Floats, square: Floats) -> Floats:
     return np.sqrt(np.where(variance > 1e-12 * square, variance, 0.0))
 
 
-def _sizes(jacobian: Floats) -> Floats:
-    with np.errstate(all="ignore"):
-        size: Floats = np.linalg.norm(jacobian, axis=0)
-    return np.where(size > 0.0, size, 1.0)
-
-
 def _step(jacobian: Floats, residual: Floats) -> Floats:
     """A step of the normal equations, with columns scaled to length one."""
-    size = _sizes(jacobian)
+    size = column_sizes(jacobian)
     unit = jacobian / size
     step: Floats = np.linalg.lstsq(unit.T @ unit, unit.T @ residual, rcond=1e-13)[0] / size
     return step

@@ -251,8 +251,8 @@ class Estimate(EstimateValue):
     @property
     def flags(self) -> tuple[str, ...]:
         """The findings as text, and the ids of what the loop's checks found."""
-        found = [check for bit, check in LOOP_CHECKS.items() if self._checks & bit]
-        return (*map(str, self.findings), *found)
+        loop_checks = [check for bit, check in LOOP_CHECKS.items() if self._checks & bit]
+        return (*map(str, self.findings), *loop_checks)
 
     @property
     def valid(self) -> bool:
@@ -332,9 +332,9 @@ class Trace:
             if name != "samples"
         }
         if not all(trace.full for trace in traces):
-            before = np.cumsum([0, *map(len, traces)]).tolist()
+            offsets = np.cumsum([0, *map(len, traces)]).tolist()
             parts["samples"] = np.concatenate(
-                [trace.after + first for trace, first in zip(traces, before, strict=False)]
+                [trace.after + first for trace, first in zip(traces, offsets, strict=False)]
             )
         return cls(**parts)
 
@@ -447,14 +447,14 @@ def choose_trace_samples(
         if len(time) <= trace:
             return None
         return np.linspace(len(time) - 1, 0, trace).round()[::-1].astype(np.int64)
-    first = [np.empty(0, dtype=np.int64)]
-    for part in segments:
-        interval = np.floor((time[part] - time[part.start]) / float(trace))
+    begin_indices = [np.empty(0, dtype=np.int64)]
+    for segment in segments:
+        interval = np.floor((time[segment] - time[segment.start]) / float(trace))
         begins = np.diff(interval, prepend=-1.0) > 0.0
         begins[-1] = True
-        first.append(part.start + np.flatnonzero(begins))
-    after = np.concatenate(first)
-    return None if len(after) == len(time) else after
+        begin_indices.append(segment.start + np.flatnonzero(begins))
+    indices = np.concatenate(begin_indices)
+    return None if len(indices) == len(time) else indices
 
 
 # The error measures of the paper.
@@ -477,8 +477,8 @@ def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> 
     NaN if the contact was shorter.
     """
     taken = trace.taken
-    late = taken & (np.cumsum(np.where(taken, time_steps, 0.0)) > START_UP)
-    return rmse_percent(force[late], trace.predicted_force[late])
+    after_start_up = taken & (np.cumsum(np.where(taken, time_steps, 0.0)) > START_UP)
+    return rmse_percent(force[after_start_up], trace.predicted_force[after_start_up])
 
 
 def samples_in_estimate(trace: Trace) -> NDArray[np.bool_]:

@@ -169,12 +169,12 @@ class LawVerdict(Plain):
         rival = self.rival
         text = f"the only candidate, rms error {error}"
         if rival is not None:
-            other = format_quantity(rival.rms_error, "N")
+            other_error = format_quantity(rival.rms_error, "N")
             title = rival.candidate.title
             against = f"with {title}"
             if self.candidate.memory != "none":
                 against = f"without relaxation ({title})"
-            text = f"rms error {error}, {other} {against}"
+            text = f"rms error {error}, {other_error} {against}"
             if rival.score < UNDECIDED:
                 text = f"cannot be distinguished from {title}, {text}"
         effective = rounded(self.effective_samples, 3)

@@ -52,16 +52,15 @@ def robust_covariance(
     ``others`` is the number of further fitted parameters, whose columns are orthogonal to these;
     for ``shared`` see :func:`long_run_covariance`.
     """
-    size = np.linalg.norm(jacobian, axis=0)
-    size[size == 0.0] = 1.0
+    size = column_sizes(jacobian)
     unit = jacobian / size
     scores = unit @ (np.linalg.pinv(unit.T @ unit, hermitian=True) / size)
     covariance = long_run_covariance(scores, residual, shared, len(size) + others)
     every = len(shared) + 1
     if not others and len(residual[::every]) in FEW_ROWS:
-        known = np.diag(covariance) > 0.0  # not those that are kept fixed
+        free = np.diag(covariance) > 0.0  # not those that are kept fixed
         variances = _ar1_variances(unit[::every], residual[::every]) / size**2
-        wider = float(np.mean(variances[known] / np.diag(covariance)[known]))
+        wider = float(np.mean(variances[free] / np.diag(covariance)[free]))
         if 1.0 < wider < np.inf:
             covariance *= wider
     return covariance
@@ -90,6 +89,13 @@ def _ar1_variances(jacobian: Floats, residual: Floats) -> Floats:
     lags = np.abs(np.subtract.outer(np.arange(rows), np.arange(rows)))
     variances: Floats = variance * ((POLES[best] ** lags @ scores) * scores).sum(axis=0)
     return variances
+
+
+def column_sizes(matrix: Floats) -> Floats:
+    """Lengths of the columns, by which they are divided; 1 for a column of zeros."""
+    with np.errstate(all="ignore"):
+        size: Floats = np.linalg.norm(matrix, axis=0)
+    return np.where(size > 0.0, size, 1.0)
 
 
 class Fitted(NamedTuple):
@@ -132,22 +138,21 @@ def least_squares(
         parameters = best.parameters
         held = ((parameters <= low) & (slope < 0.0)) | ((parameters >= high) & (slope > 0.0))
         jacobian = np.where(held, 0.0, best.jacobian)
-        size = np.linalg.norm(jacobian, axis=0)
-        size[size == 0.0] = 1.0
+        size = column_sizes(jacobian)
         unit = jacobian / size
         # Damping limits the condition number to 1e9, so the normal equations are accurate enough.
         normal = unit.T @ unit + max(damping, 1e-12) * np.eye(len(size))
         trial = np.clip(parameters + np.linalg.solve(normal, slope / size) / size, low, high)
         if not np.isfinite(trial).all():  # sums of absurd samples overflow
             break
-        after = Fitted(trial, *model(trial))
-        gained = energy - float(after.residual @ after.residual)
+        tried = Fitted(trial, *model(trial))
+        gained = energy - float(tried.residual @ tried.residual)
         if not gained > 0.0:
             damping = max(damping, 1e-6) * 10.0
             if damping > 1e3:
                 break
             continue
-        best = after
+        best = tried
         energy = energy - gained
         damping = damping / 10.0
         if gained < enough * (energy + gained):

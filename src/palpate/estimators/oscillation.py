@@ -88,16 +88,16 @@ class Oscillation:
         ]
         least = min(mean_square for mean_square, _, _ in fits)
         equivalent = (
-            build_law(times, other)
-            for mean_square, other, _ in fits
+            build_law(times, parameters)
+            for mean_square, parameters, _ in fits
             if mean_square <= AS_WELL**2 * least
         )
         laws = build_law(times, numbers), *equivalent
         # At a start in contact the columns of the unknown state absorb a lag, or imitate one: 18 of
         # 96 contacts were flagged.
         relaxes = candidate.memory != "none" and not evidence.begun
-        late = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
-        return cls(laws, late, columns)
+        delay = _delay(samples, evidence.laws, evidence.depth) if relaxes else 0.0
+        return cls(laws, delay, columns)
 
     def at(self, depth: float, frequency: float) -> tuple[Floats, Floats]:
         """K′ [N/m] and B′ [N·s/m] at a depth [m] and a frequency ω [rad/s], each shape (2,).
@@ -275,12 +275,12 @@ class _Columns:
         for place in self.moved:
             size = abs(self.numbers[place]) or 1e-3 * np.abs(self.numbers).max()
             step = _STEP if place == 1 else 1e-4 * size
-            ends = []
             for side in (step, -step):
                 numbers = self.numbers.copy()
                 numbers[place] += side
-                ends.append(self._response(numbers, depth, frequency))
-            gradient[:, place] = (ends[0] - ends[1]) / (2.0 * step)
+                numbers[3] = _power(self.candidate, numbers[1])
+                law = build_law(self.times, numbers)
+                gradient[:, place] += dynamic_response(law, depth, frequency) / (2.0 * side)
         return self.errors(gradient)
 
     def error_after(self, depth: float, time: float) -> float:
@@ -292,13 +292,6 @@ class _Columns:
         whole = slope * (stiffness + float(self.numbers[4:] @ left))
         gradient[0, 1] = whole * (1.0 / n + math.log(depth))
         return float(self.errors(gradient)[0])
-
-    def _response(self, numbers: Floats, depth: float, omega: float) -> Floats:
-        stiffness, n, damping = numbers[:3]
-        turn = 1j * omega * self.times
-        whole = n * depth ** (n - 1.0) * (stiffness + numbers[4:] @ (turn / (1.0 + turn)))
-        whole += 1j * omega * damping * depth ** _power(self.candidate, n)
-        return np.array([whole.real, whole.imag / omega])
 
 
 def _power(candidate: Candidate, exponent: float) -> float:

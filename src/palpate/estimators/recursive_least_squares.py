@@ -84,10 +84,10 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
 
     def _begin(self, settings: dict[str, Any]) -> None:
         """Fill in the method's defaults, keep the settings and make the recursion."""
-        usual = {"initial": self.default_initial, "forgetting": FadingForgetting()}
-        usual["initial_covariance"] = self.default_covariance
+        defaults = {"initial": self.default_initial, "forgetting": FadingForgetting()}
+        defaults["initial_covariance"] = self.default_covariance
         self._settings = {  # type: ignore[misc]  # a slot of each subclass: two bases with slots would clash
-            name: usual.get(name) if value is None else value for name, value in settings.items()
+            name: defaults.get(name) if value is None else value for name, value in settings.items()
         }
         super().__init__(*self._plain_settings())
 

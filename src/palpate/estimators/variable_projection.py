@@ -308,11 +308,8 @@ def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> Constrai
     bounds = np.array([-np.inf, 0.0, low]), np.array([np.inf, np.inf, high])
     fit = least_squares(model, local.parameters, bounds)
     law = HuntCrossley.from_parameters(fit.parameters).scaled(1.0 / deep, 1.0 / fast)
-    # From local units to SI: K = k/x_rⁿ, B = c/(V x_rⁿ).
-    to_si = np.diag([deep**-law.n, deep**-law.n / fast, 1.0])
-    to_si[:2, 2] = -law.parameters[:2] * math.log(deep)
     joint = np.zeros((4, 4))
-    joint[:3, :3] = to_si @ robust_covariance(fit.jacobian, fit.residual) @ to_si.T
+    joint[:3, :3] = robust_covariance(law.parameter_gradient(x, v), fit.residual)
     joint[3, 3] = estimate.offset_standard_error**2
     counts = estimate.status, estimate.samples, 1.0, 0, 0, estimate.rejected
     value = EstimateValue(law.parameters, joint.reshape(-1), *counts, offset=estimate.offset)

@@ -48,8 +48,8 @@ def build_law(times: Floats, numbers: Floats) -> GeneralisedHuntCrossley:
 
 def dynamic_response(law: GeneralisedHuntCrossley, depth: float, frequency: float) -> Floats:
     """K′ [N/m] and B′ [N·s/m] of a law at a depth [m] and a frequency ω [rad/s], shape (2,)."""
-    whole = complex(law.dynamic_stiffness(depth, frequency))
-    return np.array([whole.real, whole.imag / frequency])
+    response = complex(law.dynamic_stiffness(depth, frequency))
+    return np.array([response.real, response.imag / frequency])
 
 
 class RelaxingEstimate(Estimate):
