@@ -53,7 +53,7 @@ def pytest_report_header(config):
     return f"seed: {config.option.hypothesis_seed or 'the same in every run'}"
 
 
-@pytest.fixture(autouse=True)
+@pytest.fixture(autouse=True, scope="session")
 def _options_in_advice():
     """Tests compare sentences as the command line writes them; ``test_spelling`` has the others."""
     with options_in_advice():
