@@ -19,7 +19,7 @@ from palpate.channels.clocks import (
 )
 from palpate.channels.frames import interpolate_columns, lie_between_samples
 from palpate.channels.roles import Roles
-from palpate.channels.units import ChannelReader
+from palpate.channels.si_numbers import ChannelReader
 from palpate.contact import number_runs
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 
 from palpate.channels.clocks import settle_stamps
 from palpate.channels.roles import Columns
+from palpate.channels.si_numbers import measurable
 from palpate.channels.signals import Signals
-from palpate.channels.units import measurable
 from palpate.contact import Contact, add_step
 from palpate.errors import InvalidParameterError
 from palpate.findings import Finding

@@ -1,4 +1,4 @@
-"""Velocity from a recorded position, the inertia of its change, and detection of spikes."""
+"""Velocity from a recorded position, the force of inertia, and detection of spikes."""
 
 from collections.abc import Sequence
 from dataclasses import replace
