@@ -271,7 +271,7 @@ class Code:
 
 
 PICKLE = {"filters": [{"id": "pickle", "protocol": 5}]}
-RAISED = "larger --max-size"
+RAISED = "larger max_size"
 HOSTILE = {
     "pickle.zarr": (
         {"ends": {"shape": [1], "chunk": pickle.dumps([Code()]), "dtype": "|O", **PICKLE}},
