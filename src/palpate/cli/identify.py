@@ -78,7 +78,6 @@ def identify(
     """
     from palpate.findings import Check
     from palpate.identifying import identify as run
-    from palpate.quantities.indentation import find_force_curve
 
     query, depth = deriving.query, judging.depth
     drawing.check()
@@ -89,8 +88,11 @@ def identify(
         destination = Destination(output, [file for file in files if str(file) != "-"])
     choosing.check()
     contact = reading.contact(files, choosing.options, tip=query.tip)
-    if query.tip is not None and find_force_curve(contact) is not None:
-        reading = replace(reading, exponent=query.tip.exponent)
+    if query.tip is not None:
+        from palpate.quantities.indentation import find_force_curve
+
+        if find_force_curve(contact) is not None:
+            reading = replace(reading, exponent=query.tip.exponent)
     choosing, estimator = _estimator(contact, choosing, reading)
     if query.tip is None:
         query = replace(query, tip=_find_stated_tip(contact))

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from palpate.estimators import ContactEstimator
     from palpate.identifying import Identification
     from palpate.quantities.elastic_modulus import Tip
+    from palpate.recordings import Recording
     from palpate.settings import ContactGate
 
 #: One file or several.
@@ -193,8 +194,8 @@ class ReadingOptions:
             write_text(self.save_config, text)
         return contact
 
-    def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
-        from palpate.preparation import prepare
+    def _force_curve(self, recording: "Recording", tip: "Tip") -> "Contact | None":
+        """Return the contact of a force curve, from the contact point that the tip finds."""
         from palpate.quantities.indentation import (
             fit_force_curve,
             is_force_curve,
@@ -202,15 +203,24 @@ class ReadingOptions:
             refuse_options,
         )
 
+        if not is_force_curve(recording.channels):
+            return None
+        fixed = ["exponent"] if self.exponent is not None else []
+        refuse_options([*self.changed_preparation, *fixed])
+        return prepare_force_curve(recording, fit_force_curve(recording, tip))
+
+    def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
+        from palpate.preparation import prepare
+
         recording = None
         try:
             given = ("strict", "curve", "episode", "sheet", "header_row")
             options = {name: getattr(self, name) for name in given}
             recording = open_with_progress(file, self._channels, max_size=self.max_size, **options)
-            if tip is not None and is_force_curve(recording.channels):
-                fixed = ["exponent"] if self.exponent is not None else []
-                refuse_options([*self.changed_preparation, *fixed])
-                return prepare_force_curve(recording, fit_force_curve(recording, tip))
+            if tip is not None:
+                curve = self._force_curve(recording, tip)
+                if curve is not None:
+                    return curve
             second = self.companion and open_with_progress(
                 self.companion, None, max_size=self.max_size, strict=self.strict
             )

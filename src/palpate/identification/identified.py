@@ -49,7 +49,6 @@ from palpate.estimators.oscillation import Oscillation
 from palpate.findings import Check, Finding
 from palpate.force_laws import steps_over_breaks
 from palpate.identification.estimate_checks import check_estimate
-from palpate.identification.hold_out import check_prediction
 from palpate.identification.refusals import check_approach, why_nothing
 from palpate.identification.replaying import (
     defaults_from_data,
@@ -434,6 +433,8 @@ class Identified:
         The law of the first half, selected as this one was, is compared with plain Hunt–Crossley;
         if it predicts worse, it is not to be trusted.
         """
+        from palpate.identification.hold_out import check_prediction
+
         selection = self.selected or self
         fresh = selection.estimator.replace(**dict.fromkeys(selection.chosen))
 

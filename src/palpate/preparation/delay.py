@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from palpate.contact import Contact, Delay, add_step
 from palpate.digits import with_error
 from palpate.errors import RecordingError
-from palpate.estimators.batch_fit import fit_curves
 from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.settings import check_delay
 from palpate.preparation.velocity import find_spikes
@@ -112,6 +111,8 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
 
 def _scan(contact: Contact, reach: int) -> int:
     """The shift by whole samples, of a coarse scan, that leaves the least noise."""
+    from palpate.estimators.batch_fit import fit_curves
+
     shifts = np.unique(np.linspace(-reach, reach, SCANNED).round().astype(int)).tolist()
     every = -(-len(contact) // MOST_SCANNED)
     motions = [_shift_motion(contact, shift) for shift in shifts]
@@ -147,6 +148,8 @@ def _shift_motion(contact: Contact, shift: int) -> tuple[Floats, Floats]:
 
 def _find_remainder(contact: Contact, shift: int, width: int) -> Delay:
     """Return the delay that remains after a shift by whole samples; NaN if unknown."""
+    from palpate.estimators.batch_fit import fit_curves
+
     x, v = _shift_motion(contact, shift)
     fit = fit_curves(x, v, contact.force)
     law = fit.law(0)

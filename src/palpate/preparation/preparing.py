@@ -25,7 +25,6 @@ from palpate.preparation.options import Options
 from palpate.preparation.settings import Preparation
 from palpate.recordings import Recording, open_recording
 from palpate.recordings.opening import within
-from palpate.recordings.tables_in_memory import recording_of_table
 from palpate.recordings.units import is_wanted
 from palpate.stages import stage
 from palpate.validation import Integers
@@ -432,6 +431,8 @@ def as_recording(recorded: Recorded, *, strict: bool = False) -> Recording:
         return recorded
     if isinstance(recorded, str | os.PathLike):
         return open_recording(recorded, strict=strict)
+    from palpate.recordings.tables_in_memory import recording_of_table
+
     table = recording_of_table(recorded)
     if table is None:
         allowed = "a Recording, a path, or a table such as a pandas or polars DataFrame or a dict"

@@ -28,13 +28,13 @@ from palpate.quantities.energy import (
     fast_approach_speed,
     find_loops,
 )
-from palpate.quantities.restitution import Restitution, compute_dissipation, compute_restitution
 from palpate.validation import Floats, Plain, instance, number, number_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from palpate.quantities.elastic_modulus import ElasticModulus, Tip
+    from palpate.quantities.restitution import Restitution
     from palpate.quantities.specimen import CompressionModulus, Specimen
 
 
@@ -377,7 +377,7 @@ def _segment_numbers(contact: Contact) -> NDArray[np.int64]:
 
 
 @_absurd_numbers
-def restitution_from(result: Derivable, speed: float | None = None) -> Restitution:
+def restitution_from(result: Derivable, speed: float | None = None) -> "Restitution":
     """Return the restitution of a free body that hits the material at a speed.
 
     Parameters
@@ -387,6 +387,8 @@ def restitution_from(result: Derivable, speed: float | None = None) -> Restituti
     speed : float, optional
         m/s, > 0. Default: the speed in :attr:`query`, or the fastest approach in contact.
     """
+    from palpate.quantities.restitution import compute_dissipation, compute_restitution
+
     _require_time(result)
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)

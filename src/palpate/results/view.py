@@ -21,7 +21,6 @@ from palpate.digits import format_quantity, interval, percent, rounded, with_err
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
-from palpate.identification.ranking import rank
 from palpate.preparation.touch import find_touches
 from palpate.quantities.derived import format_hertz, motion_band
 from palpate.recordings.recording import read_truth
@@ -154,6 +153,8 @@ def diagnosis_sections(result: "Identified") -> Iterator[ViewSection]:
 
 def comparison_sections(results: "Sequence[Identified]") -> Iterator[ViewSection]:
     """Compose the output of ``palpate compare``: the methods and their laws."""
+    from palpate.identification.ranking import rank
+
     by_name = {result.method: result for result in results}
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
