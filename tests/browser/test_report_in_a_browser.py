@@ -52,14 +52,17 @@ def test_a_report_is_readable(reports, opened, name, drawings, look, dark):
         assert words.index("stiffness") < words.index("correlation")
 
 
-def test_the_picture_is_on_the_first_screen_of_a_desk(reports, opened):
-    with opened((reports / "changed" / "report.html").as_uri(), "h1") as page:
+@pytest.mark.parametrize(
+    "name, answer", [("changed", "header strong"), ("remembering", ".tile")], ids=["parts", "whole"]
+)
+def test_the_picture_is_on_the_first_screen_of_a_desk(reports, opened, name, answer):
+    with opened((reports / name / "report.html").as_uri(), "h1") as page:
         page.set_viewport_size({"width": 1280, "height": 800})
         at = page.locator(".drawing").first.bounding_box()
         assert at["y"] < 200
         assert at["x"] + at["width"] <= 1280
-        tile = page.locator(".tile").first.bounding_box()
-        assert tile["y"] + tile["height"] < 800
+        shown = page.locator(answer).first.bounding_box()
+        assert shown["y"] + shown["height"] < 800
 
 
 @pytest.mark.parametrize("dark", [False, True])
