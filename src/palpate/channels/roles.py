@@ -22,7 +22,7 @@ from palpate.channels.frames import (
     state_poses,
 )
 from palpate.channels.kinds import OF_UNIT, PREFERRED, WORDS, RecordedKinds
-from palpate.channels.rows import (
+from palpate.channels.row_kinds import (
     is_contact_table,
     refuse_several_contacts,
     separate_topics,
@@ -240,7 +240,7 @@ _REMEDIES = {
 }
 
 
-# What palpate prefers among channels of one quantity, in this order: each row keeps the channels
+# palpate prefers channels of one quantity by these rows, in this order: each keeps the channels
 # that fit it, if any do.
 _PREFERENCES: tuple[
     tuple[Collection[str], Callable[["_Choosing", Names, str], bool]],
@@ -709,7 +709,7 @@ def _unknown_units(choosing: _Choosing) -> Iterable[str]:
 
 
 def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]) -> str:
-    """What to do about the missing roles."""
+    """Return the advice for the roles that no channel can have."""
     if {"stress", "strain"} <= recorded:
         return _REMEDIES["strain"]
     if absent == ["position"] and "angle" in recorded:

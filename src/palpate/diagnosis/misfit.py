@@ -81,7 +81,7 @@ LESS_MISFIT, WELL_EXPLAINED = 0.85, 0.1
 
 @dataclass(frozen=True, slots=True)
 class DeeperHalf:
-    """What the deeper half alone is predicted to change, as ratios to the whole contact.
+    """Predicted changes by identifying the deeper half alone, as ratios to the whole contact.
 
     Attributes
     ----------

@@ -230,21 +230,7 @@ class _Trial:
 
 @dataclass(eq=False)
 class _ForceReader:
-    """The choice of the reading of a log, whose recording may not state it.
-
-    Attributes
-    ----------
-    signals : Signals
-        Signals on one clock, with an orientation.
-    settings : Preparation
-        Settings, which may state sign, order and tool.
-    roles : Roles
-        The channels.
-    frame : str or None
-        Frame of the force, if it is stated.
-    default : str
-        The frame to take where both would do.
-    """
+    """The choice of the reading of a log; its fields are the arguments of :func:`read_force`."""
 
     signals: Signals
     settings: Preparation

@@ -299,7 +299,7 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     rows, derived = list[tuple[str, str]](), derived_section(result).lines
     if not result.segments:
         # K and M of a law that relaxes depend on times that nobody recorded: under -v.
-        # What several relaxation times do to the stiffness stands in its course.
+        # The course says what several relaxation times do to the stiffness.
         hidden = ["M", "K"] if result.law.remembers else ["M"]
         if result.law.relaxation_time is None:
             hidden.append(RELAXATION)

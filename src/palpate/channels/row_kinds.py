@@ -1,4 +1,4 @@
-"""What a row of a table is, if not a sample of everything: of one topic, or one contact."""
+"""Rows that are no sample of all channels: each is of one topic, or of one contact."""
 
 import re
 from collections.abc import Iterable, Mapping
