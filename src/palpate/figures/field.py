@@ -19,6 +19,8 @@ Indices: TypeAlias = NDArray[np.intp]
 VALUES, ERRORS = "viridis", "cividis"
 # The values are drawn as cells if at least this share of the grid's cells has a place.
 _FILLED = 0.6
+# Places whose nearest neighbour tells how close dots lie.
+_MOST_NEIGHBOURS = 1000
 
 
 def draw_field(
@@ -64,7 +66,7 @@ def draw_field(
     if cells is not None:
         image: ScalarMappable = axes.pcolormesh(*cells, **scale)
     else:
-        size = look.points(60.0) * min(1.0, 200.0 / max(len(values), 1)) + look.points(8.0)
+        size = _dot_area(axes, places[known], look)
         for name, marker, here in markers or [("", "o", known)]:
             x, y = places[here & known].T
             image = axes.scatter(x, y, size, values[here & known], marker=marker, **scale, **ink)
@@ -73,6 +75,25 @@ def draw_field(
     beyond = bool((values[known] < low).any()), bool((values[known] > high).any())
     extend = ("neither", "min", "max", "both")[beyond[0] + 2 * beyond[1]]
     axes.figure.colorbar(image, ax=axes, extend=extend).set_label(label)
+
+
+def _dot_area(axes: "Axes", places: Floats, look: Look) -> float:
+    """Return the area of dots that do not overlap, points²."""
+    largest = look.points(8.0)
+    sides = np.ptp(places, axis=0) if len(places) else np.zeros(2)
+    if len(places) < 2 or not sides.any():
+        return largest**2
+    some = places[:: -(-len(places) // _MOST_NEIGHBOURS)]
+    apart = np.linalg.norm(some[:, None] - places[None], axis=2)
+    apart[apart == 0.0] = np.inf
+    box = axes.get_position()
+    room = (
+        72.0 * axes.figure.get_figwidth() * box.width,
+        72.0 * axes.figure.get_figheight() * box.height,
+    )
+    points_a_unit = min(points / side for points, side in zip(room, sides, strict=True) if side)
+    spacing = points_a_unit * float(np.median(apart.min(axis=1)))
+    return float(np.clip(0.8 * spacing, look.points(2.5), largest)) ** 2
 
 
 def colour_range(values: Floats, *, zero: bool) -> tuple[float, float]:

@@ -1,43 +1,45 @@
 """Figures of one identification, its map, its dynamic stiffness, and of several methods."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from functools import partial
+from itertools import groupby
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from palpate._core import __version__
 from palpate.diagnosis import Quantity
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
-from palpate.figures.field import ERRORS, VALUES, draw_field
 from palpate.figures.panels import (
     JOINED,
     Final,
+    Subject,
     describe_fit,
-    describe_parameters,
     describe_verdict,
-    describe_working_depth,
     draw_at_depth,
     draw_condition,
-    draw_error,
     draw_force,
     draw_loop,
+    draw_numbers,
     draw_parameter,
+    draw_places,
     draw_residual,
     draw_residual_rows,
     draw_spectrum,
     file_name,
-    replay_course,
 )
 from palpate.figures.style import (
+    INCH,
+    LINE_STYLES,
     Look,
     choose_look,
     choose_scale,
     drawing,
     head,
-    largest,
     scale_as_written,
     set_titles,
     stack,
@@ -45,9 +47,9 @@ from palpate.figures.style import (
 from palpate.force_laws import RelaxationSpectrum
 from palpate.identification.identified import Identified
 from palpate.identification.ranking import rank
-from palpate.quantities.derived import SmallOscillation, motion_band
+from palpate.quantities.derived import SmallOscillation, format_hertz, motion_band
 from palpate.results.parameters import law_name, parameter_rows
-from palpate.results.view import short_answer
+from palpate.results.view import format_depth, short_answer
 from palpate.stages import log_stage
 
 if TYPE_CHECKING:
@@ -55,170 +57,381 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
 
 
-# Parameter panels in a row.
-_IN_A_ROW = 4
+# Panels by name, and the figure that holds them.
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One panel of a figure.
+
+    Attributes
+    ----------
+    words : str
+        What it shows, for ``--panels help`` and captions.
+    height : float
+        Height in a journal's column, mm.
+    draw : callable
+        ``draw(axes, subjects, look)``.
+    over_time : bool
+        Whether its abscissa is time, which stacked panels share.
+    shows : callable
+        Whether a result has the quantity.
+    """
+
+    words: str
+    height: float
+    draw: Callable[["Axes", Sequence[Subject], Look], None]
+    over_time: bool = False
+    shows: Callable[[Identified], bool] = bool
+
+
+def _has_time(result: Identified) -> bool:
+    return not result.contact.timeless
+
+
+def _has_spectrum(result: Identified) -> bool:
+    return result.law.remembers and isinstance(
+        getattr(result.law, "relaxation", None), RelaxationSpectrum
+    )
+
+
+def _travels(result: Identified) -> bool:
+    return any(part.place is not None for part in result.segments)
+
+
+PANELS = {
+    "force": Panel("force over time, measured and predicted", 32.0, draw_force, over_time=True),
+    "loop": Panel("force over penetration, measured and by the law", 46.0, draw_loop),
+    "numbers": Panel(
+        "stiffness and damping over time, as parts of their results, with bars and marks",
+        38.0,
+        draw_numbers,
+        over_time=True,
+    ),
+    "stiffness": Panel(
+        "stiffness at working depth over time, and its result",
+        34.0,
+        partial(draw_at_depth, quantity="stiffness"),
+        over_time=True,
+    ),
+    "damping": Panel(
+        "damping at working depth over time, and its result",
+        34.0,
+        partial(draw_at_depth, quantity="damping"),
+        over_time=True,
+        shows=_has_time,
+    ),
+    "residual": Panel(
+        "residual over time: median, band from the 10th to the 90th percentile; dotted: the same "
+        "band of noise alone",
+        30.0,
+        draw_residual,
+        over_time=True,
+    ),
+    "speed": Panel(
+        "speed, and the limit of the single-stage method",
+        30.0,
+        draw_condition,
+        over_time=True,
+        shows=lambda result: result.estimator.needs_condition_10,
+    ),
+    "relaxation": Panel(
+        "stiffness of each relaxation time", 34.0, draw_spectrum, shows=_has_spectrum
+    ),
+    "map": Panel("stiffness of each place", 60.0, draw_places, shows=_travels),
+    "map-error": Panel(
+        "standard error of the stiffness of each place",
+        60.0,
+        partial(draw_places, errors=True),
+        shows=_travels,
+    ),
+}
+#: Each parameter of the law, by its symbol, or all by this name.
+PARAMETERS = "parameters"
+ALL = "all"
+PARAMETER_WORDS = (
+    "each estimated parameter over time, and its result; also by its symbol, such as K"
+)
+_DEFAULT = ("force", "loop", "numbers")
+_SEGMENTED = ("force", "loop", "stiffness", "damping")
+_TRAVELLED = ("map", "map-error")
+# Height of a row of a wide figure, inches.
+_ROW = 2.5
+# Up to this width a figure has no title and no caption: a journal sets them below it.
+_PLAIN = 0.1001
 
 
 @log_stage("figure")
-def draw(identification: Identified, *, dark: bool = False, width: float | None = None) -> "Figure":
-    """Draw force, stiffness and damping at working depth, and the parameters of the contact model.
+def draw(
+    result: "Identified | Mapping[str, Identified]",
+    panels: Sequence[str] | None = None,
+    *,
+    ax: "Axes | Sequence[Axes] | None" = None,
+    dark: bool = False,
+    width: float | None = None,
+) -> "Figure":
+    """Draw an identification: force over time, the loop, and stiffness and damping.
 
-    The panels show force over time and over penetration; stiffness and damping at working depth
-    and each parameter over time, with error bars; and the residual of the final law. The last
-    panel compares the speed with its limit for the single-stage method; for other methods it shows
-    the one-step prediction error. Below a width of 0.14 m (one journal column) the panels stand
-    one below the other, and the title lists the parameters. A law with a relaxation spectrum has
-    one more panel, with the stiffness of each relaxation time.
+    Several results stand in the same panels, each in its colour and with its name, as before and
+    after a correction. Up to a width of 0.1 m a figure has no title and no caption, as a journal
+    wants it: :func:`caption` writes them. Below 0.14 m the panels stand one below the other.
 
     Parameters
     ----------
-    identification : Identification
-        As returned by :func:`palpate.identify`.
+    result : Identification or mapping of str to Identification
+        As returned by :func:`palpate.identify`; several with the name of each.
+    panels : sequence of str, optional
+        Names of ``PANELS``, symbols of parameters, ``"parameters"``, or ``"all"``. Default: force,
+        loop and numbers; of a probe that travels the map.
+    ax : Axes or sequence of Axes, optional
+        Draw into these, one for each panel, without titles. Default: a new figure.
     dark : bool
         Draw for a dark background. Default: False.
     width : float, optional
         Printed width, m, in [0.06, 0.4]. Default: 11 inches. Letters have at least 7 points.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The new figure, or that of ``ax``.
+
     Raises
     ------
     InvalidParameterError
-        The width is outside its range.
+        A panel is not known or shows nothing of this result, the number of axes is not that of the
+        panels, or the width is outside its range.
     MissingExtraError
         matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv")
+    >>> figure = palpate.figures.draw(result, ["loop", "residual"], width=88e-3)
+    >>> len(figure.axes)
+    2
     """
-    look, result = choose_look(dark=dark, width=width), identification
-    condition = result.estimator.needs_condition_10
-    law: Any = result.law
-    spectrum = law.remembers and isinstance(law.relaxation, RelaxationSpectrum)
-    if look.narrow:
-        rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * (condition + spectrum))]
-        height = 1.7 * sum(heights) + 1.8
-    else:
-        # Parameters that a selected model keeps fixed have no course over time.
-        every = not result.estimator.chooses_law
-        rendered = [row for row in parameter_rows(result) if every or row.estimated]
-        small = len(rendered) + spectrum
-        heights = [1.25, 0.95, *([0.85] * math.ceil(small / _IN_A_ROW)), 0.85]
-        height = 2.7 * sum(heights)
-    with drawing(look, height) as figure:
+    look = choose_look(dark=dark, width=width)
+    named = result if isinstance(result, Mapping) else {"": result}
+    if not named:
+        raise InvalidParameterError("result is empty: pass at least one identification")
+    subjects = [
+        Subject(each, look.colour(place), name) for place, (name, each) in enumerate(named.items())
+    ]
+    chosen = choose_panels(panels, list(named.values()))
+    if ax is not None:
+        return _draw_into(ax, chosen, subjects, look)
+    with drawing(look, _height(chosen, look)) as figure:
+        axes = _arrange(figure, len(chosen), [panel.height for panel in chosen], look)
+        for each, panel in zip(axes, chosen, strict=True):
+            panel.draw(each, subjects, look)
         if look.narrow:
-            panels = list(figure.subplots(len(heights), 1, height_ratios=heights))
+            _stack_in_time(axes, chosen)
+            figure.align_ylabels(axes)
+        if look.width <= _PLAIN:
+            letters = [f"({chr(ord('a') + place)})" for place in range(len(axes))]
+            for each, letter in zip(axes, letters if len(axes) > 1 else [""], strict=True):
+                head(each, letter)
         else:
-            panels = _page_panels(figure, heights, small)
-        if spectrum:
-            draw_spectrum(panels.pop(-1 if look.narrow else 3 + small), law, look)
-        course = replay_course(result, result.diagnosis.working_depth.depth)
-        draw_force(panels[0], result, look)
-        draw_loop(panels[1], result, look)
-        head(panels[1], "Force over penetration")
-        draw_at_depth(panels[2], result, course, "stiffness", look)
-        if result.contact.timeless:
-            panels[3].set_axis_off()
-        else:
-            draw_at_depth(panels[3], result, course, "damping", look)
-        for axes, parameter in zip(panels[4:], rendered, strict=False):
-            draw_parameter(axes, result, course, parameter, look)
-        residual, *check = panels[4 + len(rendered) :]
-        draw_residual(residual, result, look)
-        if condition:
-            draw_condition(check[0], result, course, look)
-        elif check:
-            draw_error(check[0], result, look)
-        counts = (
-            next(short_answer(result, ())).lines[0].text
-            if result.segments
-            else describe_verdict(result)
-        )
-        title = [counts, describe_fit(result)]
-        if look.narrow:
-            stack(panels[2:])
-            figure.align_ylabels(panels)
-            title += [describe_working_depth(result, ["force"]), describe_parameters(result)]
-        else:
-            title.append(describe_working_depth(result))
-        set_titles(figure, look, title, _caption(result), lines=3 if look.narrow else 1)
+            lines = 2 if look.narrow else 1
+            set_titles(
+                figure, look, _title(subjects), _describe_bars(chosen, subjects), lines=lines
+            )
     return figure
 
 
-def _page_panels(figure: "Figure", heights: list[float], parameters: int) -> "list[Axes]":
-    """Return panels for force and loop, stiffness and damping, the parameters, and two more."""
-    rows = len(heights) - 3
-    length = math.ceil(parameters / rows)
-    counts = [min(length, parameters - start) for start in range(0, parameters, length)]
-    columns = math.lcm(6, *counts)
-    grid = figure.add_gridspec(len(heights), columns, height_ratios=heights)
-    edges = [[0.0, 2 / 3, 1.0], [0.0, 0.5, 1.0]]
-    edges += [[i / count for i in range(count + 1)] for count in counts]
-    return [
-        figure.add_subplot(grid[row, round(columns * start) : round(columns * stop)])
-        for row, several in enumerate([*edges, [0.0, 0.5, 1.0]])
-        for start, stop in pairwise(several)
-    ]
-
-
-def _caption(result: Identified) -> str:
-    white = result.estimator.minimises is not None
-    taken = ", which assumes white noise" if white else ""
-    if result.segments:
-        kind = "place" if result.segments[0].place is not None else "segment"
-        last = f"Boxes: result of each {kind}, ±2 standard errors (statistical and systematic)"
-    else:
-        last = (
-            "At the right: result, ±2 standard errors; of stiffness and damping at working depth: "
-            "thick statistical, thin with systematic"
+def _draw_into(
+    ax: "Axes | Sequence[Axes]", chosen: Sequence[Panel], subjects: Sequence[Subject], look: Look
+) -> "Figure":
+    axes = list(np.ravel(np.asarray(ax, dtype=object)))
+    if len(axes) != len(chosen):
+        raise InvalidParameterError(
+            f"ax has {len(axes)} axes for {len(chosen)} panels: pass one each"
         )
+    for each, panel in zip(axes, chosen, strict=True):
+        panel.draw(each, subjects, look)
+        head(each, "")
+    figure: Figure = axes[0].figure
+    return figure
+
+
+def choose_panels(names: Sequence[str] | None, results: Sequence[Identified]) -> list[Panel]:
+    """Return the panels of some names, or the usual ones of these results.
+
+    Raises
+    ------
+    InvalidParameterError
+        A name is not known, or a result does not have the quantity.
+    """
+    chosen = []
+    for name in names or _usual_panels(results):
+        if name == ALL:
+            present = [each for each in PANELS if all(map(PANELS[each].shows, results))]
+            chosen += [PANELS[each] for each in present if each != "numbers"]
+        if name in (ALL, PARAMETERS):
+            chosen += [_parameter_panel(symbol) for symbol in _estimated(results)]
+        elif name in PANELS:
+            if not all(map(PANELS[name].shows, results)):
+                raise InvalidParameterError(f"panel {name!r} shows nothing of this result")
+            chosen.append(PANELS[name])
+        elif any(name in result.law.symbols for result in results):
+            chosen.append(_parameter_panel(name))
+        else:
+            known = ", ".join([*PANELS, PARAMETERS, ALL])
+            raise InvalidParameterError(f"panels has no {name!r}: choose from {known}")
+    return chosen
+
+
+def _usual_panels(results: Sequence[Identified]) -> Sequence[str]:
+    if len(results) > 1:
+        return ("loop", "stiffness", "damping")
+    if _travels(results[0]):
+        return _TRAVELLED
+    usual = _SEGMENTED if results[0].segments else _DEFAULT
+    return [name for name in usual if PANELS[name].shows(results[0])]
+
+
+def _estimated(results: Sequence[Identified]) -> list[str]:
+    """Return the symbols of the parameters that were estimated; a fixed one has no course."""
+    symbols = [
+        row.symbol
+        for result in results
+        for row in parameter_rows(result)
+        if row.estimated and result.law.parameters[row.index]
+    ]
+    return list(dict.fromkeys(symbols))
+
+
+def _parameter_panel(symbol: str) -> Panel:
+    draw = partial(draw_parameter, symbol=symbol)
+    return Panel(f"{symbol} over time, and its result", 34.0, draw, over_time=True)
+
+
+def _height(chosen: Sequence[Panel], look: Look) -> float:
+    """Return the height of a figure, inches at full width."""
+    if look.narrow:
+        titles = 0.0 if look.width <= _PLAIN else 36.0
+        return (sum(panel.height for panel in chosen) + titles) * 1e-3 / INCH / look.scale
+    rows = -(-len(chosen) // _columns(len(chosen)))
+    tall = any(panel.height > 50.0 for panel in chosen)
+    return _ROW * (rows + 0.6 * tall) + 1.0
+
+
+def _columns(count: int) -> int:
+    """Return the number of columns of a wide figure."""
+    return 1 if count == 1 else 2 if count <= 4 else 3
+
+
+def _arrange(figure: "Figure", count: int, heights: Sequence[float], look: Look) -> "list[Axes]":
+    """Return the panels in rows; those of the last row share its width."""
+    if look.narrow:
+        return list(np.ravel(figure.subplots(count, 1, height_ratios=heights, squeeze=False)))
+    columns = _columns(count)
+    rows = -(-count // columns)
+    last = count - columns * (rows - 1)
+    grid = figure.add_gridspec(rows, columns * last)
+    axes = []
+    for place in range(count):
+        row, column = divmod(place, columns)
+        width = columns if row == rows - 1 else last
+        axes.append(figure.add_subplot(grid[row, column * width : (column + 1) * width]))
+    return axes
+
+
+def _stack_in_time(axes: "Sequence[Axes]", chosen: Sequence[Panel]) -> None:
+    """Give panels over time that follow each other one abscissa."""
+    following = zip(chosen, axes, strict=True)
+    for over_time, group in groupby(following, key=lambda each: each[0].over_time):
+        if over_time:
+            stack([each for _, each in group])
+
+
+def _title(subjects: Sequence[Subject]) -> list[str]:
+    if len(subjects) > 1:
+        return [f"{each.name}: {describe_verdict(each.result)}" for each in subjects]
+    result = subjects[0].result
+    if result.segments:
+        counts = next(short_answer(result, ())).lines[0].text
+        return [f"{file_name(result)}: {counts}".lstrip(": ")]
+    return [describe_verdict(result), describe_fit(result)]
+
+
+def caption(
+    result: "Identified | Mapping[str, Identified]", panels: Sequence[str] | None = None
+) -> str:
+    """Return the caption of a figure: what each panel shows, and what bands and bars are.
+
+    Parameters
+    ----------
+    result : Identification or mapping of str to Identification
+        What :func:`draw` draws.
+    panels : sequence of str, optional
+        As for :func:`draw`.
+
+    Returns
+    -------
+    str
+        Sentences, with a letter for each panel if there are several.
+    """
+    results = list(result.values()) if isinstance(result, Mapping) else [result]
+    chosen = choose_panels(panels, results)
+    parts = [panel.words for panel in chosen]
+    if len(parts) > 1:
+        parts = [f"({chr(ord('a') + place)}) {words}" for place, words in enumerate(parts)]
+    subjects = [Subject(each, "") for each in results]
+    words = f"{'; '.join(parts)}. {_describe_bars(chosen, subjects)}".strip()
+    return words[0].upper() + words[1:]
+
+
+def _describe_bars(chosen: Sequence[Panel], subjects: Sequence[Subject]) -> str:
+    """Say what bands and bars are, if a panel has any."""
+    if not any(panel.over_time for panel in chosen):
+        return ""
+    result = subjects[0].result
+    white = ", which assumes white noise" * bool(result.estimator.minimises)
+    if result.segments:
+        bars = "Boxes: result of each segment, ±2 standard errors (statistical and systematic)"
+    else:
+        bars = "At the right: result, ±2 standard errors, thick statistical, thin with systematic"
     return (
-        f"Lines and bands: estimate up to that time, ±2 standard errors of the recursion{taken}. "
-        f"{last}. Residual: median, band from 10th to 90th percentile; dotted: band of noise alone."
+        f"Lines and bands: estimate up to that time, ±2 standard errors of the recursion{white}. "
+        f"{bars}."
     )
 
 
-# The map of a probe that travels.
+def methods_sentence(result: Identified) -> str:
+    """Return a sentence for the methods section of a paper.
 
-# Shapes tell the verdicts apart; colour, which shows the value, could not.
-_MARKERS = {"trust": "o", "with-care": "s", "do-not-trust": "X"}
-PLACES_CAPTION = (
-    "Stiffness of each place at its own working depth, over position in the frame of the "
-    "recording, and its standard error (statistical and systematic). The shape of a marker "
-    "shows the verdict."
+    Parameters
+    ----------
+    result : Identification
+        The result that the paper states.
+
+    Returns
+    -------
+    str
+        Method, law, working depth and what the errors are.
+    """
+    often = "" if result.contact.timeless else f" and {format_hertz(result.frequency)}"
+    depth = format_depth(result.diagnosis.working_depth.depth)
+    return (
+        f"Contacts were identified with palpate {__version__} ({law_name(result)} law, method "
+        f"{result.method}); stiffness and damping are those at {depth}{often}, with standard "
+        "errors that include systematic ones."
+    )
+
+
+CITATION = (
+    f"The palpate developers, palpate {__version__}: real-time identification of contact models. "
+    "Method: A. Haddadi and K. Hashtrudi-Zaad, Real-time identification of Hunt–Crossley dynamic "
+    "models of contact environments, IEEE Trans. Robotics 28(3), 2012."
 )
-
-
-def draw_places(result: Identified) -> "Figure":
-    """Draw the stiffness of each place over its position, and next to it the standard error."""
-    places = [part.place for part in result.segments if part.place is not None]
-    positions = 1e3 * np.array([place.position for place in places])
-    normals = [place.normal.vector for place in places if place.normal is not None]
-    # The map is seen along the axis closest to the normals, else along the one of least spread.
-    seen_along = -np.mean(np.abs(normals), axis=0) if normals else np.ptp(positions, axis=0)
-    across = np.delete(np.arange(3), np.argmin(seen_along))
-    marks = np.array([part.diagnosis.verdict.stiffness for part in result.segments])
-    shapes = [(m.replace("-", " "), _MARKERS[m], marks == m) for m in np.unique(marks).tolist()]
-    trusted = marks != "do-not-trust"
-    values = [part.diagnosis.working_depth.stiffness for part in result.segments]
-    look = choose_look(dark=False, width=None)
-    with drawing(look, 4.8) as figure:
-        left, right = figure.subplots(1, 2)
-        for axes, title, colours, numbers in (
-            (left, "Stiffness at working depth", VALUES, [each.value for each in values]),
-            (right, "Its standard error", ERRORS, [each.whole_error for each in values]),
-        ):
-            size = np.array(numbers)
-            unit = choose_scale(largest(size[trusted] if trusted.any() else size), "N/m")
-            at, label = positions[:, across], f"[{unit.unit}]"
-            size *= unit.factor
-            draw_field(axes, at, size, trusted, label, look, colours=colours, markers=shapes)
-            axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
-            axes.set_aspect("equal", adjustable="datalim")
-            head(axes, title)
-    return figure
 
 
 # Dynamic stiffness and damping over the frequencies that a motion contained.
 
 # Number of points of a line over a band that is a factor of four wide.
 _FREQUENCIES = 25
-_STYLES = ("-", "--", "-.", ":")
 OSCILLATION_CAPTION = (
     "Stiffness and damping of a small oscillation at working depth, over the frequencies of the "
     "motion. Dark band: ±2 statistical standard errors, light: with systematic. Neither includes "
@@ -293,7 +506,7 @@ def _draw(
         for errors, alpha in ((own, 0.3), (whole, 0.12)):
             bar = 2.0 * scale.factor * np.where(np.isfinite(errors), errors, 0.0)
             axes.fill_between(hertz, value - bar, value + bar, color=colour, alpha=alpha, lw=0)
-        line = _STYLES[row % len(_STYLES)]
+        line = LINE_STYLES[row % len(LINE_STYLES)]
         axes.plot(hertz, value, color=colour, linestyle=line, label=_label(result))
     axes.set_xscale("log")
     _mark_frequencies(axes, [each.frequency for _, course in courses for each in course])
@@ -474,7 +687,7 @@ def _draw_comparison(
     else:
         names = [f"{name}. {each.method}" for name, each in zip(names, ordered, strict=True)]
         force, stiffness, damping = above.subplots(1, 3, width_ratios=(1.4, 1.0, 1.0))
-        draw_force(force, ordered[0], look)
+        draw_force(force, [Subject(ordered[0], look.colour(0))], look)
         panels = below.subplots(count, 2, width_ratios=(2.0, 1.0), squeeze=False)
     draw_values(stiffness, damping, ordered, names, look)
     rows = list(panels[:, 0])
@@ -485,6 +698,7 @@ def _draw_comparison(
     stack(rows)
     if not narrow:
         for row, (axes, result) in enumerate(zip(panels[:, 1], ordered, strict=True)):
-            draw_loop(axes, result, look, colour=look.colour(row), points=_LOOP_POINTS)
+            draw_loop(axes, [Subject(result, look.colour(row))], look, points=_LOOP_POINTS)
+            head(axes, "", legend=False)
         head(panels[0, 1], "Measured (grey) and final law", legend=False)
         stack(list(panels[:, 1]))

@@ -1,8 +1,9 @@
 """Panels of an identification: parameters over time, forces, residuals, and their titles."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -13,8 +14,10 @@ from palpate.diagnosis import Data, Quantity
 from palpate.digits import percent
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.viscoelastic import dynamic_response
+from palpate.figures.field import ERRORS, VALUES, draw_field
 from palpate.figures.style import (
     BAND_DEVIATIONS,
+    LINE_STYLES,
     MOST_GAPS,
     MOST_POINTS,
     AxisScale,
@@ -38,8 +41,8 @@ from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import format_hertz
-from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
-from palpate.results.view import format_depth, number_lines
+from palpate.results.parameters import describe_relaxation, parameter_rows
+from palpate.results.view import number_lines
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -48,25 +51,6 @@ if TYPE_CHECKING:
 
 
 JOINED = "\N{NO-BREAK SPACE}"
-
-
-def describe_parameters(result: Identified) -> str:
-    """Describe the law's parameters with standard errors, without its relaxation times."""
-    rows = [row for row in parameter_rows(result) if row.name != RELAXATION]
-    return ", ".join(str(row).replace(" ", JOINED) for row in rows)
-
-
-_UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
-
-
-def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
-    """Describe force, stiffness and damping at working depth, or those in ``names``."""
-    there, words = result.diagnosis.working_depth, []
-    for name in names:
-        found: Quantity = getattr(there, name)
-        words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
-    often = f", {format_hertz(result.frequency)}" if result.law.remembers else ""
-    return f"at {format_depth(there.depth)}{often}: {', '.join(words)}"
 
 
 def file_name(result: Identified) -> str:
@@ -156,6 +140,30 @@ def replay_course(result: Identified, depth: float) -> Course:
     return Course(np.array(samples, dtype=np.intp), parameters, errors, *np.array(rows).T)
 
 
+@dataclass(frozen=True)
+class Subject:
+    """A result in a panel.
+
+    Attributes
+    ----------
+    result : Identification
+        What is drawn.
+    colour : str
+        Colour of its lines.
+    name : str
+        Its name in the legend, where a panel shows several results; empty for one alone.
+    """
+
+    result: Identified
+    colour: str
+    name: str = ""
+
+    @cached_property
+    def course(self) -> Course:
+        """The estimate over time, replayed once for all panels that show it."""
+        return replay_course(self.result, self.result.diagnosis.working_depth.depth)
+
+
 def _stiffness_and_damping(estimate: Estimate, depth: float, frequency: float) -> list[float]:
     """Return stiffness, its error, damping and its error; NaN where they overflow.
 
@@ -231,11 +239,20 @@ def draw_residuals(
     return figure
 
 
-def draw_residual(axes: "Axes", result: Identified, look: Look) -> None:
-    """Draw the residual over time in one panel, with the band of noise alone."""
-    draw_residual_rows([axes], [result], look)
-    law = "law of each segment" if result.segments else "final law"
-    head(axes, f"Residual, measured − {law}: {result.fit_rmse_percent:.2g} % rms")
+def draw_residual(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
+    """Draw the residuals over time in one panel, with the band of noise alone."""
+    first = subjects[0].result
+    noise = _noise_band(first)
+    seen = [_scatter(subject.result, "time") for subject in subjects]
+    reach = max(_reach(scatter, noise) for _, scatter in seen)
+    unit = choose_scale(reach, "N")
+    for subject, (label, scatter) in zip(subjects, seen, strict=True):
+        _draw(axes, scatter, noise, unit, look, subject.colour, subject.name)
+        axes.set(xlabel=label, ylabel=unit.label("residual"))
+    _limit_residual(axes, unit.factor * reach)
+    law = "law of each segment" if first.segments else "final law"
+    fits = ", ".join(f"{subject.result.fit_rmse_percent:.2g} % rms" for subject in subjects)
+    head(axes, f"Residual, measured − {law}: {fits}")
 
 
 def draw_residual_rows(rows: "Sequence[Axes]", results: Sequence[Identified], look: Look) -> None:
@@ -250,9 +267,13 @@ def draw_residual_rows(rows: "Sequence[Axes]", results: Sequence[Identified], lo
     unit = choose_scale(reach, "N")
     for row, (axes, (label, scatter)) in enumerate(zip(rows, seen, strict=True)):
         _draw(axes, scatter, noise, unit, look, look.colour(row))
-        axes.set_ylim(-1.15 * unit.factor * reach, 1.15 * unit.factor * reach)
-        axes.locator_params(axis="y", nbins=4)
+        _limit_residual(axes, unit.factor * reach)
         axes.set(xlabel=label, ylabel=unit.label("residual"))
+
+
+def _limit_residual(axes: "Axes", reach: float) -> None:
+    axes.set_ylim(-1.15 * reach, 1.15 * reach)
+    axes.locator_params(axis="y", nbins=4)
 
 
 def _noise_band(result: Identified) -> float:
@@ -273,12 +294,19 @@ def _reach(seen: Scatter, noise: float) -> float:
 
 
 def _draw(
-    axes: "Axes", seen: Scatter, noise: float, unit: AxisScale, look: Look, colour: str
+    axes: "Axes",
+    seen: Scatter,
+    noise: float,
+    unit: AxisScale,
+    look: Look,
+    colour: str,
+    name: str = "",
 ) -> None:
     k = unit.factor
     axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
     few = np.isfinite(seen.middle).sum() < 4  # one point makes no line
-    axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour, markersize=3.0)
+    [line] = axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour)
+    line.set(markersize=3.0, label=name or "_")
     for level in (-noise, noise) if noise > 0.0 else ():
         axes.axhline(k * level, color=look.theme.ink, linestyle=":", linewidth=look.points(0.9))
     axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
@@ -340,21 +368,26 @@ class Final:
         return cls(quantity.value, error, float(np.hypot(error, quantity.systematic)))
 
 
-def draw_parameter(
-    axes: "Axes", result: Identified, course: Course, row: ParameterRow, look: Look
-) -> None:
+def draw_parameter(axes: "Axes", subjects: Sequence[Subject], look: Look, *, symbol: str) -> None:
     """Draw one parameter over time, with a band of ±2 standard errors, and the result."""
-    index = row.index
-    error = float(result.standard_errors[index])
-    final = Final(float(result.law.parameters[index]), error, error)
-    known = course.parameters[:, index], course.errors[:, index]
-    _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
-    words = row.with_unit.replace(" ", JOINED)
-    head(axes, f"{row.symbol}: {words}")
+    lines = []
+    for subject in subjects:
+        result, course = subject.result, subject.course
+        for row in parameter_rows(result):
+            if row.symbol == symbol:
+                error = float(result.standard_errors[row.index])
+                final = Final(float(result.law.parameters[row.index]), error, error)
+                known = course.parameters[:, row.index], course.errors[:, row.index]
+                lines.append((row, _Line(subject, *known, final, subject.name)))
+    row = lines[0][0]
+    _draw_lines(axes, [line for _, line in lines], row.unit, symbol, look)
+    words = f": {row.with_unit.replace(' ', JOINED)}" if len(lines) == 1 else ""
+    head(axes, f"{symbol}{words}")
 
 
-def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> None:
+def draw_spectrum(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
     """Draw the stiffness of each relaxation time of a law that has one, over the time."""
+    law: Any = subjects[0].result.law
     times, weights = law.branches()
     stiffnesses = law.M * weights
     present = stiffnesses > 0.0
@@ -376,79 +409,138 @@ _AT_DEPTH = {"stiffness": ("N/m", "dF/dx"), "damping": ("N·s/m", "dF/dv")}
 
 def draw_at_depth(
     axes: "Axes",
-    result: Identified,
-    course: Course,
-    quantity: Literal["stiffness", "damping"],
+    subjects: Sequence[Subject],
     look: Look,
+    *,
+    quantity: Literal["stiffness", "damping"],
 ) -> None:
-    """Draw stiffness or damping at working depth over time, and the diagnosed result."""
-    known = getattr(course, quantity), getattr(course, f"{quantity}_error")
-    parts = (result, *result.segments)
-    quantities = [getattr(part.diagnosis.working_depth, quantity) for part in parts]
+    """Draw stiffness or damping at working depth over time, and the diagnosed results."""
     unit, symbol = _AT_DEPTH[quantity]
+    lines = [_line_at_depth(subject, quantity) for subject in subjects]
+    scale = _draw_lines(axes, lines, unit, symbol, look)
+    result = subjects[0].result
     depth = result.diagnosis.working_depth.depth
     length = choose_scale(depth, "m")
-    finals = [Final.of(each) for each in quantities]
-    scale = _draw_line(axes, result, course.samples, known, finals[0], unit, symbol, look)
     name = quantity.capitalize()
     at = f"{name} at {length.factor * depth:.3g} {length.unit}"
     if result.frequency > 0.0 and (quantity == "damping" or result.law.remembers):
         at += f", {format_hertz(result.frequency)}"
-    if result.segments:
-        _draw_segments(axes, result, finals[1:], scale, look)
+    if result.segments and len(subjects) == 1:
+        parts = [getattr(part.diagnosis.working_depth, quantity) for part in result.segments]
+        _draw_segments(axes, result, [Final.of(each) for each in parts], scale, look)
         kind = "place" if result.segments[0].place is not None else "segment"
         head(axes, f"{name} of each {kind}" if kind == "place" else f"{at}, of each segment")
         return
-    head(axes, f"{at}: {quantities[0].format(unit).replace(' ', JOINED)}")
+    value = next(each.value for each in number_lines(result) if each.name == quantity)
+    words = f": {value.replace(' ', JOINED)}" if len(subjects) == 1 else ""
+    head(axes, f"{at}{words}")
 
 
-def _draw_line(
-    axes: "Axes",
-    result: Identified,
-    samples: NDArray[np.intp],
-    known: tuple[Floats, Floats],
-    final: Final,
-    unit: str,
-    symbol: str,
-    look: Look,
+def draw_numbers(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
+    """Draw stiffness and damping over time, each over its result, with the marks."""
+    lines = []
+    for subject in subjects:
+        for place, number in enumerate(number_lines(subject.result)):
+            line = _line_at_depth(subject, number.name)
+            if number.mark is None or not line.final.value:
+                continue
+            words = f"{subject.name} {number.name} {number.value}: {spoken(number.mark)}"
+            colour = subject.colour if len(subjects) > 1 else look.colour(place)
+            lines.append(line.over_result(100.0, colour, words.strip()))
+    _draw_lines(axes, lines, "%", "estimate / result", look)
+    head(axes, "Stiffness and damping, over their results")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Line:
+    """A quantity over time: its estimates, their errors, and the result at the end."""
+
+    subject: Subject
+    values: Floats
+    errors: Floats
+    final: Final
+    name: str = ""
+    colour: str = ""
+
+    def over_result(self, whole: float, colour: str, name: str) -> "_Line":
+        """Return the line with the result as ``whole``."""
+        factor = whole / self.final.value
+        error, whole_error = abs(factor) * self.final.error, abs(factor) * self.final.whole_error
+        return replace(
+            self,
+            values=factor * self.values,
+            errors=abs(factor) * self.errors,
+            final=Final(whole, error, whole_error),
+            name=name,
+            colour=colour,
+        )
+
+
+def _line_at_depth(subject: Subject, quantity: str) -> _Line:
+    course = subject.course
+    final = Final.of(getattr(subject.result.diagnosis.working_depth, quantity))
+    values, errors = getattr(course, quantity), getattr(course, f"{quantity}_error")
+    return _Line(subject, values, errors, final, subject.name)
+
+
+def _draw_lines(
+    axes: "Axes", lines: Sequence[_Line], unit: str, symbol: str, look: Look
 ) -> AxisScale:
-    """Draw a quantity over time, its band of ±2 standard errors, and the result."""
-    time, label = clock(result.contact)
-    values, errors = known
-    limits = _limits(values, errors, final)
+    """Draw a quantity of each result over time, its band of ±2 standard errors, and the result."""
+    ends = [_limits(line.values, line.errors, line.final) for line in lines]
+    limits = min(low for low, _ in ends), max(high for _, high in ends)
+    if len(lines) > 1:
+        margin = 0.05 * (limits[1] - limits[0])
+        limits = limits[0] - margin, limits[1] + margin
     scale = scale_as_written(max(abs(limits[0]), abs(limits[1])), unit)
-    k, colour, ink = scale.factor, look.theme.lines[0], look.theme.ink
-    # Limit values far outside the panel: coordinates of 1e200 make no line.
-    far = 10.0 * (limits[1] - limits[0])
-    within = (limits[0] - far, limits[1] + far)
-    with np.errstate(invalid="ignore", over="ignore"):
-        lines = [
-            np.clip(each, *within) for each in (values - 2 * errors, values, values + 2 * errors)
-        ]
-    seen = (lines[1] >= limits[0]) & (lines[1] <= limits[1])
-    seen |= np.append(seen[1:], False) | np.insert(seen[:-1], 0, False)
-    lines[1] = np.where(seen, lines[1], np.nan)  # a start that often leaves the panel
-    gaps = np.flatnonzero(np.diff(result.contact.segment[samples])) + 1
-    gaps = gaps if gaps.size <= MOST_GAPS else gaps[:0]
-    x, low, middle, high = (np.insert(each, gaps, np.nan) for each in (time[samples], *lines))
-    axes.fill_between(x, k * low, k * high, color=colour, alpha=0.3, lw=0)
-    axes.plot(x, k * middle, color=colour)
-    axes.axhline(k * final.value, color=ink, linewidth=look.points(0.7), linestyle=":")
-    if not result.segments:
-        _draw_final(axes, time[samples], final, k, look)
-    axes.set_ylim(k * limits[0], k * limits[1])
+    for place, line in enumerate(lines):
+        _draw_line(axes, line, place, limits, scale.factor, look)
+    axes.set_ylim(scale.factor * limits[0], scale.factor * limits[1])
     axes.locator_params(axis="y", nbins=5)
+    _, label = clock(lines[0].subject.result.contact)
     axes.set(xlabel=label, ylabel=scale.label(symbol))
     return scale
 
 
-def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: Look) -> None:
+def _draw_line(
+    axes: "Axes", line: _Line, place: int, limits: tuple[float, float], factor: float, look: Look
+) -> None:
+    """Draw one quantity over time, within the limits of the panel."""
+    result, samples = line.subject.result, line.subject.course.samples
+    time, _ = clock(result.contact)
+    colour = line.colour or line.subject.colour
+    # Limit values far outside the panel: coordinates of 1e200 make no line.
+    far = 10.0 * (limits[1] - limits[0])
+    within = (limits[0] - far, limits[1] + far)
+    with np.errstate(invalid="ignore", over="ignore"):
+        low, middle, high = (
+            np.clip(line.values + sign * 2.0 * line.errors, *within) for sign in (-1.0, 0.0, 1.0)
+        )
+    seen = (middle >= limits[0]) & (middle <= limits[1])
+    seen |= np.append(seen[1:], False) | np.insert(seen[:-1], 0, False)
+    middle = np.where(seen, middle, np.nan)  # a start that often leaves the panel
+    gaps = np.flatnonzero(np.diff(result.contact.segment[samples])) + 1
+    gaps = gaps if gaps.size <= MOST_GAPS else gaps[:0]
+    x, low, middle, high = (
+        np.insert(each, gaps, np.nan) for each in (time[samples], low, middle, high)
+    )
+    axes.fill_between(x, factor * low, factor * high, color=colour, alpha=0.3, lw=0)
+    dashes = LINE_STYLES[place % len(LINE_STYLES)]
+    axes.plot(x, factor * middle, color=colour, linestyle=dashes, label=line.name or "_")
+    level = factor * line.final.value
+    axes.axhline(level, color=look.theme.ink, linewidth=look.points(0.7), linestyle=":")
+    if not result.segments:
+        place_at = float(time[samples].max() + 0.03 * (1 + place) * (np.ptp(time[samples]) or 1.0))
+        _draw_final(axes, place_at, line.final, factor, colour, look)
+
+
+def _draw_final(
+    axes: "Axes", place: float, final: Final, factor: float, colour: str, look: Look
+) -> None:
     """Draw the result at the right with ±2 standard errors; thin, with the systematic part."""
-    right = float(time.max() + 0.03 * (np.ptp(time) or 1.0))
     for error, width, cap in ((final.error, 2.2, 0.0), (final.whole_error, 0.9, 2.5)):
         dot = look.dot(3.5, width, cap)
-        bar = 2.0 * factor * error
-        axes.errorbar(right, factor * final.value, yerr=bar, color=look.theme.ink, **dot)
+        axes.errorbar(place, factor * final.value, yerr=2.0 * factor * error, color=colour, **dot)
 
 
 def _draw_segments(
@@ -503,83 +595,72 @@ def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]
     return middle - 0.6 * spread, middle + 0.6 * spread
 
 
-# Panels of force: over time, over penetration, and the prediction error.
+# Panels of force: over time, and over penetration.
 
 # Most crosses at excluded samples: more make a large file.
 _MOST_CROSSES = 200
 
 
-def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
+def draw_force(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
     """Draw measured and one-step predicted force over time, and the excluded samples."""
-    contact, theme = result.contact, look.theme
-    time, label = clock(contact)
-    keep = shown(contact)
-    low, high = _force_range(result, outliers=True)
+    theme = look.theme
+    ranges = [_force_range(subject.result, outliers=True) for subject in subjects]
+    low, high = min(each[0] for each in ranges), max(each[1] for each in ranges)
     unit = choose_scale(max(abs(low), abs(high)), "N")
-    good = keep[~result.trace.rejected[keep]]
-    measured = unit.factor * broken(contact.force, contact, good)
-    axes.plot(
-        time[good], measured, color=theme.measured, linewidth=look.points(2.4), label="measured"
-    )
-    inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
-    axes.plot(
-        time[keep],
-        unit.factor * broken(inside, contact, keep),
-        color=theme.lines[0],
-        linewidth=look.points(1.0),
-        label="one-step prediction",
-    )
-    excluded = few(np.flatnonzero(result.trace.rejected), _MOST_CROSSES)
-    if excluded.size:
-        axes.plot(
-            time[excluded],
-            unit.factor * np.clip(contact.force[excluded], low, high),
-            color=theme.ink,
-            linestyle="none",
-            marker="x",
-            markersize=look.points(4.0),
-            label="excluded",
-        )
+    for place, subject in enumerate(subjects):
+        contact, trace = subject.result.contact, subject.result.trace
+        time, label = clock(contact)
+        keep = shown(contact)
+        good = keep[~trace.rejected[keep]]
+        measured = unit.factor * broken(contact.force, contact, good)
+        [line] = axes.plot(time[good], measured, color=theme.measured)
+        line.set(linewidth=look.points(2.4), label="_" if place else "measured")
+        inside = np.where(trace.taken, trace.predicted_force, np.nan)
+        predicted = unit.factor * broken(inside, contact, keep)
+        [line] = axes.plot(time[keep], predicted, color=subject.colour)
+        line.set(linewidth=look.points(1.0), label=subject.name or "one-step prediction")
+        excluded = few(np.flatnonzero(trace.rejected), _MOST_CROSSES)
+        if excluded.size:
+            crosses = unit.factor * np.clip(contact.force[excluded], low, high)
+            [line] = axes.plot(time[excluded], crosses, "x", color=theme.ink)
+            line.set(markersize=look.points(4.0), label="_" if place else "excluded")
+        axes.set(xlabel=label, ylabel=unit.label("force"))
     axes.set_ylim(unit.factor * low, unit.factor * high)
-    axes.set(xlabel=label, ylabel=unit.label("force"))
     head(axes, "Force")
 
 
 def draw_loop(
-    axes: "Axes",
-    result: Identified,
-    look: Look,
-    *,
-    colour: str | None = None,
-    points: int = MOST_POINTS,
+    axes: "Axes", subjects: Sequence[Subject], look: Look, *, points: int = MOST_POINTS
 ) -> None:
     """Draw force over penetration, measured and by the final law, without excluded samples."""
-    contact, theme = result.contact, look.theme
-    keep = shown(contact, points)
-    keep = keep[~result.trace.rejected[keep]]
-    deepest = largest(np.maximum(contact.penetration[result.trace.taken], 0.0)) or 1.0
-    low, high = _force_range(result, outliers=False)
+    ranges = [_force_range(subject.result, outliers=False) for subject in subjects]
+    low, high = min(each[0] for each in ranges), max(each[1] for each in ranges)
+    deepest = max(_deepest(subject.result) for subject in subjects)
     depth, force = choose_scale(deepest, "m"), choose_scale(max(abs(low), abs(high)), "N")
-    with np.errstate(over="ignore"):  # of an extreme sample out of contact
-        x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
-    axes.plot(
-        x,
-        force.factor * broken(contact.force, contact, keep),
-        color=theme.measured,
-        linewidth=look.points(2.2),
-        label="measured",
-    )
-    inside = np.where(result.trace.taken, result.fitted_force, np.nan)
-    axes.plot(
-        x,
-        force.factor * broken(inside, contact, keep),
-        color=colour or theme.lines[0],
-        linewidth=look.points(0.9),
-        label="law of each segment" if result.segments else "final law",
-    )
+    for place, subject in enumerate(subjects):
+        result = subject.result
+        contact = result.contact
+        keep = shown(contact, points)
+        keep = keep[~result.trace.rejected[keep]]
+        with np.errstate(over="ignore"):  # of an extreme sample out of contact
+            x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
+        measured = force.factor * broken(contact.force, contact, keep)
+        grey = {"color": look.theme.measured, "linestyle": LINE_STYLES[place % len(LINE_STYLES)]}
+        words = f"{subject.name}, measured".lstrip(", ")
+        axes.plot(x, measured, **grey, linewidth=look.points(2.2), label=words)
+        inside = np.where(result.trace.taken, result.fitted_force, np.nan)
+        law = "law of each segment" if result.segments else "final law"
+        words = f"{subject.name}, {law}".lstrip(", ")
+        [line] = axes.plot(x, force.factor * broken(inside, contact, keep), color=subject.colour)
+        line.set(linewidth=look.points(0.9), label=words)
     axes.set_xlim(-0.1 * depth.factor * deepest, 1.05 * depth.factor * deepest)
     axes.set_ylim(force.factor * low, force.factor * high)
     axes.set(xlabel=depth.label("penetration"), ylabel=force.label("force"))
+    head(axes, "Force over penetration")
+
+
+def _deepest(result: Identified) -> float:
+    return largest(np.maximum(result.contact.penetration[result.trace.taken], 0.0)) or 1.0
 
 
 def _force_range(result: Identified, *, outliers: bool) -> tuple[float, float]:
@@ -602,39 +683,9 @@ def _ends(values: Floats) -> tuple[float, ...]:
     return (float(values.min()), float(values.max())) if values.size else ()
 
 
-def _error_reach(result: Identified) -> float:
-    """Return the size of the prediction error, N, without the first one after each start."""
-    taken = result.trace.taken
-    error = np.abs(result.contact.force - result.trace.predicted_force)[taken]
-    known = error[np.isfinite(error)]
-    # The first error after each start is as large as the force; the scale fits the later ones.
-    reach = 1.3 * float(np.percentile(known, 99.0)) if known.size else 0.0
-    force = largest(result.contact.force[taken])
-    return max(min(reach, force), 1e-12 * force, 1e-300)
-
-
-def draw_error(axes: "Axes", result: Identified, look: Look) -> None:
-    """Draw the one-step prediction error of the force over time."""
-    contact = result.contact
-    time, label = clock(contact)
-    keep = shown(contact)
-    limit = _error_reach(result)
-    unit = choose_scale(limit, "N")
-    with np.errstate(over="ignore", invalid="ignore"):  # of extreme samples
-        missed = contact.force - result.trace.predicted_force
-        error = np.where(result.trace.taken, missed, np.nan)
-        values = unit.factor * np.clip(broken(error, contact, keep), -9.0 * limit, 9.0 * limit)
-    axes.plot(time[keep], values, color=look.theme.lines[0], linewidth=look.points(0.8))
-    axes.set_ylim(-unit.factor * limit, unit.factor * limit)
-    axes.set(xlabel=label, ylabel=unit.label("error"))
-    axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
-    rmse = result.prediction_rmse_percent
-    part = f": {rmse:.2g} % rms after 0.2 s" if math.isfinite(rmse) else ""
-    head(axes, f"One-step prediction error{part}")
-
-
-def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look) -> None:
+def draw_condition(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
     """Draw the speed and its limit for the single-stage method, 0.1 K/B, as estimated so far."""
+    result, course = subjects[0].result, subjects[0].course
     contact = result.contact
     time, label = clock(contact)
     keep = shown(contact)[::2]  # both lines are smooth
@@ -660,3 +711,36 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
         axes,
         f"Speed limit |v| < 0.1 K/B: violated in {percent(result.violated_fraction)} of contact",
     )
+
+
+# The map of a probe that travels.
+
+# Shapes tell the verdicts apart; colour, which shows the value, could not.
+_MARKERS = {"trust": "o", "with-care": "s", "do-not-trust": "X"}
+
+
+def draw_places(
+    axes: "Axes", subjects: Sequence[Subject], look: Look, *, errors: bool = False
+) -> None:
+    """Draw the stiffness of each place over its position, or its standard error."""
+    result = subjects[0].result
+    places = [part.place for part in result.segments if part.place is not None]
+    positions = 1e3 * np.array([place.position for place in places])
+    normals = [place.normal.vector for place in places if place.normal is not None]
+    # The map is seen along the axis closest to the normals, else along the one of least spread.
+    seen_along = -np.mean(np.abs(normals), axis=0) if normals else np.ptp(positions, axis=0)
+    across = np.delete(np.arange(3), np.argmin(seen_along))
+    # The longer side lies: a tall map would leave most of the page empty.
+    across = across[np.argsort(-np.ptp(positions[:, across], axis=0), kind="stable")]
+    marks = np.array([part.diagnosis.verdict.stiffness for part in result.segments])
+    shapes = [(spoken(mark), _MARKERS[mark], marks == mark) for mark in np.unique(marks).tolist()]
+    trusted = marks != "do-not-trust"
+    values = [part.diagnosis.working_depth.stiffness for part in result.segments]
+    size = np.array([each.whole_error if errors else each.value for each in values])
+    unit = choose_scale(largest(size[trusted] if trusted.any() else size), "N/m")
+    at, label = positions[:, across], f"[{unit.unit}]"
+    colours = ERRORS if errors else VALUES
+    draw_field(axes, at, unit.factor * size, trusted, label, look, colours=colours, markers=shapes)
+    axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
+    axes.set_aspect("equal", adjustable="datalim")
+    head(axes, "Standard error of the stiffness" if errors else "Stiffness at working depth")

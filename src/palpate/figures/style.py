@@ -114,6 +114,10 @@ class Look:
         return self.theme.lines[row % len(self.theme.lines)]
 
 
+#: Dashes tell lines apart in grey too.
+LINE_STYLES = ("-", "--", "-.", ":")
+
+
 def choose_look(*, dark: bool, width: float | None) -> Look:
     """Return the look for a theme and a width, m (default: 11 inches).
 
@@ -258,7 +262,7 @@ def style(look: Look) -> Iterator[type[Figure]]:
         "axes.formatter.useoffset": False,
         "axes.formatter.limits": (-3, 4),
         "legend.frameon": False,
-        "legend.fontsize": 9.0 * scale,
+        "legend.fontsize": look.font,
         "lines.linewidth": 1.3 * scale,
         "font.family": "sans-serif",
         "font.sans-serif": _FONTS,
