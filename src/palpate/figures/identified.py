@@ -155,6 +155,8 @@ PARAMETER_WORDS = (
 _DEFAULT = ("force", "loop", "numbers")
 _SEGMENTED = ("force", "loop", "stiffness", "damping")
 _TRAVELLED = ("map", "map-error")
+# Height of a line of a legend in a column, mm.
+_LEGEND_LINE = 4.0
 # Height of a row of a wide figure, inches.
 _ROW = 2.5
 # Up to this width a figure has no title and no caption: a journal sets them below it.
@@ -221,7 +223,8 @@ def draw(
     chosen = choose_panels(panels, list(named.values()))
     if ax is not None:
         return _draw_into(ax, chosen, subjects, look)
-    with drawing(look, _height(chosen, look)) as figure:
+    names = len(subjects) if len(subjects) > 1 else 0
+    with drawing(look, _height(chosen, names, look)) as figure:
         axes = _arrange(figure, len(chosen), [panel.height for panel in chosen], look)
         for each, panel in zip(axes, chosen, strict=True):
             panel.draw(each, subjects, look)
@@ -250,7 +253,9 @@ def _draw_into(
         )
     for each, panel in zip(axes, chosen, strict=True):
         panel.draw(each, subjects, look)
-        head(each, "")
+        head(each, "", legend=False)
+        if each.get_legend_handles_labels()[1]:
+            each.legend(frameon=False)  # inside, as a title of the user's may stand above
     figure: Figure = axes[0].figure
     return figure
 
@@ -307,11 +312,12 @@ def _parameter_panel(symbol: str) -> Panel:
     return Panel(f"{symbol} over time, and its result", 34.0, draw, over_time=True)
 
 
-def _height(chosen: Sequence[Panel], look: Look) -> float:
-    """Return the height of a figure, inches at full width."""
+def _height(chosen: Sequence[Panel], names: int, look: Look) -> float:
+    """Return the height of a figure with some names in its legends, inches at full width."""
     if look.narrow:
         titles = 0.0 if look.width <= _PLAIN else 36.0
-        return (sum(panel.height for panel in chosen) + titles) * 1e-3 / INCH / look.scale
+        panels = sum(panel.height + _LEGEND_LINE * names for panel in chosen)
+        return (panels + titles) * 1e-3 / INCH / look.scale
     rows = -(-len(chosen) // _columns(len(chosen)))
     tall = any(panel.height > 50.0 for panel in chosen)
     return _ROW * (rows + 0.6 * tall) + 1.0
