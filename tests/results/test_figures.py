@@ -6,6 +6,7 @@ import itertools
 import os
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import matplotlib
@@ -20,9 +21,8 @@ from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, 
 from palpate.design import Motion, design
 from palpate.design.figures import draw_design
 from palpate.figures import style
-from palpate.figures.panels import JOINED, draw_spectrum
+from palpate.figures.panels import JOINED, Subject, draw_spectrum
 from palpate.figures.style import DARK, LIGHT
-from palpate.findings import spoken
 from palpate.identification.ranking import rank
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")
@@ -52,9 +52,9 @@ def of_example(name: str, method: str = "variable-projection") -> palpate.Identi
 
 
 @functools.cache
-def figure_of_example(name: str):
+def every_course(name: str):
     """To look at, not to write: only its layout is left to do."""
-    return figures.draw(of_example(name))
+    return figures.draw(of_example(name), ["stiffness", "damping", "parameters"])
 
 
 @functools.cache
@@ -116,31 +116,71 @@ def test_the_command_line_writes_a_png_on_a_light_or_dark_background(run, tmp_pa
     assert dark < 0.2
 
 
+def test_a_figure_has_three_panels_with_the_marks_and_no_text_inside_where_a_journal_sets_it():
+    figure = figures.draw(of_example("ball"))
+    assert titles_of(figure)[:2] == ["Force", "Force over penetration"]
+    [numbers] = figure.axes[2:]
+    assert [text.get_text() for text in numbers.get_legend().texts] == [
+        "stiffness 2000.7 ± 0.7 N/m: trust", "damping 17.56 ± 0.06 N·s/m: trust",
+    ]  # fmt: skip
+    assert figure.get_suptitle().startswith("stiffness trust; damping trust\nball.csv: ")
+    column = figures.draw(of_example("ball"), width=COLUMN)
+    assert titles_of(column) == ["(a)", "(b)", "(c)"]
+    assert (column.get_suptitle(), column.get_supxlabel()) == ("", "")
+    assert column.get_figheight() <= 120e-3 / style.INCH
+    assert figures.caption(of_example("ball")).startswith("(a) force over time, measured and ")
+    assert "Hunt–Crossley law" in figures.methods_sentence(of_example("ball"))
+
+
 @pytest.mark.parametrize("method", ESTIMATORS)
-def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
+def test_all_panels_are_those_whose_quantity_was_estimated(method):
     result = all_methods()[method]
-    figure = figures.draw(result)
-    force, loop, stiffness, damping, *others = titles_of(figure)
-    assert (force, loop) == ("Force", "Force over penetration")
+    figure = figures.draw(result, ["all"])
+    _, _, stiffness, damping, residual, *others = titles_of(figure)
     assert stiffness.startswith("Stiffness at 2.5")
     assert damping.startswith("Damping at 2.5")
-    heads = [f"{symbol}:" for symbol in result.law.symbols]
-    if method == "viscoelastic":  # what no sample says has no course
-        heads = heads[:3]
-    assert len(heads) == len(others[:-2])
-    assert all(title.startswith(head) for head, title in zip(heads, others, strict=False))
-    assert others[-2].startswith("Residual, measured − final law")
-    needed = method == "single-stage"
-    assert others[-1].startswith("Speed limit" if needed else "One-step prediction error")
-    in_a_column = titles_of(figures.draw(result, width=COLUMN))
-    assert any("Speed limit" in title for title in in_a_column) == needed
-    verdict, name, depth = figure.get_suptitle().split("\n")
-    marks = result.diagnosis.verdict
-    assert verdict.startswith(f"stiffness {spoken(marks.stiffness)}")
-    assert f"damping {spoken(marks.damping)}" in verdict
-    assert name.startswith("probe.csv: ")
-    assert "stiffness" in depth
+    assert residual.startswith("Residual, measured − final law")
+    if method == "single-stage":
+        assert others.pop(0).startswith("Speed limit")
+    symbols = [title.partition(":")[0] for title in others]
+    assert symbols == [symbol for symbol in result.law.symbols if symbol in symbols]
     assert all(axes.get_xlabel() and axes.get_ylabel() for axes in figure.axes)
+
+
+@pytest.mark.parametrize("name", [*figures.PANELS, "parameters", "K"])
+def test_each_panel_stands_alone_in_axes_of_ones_own(name):
+    result = of_example("ball")
+    if name not in ("K", "parameters") and not figures.PANELS[name].shows(result):
+        with pytest.raises(InvalidParameterError, match="shows nothing of this result"):
+            figures.draw(result, [name])
+        return
+    figure = matplotlib.figure.Figure()
+    count = 3 if name == "parameters" else 1
+    axes = figure.subplots(count)
+    assert figures.draw(result, [name], ax=axes) is figure
+    assert not any(titles_of(figure))
+    assert all(each.get_xlabel() and each.has_data() for each in figure.axes)
+
+
+def test_several_results_stand_in_one_panel_with_their_names():
+    results = {"a ball": of_example("ball"), "a sponge": of_example("sponge")}
+    figure = figures.draw(results, ["loop", "stiffness", "n"], width=COLUMN)
+    loop, stiffness, exponent = ([t.get_text() for t in a.get_legend().texts] for a in figure.axes)
+    assert loop[1::2] == ["a ball, final law", "a sponge, final law"]
+    assert stiffness == exponent == ["a ball", "a sponge"]
+    assert_legible(figure)
+
+
+@pytest.mark.parametrize(
+    "panels, axes, words",
+    [
+        (["loup"], None, "no 'loup': choose from force, loop"),
+        (["loop"], [1, 2], "2 axes for 1 panel"),
+    ],
+)
+def test_a_panel_that_is_not_known_and_axes_too_many_are_refused(panels, axes, words):
+    with pytest.raises(InvalidParameterError, match=words):
+        figures.draw(of_example("ball"), panels, ax=axes)
 
 
 @pytest.mark.parametrize("dark", [False, True])
@@ -150,7 +190,7 @@ def test_a_spectrum_is_drawn_as_a_stem_for_each_time_that_has_a_stiffness(dark):
     look = style.choose_look(dark=dark, width=None)
     with style.drawing(look, 3.0) as figure:
         axes = figure.subplots()
-        draw_spectrum(axes, law, look)
+        draw_spectrum(axes, [Subject(SimpleNamespace(law=law), "")], look)
     [stems], [tops] = axes.collections, axes.lines
     assert [*map(tuple, np.array(stems.get_segments())[:, 1])] == [
         (0.02, 1.5),
@@ -176,7 +216,7 @@ def band_and_height(axes) -> tuple[float, float]:
 
 @pytest.mark.parametrize("name", ["ball", "sponge", "tapping", "microscale"])
 def test_the_band_of_every_parameter_is_seen(name):
-    for axes in figure_of_example(name).axes[2:7]:
+    for axes in every_course(name).axes:
         band, height = band_and_height(axes)
         # A twentieth of a panel is 4 mm on paper, and 1 mm in a column.
         assert 0.05 * height < band < height, axes.get_title(loc="left")
@@ -185,7 +225,7 @@ def test_the_band_of_every_parameter_is_seen(name):
 def test_the_bar_at_the_end_is_that_of_the_result_with_what_the_findings_move():
     result = of_example("ball", "kelvin-voigt")
     stiffness = result.diagnosis.working_depth.stiffness
-    axes = figures.draw(result).axes[2]
+    [axes] = figures.draw(result, ["stiffness"]).axes
     bars = [bar.get_segments() for bar in axes.collections[1:] if len(bar.get_paths()) == 1]
     heights = sorted(float(np.ptp(bar[0][:, 1])) for bar in bars)
     whole = np.hypot(stiffness.standard_error, stiffness.systematic)
@@ -195,7 +235,7 @@ def test_the_bar_at_the_end_is_that_of_the_result_with_what_the_findings_move():
 
 def test_stiffness_over_time_ends_at_the_result_and_its_band_at_the_error_bar():
     result = of_example("ball")
-    axes = figure_of_example("ball").axes[2]
+    axes = every_course("ball").axes[0]
     depth = result.diagnosis.working_depth.depth
     last = axes.get_lines()[0].get_ydata()[-1]
     assert last == pytest.approx(result.law.stiffness_at(depth))

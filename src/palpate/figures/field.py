@@ -86,11 +86,9 @@ def _dot_area(axes: "Axes", places: Floats, look: Look) -> float:
     some = places[:: -(-len(places) // _MOST_NEIGHBOURS)]
     apart = np.linalg.norm(some[:, None] - places[None], axis=2)
     apart[apart == 0.0] = np.inf
-    box = axes.get_position()
-    room = (
-        72.0 * axes.figure.get_figwidth() * box.width,
-        72.0 * axes.figure.get_figheight() * box.height,
-    )
+    inside = axes.get_window_extent()
+    points_a_dot = 72.0 / axes.figure.dpi
+    room = points_a_dot * inside.width, points_a_dot * inside.height
     points_a_unit = min(points / side for points, side in zip(room, sides, strict=True) if side)
     spacing = points_a_unit * float(np.median(apart.min(axis=1)))
     return float(np.clip(0.8 * spacing, look.points(2.5), largest)) ** 2

@@ -31,6 +31,7 @@ from palpate.figures.panels import (
     draw_residual_rows,
     draw_spectrum,
     file_name,
+    has_numbers,
 )
 from palpate.figures.style import (
     INCH,
@@ -107,6 +108,7 @@ PANELS = {
         38.0,
         draw_numbers,
         over_time=True,
+        shows=has_numbers,
     ),
     "stiffness": Panel(
         "stiffness at working depth over time, and its result",

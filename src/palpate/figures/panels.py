@@ -42,7 +42,7 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
 from palpate.quantities.derived import format_hertz
 from palpate.results.parameters import describe_relaxation, parameter_rows
-from palpate.results.view import number_lines
+from palpate.results.view import NumberLine, number_lines
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -436,16 +436,30 @@ def draw_at_depth(
     head(axes, f"{at}{words}")
 
 
+def _known_numbers(result: Identified) -> list[NumberLine]:
+    """Return the numbers of an answer that are given and are not zero."""
+    at_depth = result.diagnosis.working_depth
+    return [
+        number
+        for number in number_lines(result)
+        if number.mark is not None and getattr(at_depth, number.name).value
+    ]
+
+
+def has_numbers(result: Identified) -> bool:
+    """Return whether stiffness or damping can be drawn over its result."""
+    return bool(_known_numbers(result))
+
+
 def draw_numbers(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
     """Draw stiffness and damping over time, each over its result, with the marks."""
     lines = []
     for subject in subjects:
-        for place, number in enumerate(number_lines(subject.result)):
-            line = _line_at_depth(subject, number.name)
-            if number.mark is None or not line.final.value:
-                continue
-            words = f"{subject.name} {number.name} {number.value}: {spoken(number.mark)}"
+        for place, number in enumerate(_known_numbers(subject.result)):
+            mark = spoken(number.mark or "")
+            words = f"{subject.name} {number.name} {number.value}: {mark}"
             colour = subject.colour if len(subjects) > 1 else look.colour(place)
+            line = _line_at_depth(subject, number.name)
             lines.append(line.over_result(100.0, colour, words.strip()))
     _draw_lines(axes, lines, "%", "estimate / result", look)
     head(axes, "Stiffness and damping, over their results")
@@ -645,9 +659,10 @@ def draw_loop(
         with np.errstate(over="ignore"):  # of an extreme sample out of contact
             x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
         measured = force.factor * broken(contact.force, contact, keep)
-        grey = {"color": look.theme.measured, "linestyle": LINE_STYLES[place % len(LINE_STYLES)]}
         words = f"{subject.name}, measured".lstrip(", ")
-        axes.plot(x, measured, **grey, linewidth=look.points(2.2), label=words)
+        dashes = LINE_STYLES[place % len(LINE_STYLES)]
+        [line] = axes.plot(x, measured, color=look.theme.measured, linestyle=dashes)
+        line.set(linewidth=look.points(2.2), label=words)
         inside = np.where(result.trace.taken, result.fitted_force, np.nan)
         law = "law of each segment" if result.segments else "final law"
         words = f"{subject.name}, {law}".lstrip(", ")
