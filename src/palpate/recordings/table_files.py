@@ -59,7 +59,7 @@ def write_columns(
 
 
 def has_pyarrow() -> bool:
-    """Whether pyarrow is installed, which writes Parquet and reads long texts."""
+    """Whether pyarrow is installed, which writes Parquet."""
     return find_spec("pyarrow") is not None
 
 

@@ -7,14 +7,13 @@ import itertools
 import lzma
 import re
 import sys
+import warnings
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from functools import lru_cache
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any
 
@@ -42,7 +41,6 @@ from palpate.recordings.times import (
     iso_nanoseconds,
     join_stamps,
     past_midnight,
-    plain_iso_times,
     whole_time,
 )
 from palpate.validation import Values
@@ -54,7 +52,6 @@ HEAD = 1 << 16  # bytes searched first for the header, before the whole first bl
 PROBED = 1000  # lines that show the kinds of the columns
 # Bytes of text whose cells are Python objects at one time; they take some five times as much.
 PIECE = 1 << 19
-LARGE = 5 << 20  # bytes of a file for which pyarrow is worth the time to import it
 MOST_LINES = 50  # of a quoted cell; without a limit one stray mark would enclose the whole rest
 # A line of words in a table whose rows begin with numbers: text around it, or a row of words.
 _WORDS = re.compile(
@@ -75,10 +72,6 @@ _PACKED: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"BZh": bz2.open,
     b"\xfd7zXZ\0": lzma.open,
 }
-# Bytes of a block of plain numbers, besides the delimiter; nan and inf too. The parsers reject any
-# other word of these letters.
-_PLAIN = b"0123456789+-.eE nNaAfFiI"
-_PLAIN_KINDS = ("numbers", "nanoseconds", "nothing")
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -228,6 +221,9 @@ class _Text:
                     )
 
 
+_DTYPES = {"dates": np.int64, "nanoseconds": np.int64}  # of the times
+
+
 class _Column:
     """A column while it fills; a numeric cell without a number is NaN.
 
@@ -254,7 +250,7 @@ class _Column:
         self.decimal = decimal
         self.kind = kind
         self.width = width
-        self.dtype: Any = np.int64 if kind in ("dates", "nanoseconds") else np.float64
+        self.dtype: Any = _DTYPES.get(kind, np.float64)
         self.size = self.good = self.filled = 0
         self.pieces: list[Values] = []
         self.wrong: tuple[int, str] | None = None
@@ -263,9 +259,14 @@ class _Column:
         )
         self.has_thousands = False
 
+    @property
+    def is_numeric(self) -> bool:
+        """Whether its values are one number each."""
+        return self.kind in ("numbers", *_DTYPES)
+
     def rows_to_skip(self, cells: Sequence[str]) -> list[int]:
         """Indices of the rows to skip, because they have no valid time."""
-        if self.kind not in ("dates", "nanoseconds") or plain_iso_times(cells) is not None:
+        if self.kind not in _DTYPES:
             return []
         return [k for k, cell in enumerate(cells) if self._value(cell) is None]
 
@@ -287,10 +288,6 @@ class _Column:
             wrong = len(cells) - sum(map(self.is_number, cells))
             self.extend(labels, wrong, sum(not cell.strip() for cell in cells))
             return
-        plain = self._convert_at_once(cells)
-        if plain is not None:
-            self.extend(plain)
-            return
         values = list(map(self._value, cells))
         unread = [k for k, value in enumerate(values) if value is None]
         if unread and self.wrong is None:
@@ -299,21 +296,6 @@ class _Column:
         numbers = [unknown if value is None else value for value in values]
         blank = sum(not cells[k].strip() for k in unread)
         self.extend(np.array(numbers, self.dtype), len(unread), blank)
-
-    def _convert_at_once(self, cells: Sequence[str]) -> Values | None:
-        if self.kind == "dates":
-            return plain_iso_times(cells)
-        text = "".join(cells)
-        if self.kind != "numbers" or "_" in text:
-            return None
-        if self.decimal == ",":
-            if "." in text:
-                return None
-            cells = [cell.replace(",", ".") for cell in cells]
-        try:
-            return np.array(list(map(float, cells)), dtype=np.float64)
-        except ValueError:
-            return None
 
     def _value(self, cell: str) -> float | list[float] | None:
         if self.kind == "vectors":
@@ -487,13 +469,6 @@ class _Table:
         self.lost[what] = count + 1, first_place
 
     def _add(self, block: bytes, row: int) -> None:
-        arrays = self._parse_at_once(block) if block and not self.words else None
-        if arrays is not None:
-            for column, values in zip(self.columns, arrays, strict=True):
-                if column.kind != "nothing":
-                    column.extend(values)
-            self.rows.append(range(row, row + len(arrays[0])))
-            return
         row -= self.words.count(b"\n")
         block = self.words + block
         self.words = b""
@@ -568,10 +543,7 @@ class _Table:
                 cut = block.find(b"\n", cut) + 1 or len(block)
             piece = block[:cut]
             block = block[cut:]
-            columns = self._divide_at_once(piece)
-            if columns is not None:
-                self._add_cells(range(row, row + len(columns[0])), columns)
-            else:
+            if not self._take_at_once(piece, row):
                 lines = self.text.decode(piece).split("\n")[:-1]
                 records = list(self._records(lines, row, self._lose))
                 if records:
@@ -624,47 +596,40 @@ class _Table:
             else:
                 yield row + k, [*cells[:width], *[""] * (width - len(cells))]
 
-    def _parse_at_once(self, block: bytes) -> list[Values] | None:
-        """The columns of many lines of plain numbers; None if they hold anything else."""
-        if self.text.size < (HEAD if self.text.compressed else LARGE) or not find_spec("pyarrow"):
-            return None
+    def _take_at_once(self, piece: bytes, row: int) -> bool:
+        """Parse rows by NumPy; return whether each has all cells, none of them quoted or blank."""
+        has_text = not all(column.is_numeric for column in self.columns)
         delimiter = self.layout.delimiter
         if self.layout.decimal == ",":
-            if b"." in block or delimiter == ",":
-                return None
-            block = block.replace(b",", b".")
-        if delimiter == SPACES:
-            block = b"".join(b",".join(line.split()) + b"\n" for line in block.splitlines())
-            delimiter = ","
-        row = delimiter.encode() * (len(self.columns) - 1) + b"\n"
-        rows = block.count(b"\n")
-        if any(column.kind not in _PLAIN_KINDS for column in self.columns):
-            return None
-        if block.translate(None, _PLAIN) != row * rows:
-            return None
+            if has_text or b"." in piece or delimiter == ",":
+                return False
+            piece = piece.replace(b",", b".")
+        if has_text and (b'"' in piece or b"\0" in piece):
+            return False
+        lines = self.text.decode(piece).split("\n")[:-1]
+        kinds = [(f"{k}", c.dtype if c.is_numeric else object) for k, c in enumerate(self.columns)]
+        dates = [k for k, column in enumerate(self.columns) if column.kind == "dates"]
         try:
-            arrays = _parse_with_arrow(block, delimiter, [column.dtype for column in self.columns])
-        except ValueError:  # pyarrow's own is one
-            return None
-        return arrays if len(arrays[0]) == rows else None  # pyarrow skips blank lines
-
-    def _divide_at_once(self, lines: bytes) -> list[Sequence[str]] | None:
-        """The cells of each column; None if a row is incomplete or a cell is quoted."""
-        if b'"' in lines or b"\0" in lines or b"\r" in lines:
-            return None
-        delimiter = self.layout.delimiter
-        width = len(self.columns)
-        if delimiter == SPACES:
-            records = [line.split() for line in self.text.decode(lines).split("\n")[:-1]]
-            return self._transpose(records) if {*map(len, records)} == {width} else None
-        rows = lines.count(b"\n")
-        if (
-            lines.translate(None, bytes({*range(256)} - {*delimiter.encode(), 10}))
-            != (delimiter.encode() * (width - 1) + b"\n") * rows
-        ):
-            return None
-        cells = self.text.decode(lines).replace("\n", delimiter).split(delimiter)
-        return [cells[k : rows * width : width] for k in range(width)]
+            with warnings.catch_warnings(action="error"):  # a whole number with a decimal point
+                cells = np.loadtxt(
+                    lines,
+                    kinds,
+                    comments=None,
+                    delimiter=None if delimiter == SPACES else delimiter,
+                    converters=dict.fromkeys(dates, iso_nanoseconds),
+                    ndmin=1,
+                )
+        except (TypeError, ValueError, Warning):
+            return False
+        if len(cells) < len(lines):  # it skips blank lines
+            return False
+        for column, (name, _) in zip(self.columns, kinds, strict=True):
+            if column.is_numeric:
+                column.extend(cells[name].copy())
+            else:
+                column.take(cells[name])
+        self.rows.append(range(row, row + len(lines)))
+        return True
 
     def _is_cut_off(self, line: bytes, row: int, above: bytes) -> bool:
         """Whether the last line, without a line end, is incomplete; if so, count it as skipped."""
@@ -778,17 +743,3 @@ def _join_ranges(rows: Iterable[Sequence[int]]) -> Sequence[int]:
         return range(start, start + count)
     joined: Any = np.concatenate([np.array(numbers, np.int64) for numbers in filled])
     return joined  # type: ignore[no-any-return]
-
-
-def _parse_with_arrow(block: bytes, delimiter: str, dtypes: Sequence[Any]) -> list[Values]:
-    arrow = import_module("pyarrow")
-    csv = import_module("pyarrow.csv")
-    names = [str(k) for k in range(len(dtypes))]
-    types = {name: arrow.from_numpy_dtype(dtype) for name, dtype in zip(names, dtypes, strict=True)}
-    table = csv.read_csv(
-        arrow.BufferReader(block),
-        csv.ReadOptions(column_names=names, block_size=len(block) + 1, use_threads=False),
-        csv.ParseOptions(delimiter=delimiter, quote_char=False),
-        csv.ConvertOptions(column_types=types, null_values=[]),
-    )
-    return [column.to_numpy() for column in table.columns]

@@ -1,7 +1,7 @@
 """Times in tables: calendar dates, and integers since 1970."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from datetime import UTC, datetime
 
 import numpy as np
@@ -18,7 +18,6 @@ _OF_DAY = re.compile(
     r"(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?", re.ASCII
 )
 DAY = 86_400 * 10**9  # ns
-_PLAIN_ISO = re.compile(r"(?:(?:19|20)\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d{1,9})?\n)+", re.ASCII)
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
 _WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # a float cannot represent it exactly
 _SINCE = datetime(1970, 1, 1, tzinfo=UTC)
@@ -66,20 +65,6 @@ def past_midnight(times: Integers) -> Integers:
     if not times.size or times.max() >= DAY or times.min() < 0:
         return times
     return times + DAY * np.cumsum(np.diff(times, prepend=times[0]) < -DAY // 2)
-
-
-def plain_iso_times(cells: Sequence[str]) -> Integers | None:
-    """Convert many cells together, as :func:`iso_nanoseconds` does for one.
-
-    None if a cell is not in UTC or not in the usual form.
-    """
-    text = "\n".join([*cells, ""]).replace("Z\n", "\n")
-    if not cells or _PLAIN_ISO.fullmatch(text) is None:
-        return None
-    try:
-        return np.array(text.split("\n")[:-1], dtype="M8[ns]").astype(np.int64)
-    except ValueError:  # the 31st of June
-        return None
 
 
 def is_timelike(name: str) -> bool:
