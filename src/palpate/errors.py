@@ -28,10 +28,19 @@ class InvalidParameterError(PalpateError, ValueError):
 class RecordingError(PalpateError, ValueError):
     """A recording cannot be used: the message names the file, the channel and the row."""
 
+    _reason = ""
+
     @classmethod
-    def of(cls, source: str, words: str) -> "RecordingError":
+    def of(cls, source: str, reason: str) -> "RecordingError":
         """Return the error, with the name of the file if that is known."""
-        return cls(f"{source}: {words}" if source else words)
+        error = cls(f"{source}: {reason}" if source else reason)
+        error._reason = reason
+        return error
+
+    @property
+    def reason(self) -> str:
+        """The message without the name of the file."""
+        return spell_advice(self._reason) or str(self)
 
 
 class NoContactError(RecordingError):
@@ -79,9 +88,13 @@ class MissingChannelError(RecordingError):
         self.missing = missing
 
     def __str__(self) -> str:
-        where = f"{self.source}: " if self.source else ""
+        return f"{self.source}: {self.reason}" if self.source else self.reason
+
+    @property
+    def reason(self) -> str:
+        """The message without the name of the file."""
         missing = self.missing or f"no column {self.channel!r}"
-        return f"{where}{spell_advice(missing)}; available: {list_names(self.available)}"
+        return f"{spell_advice(missing)}; available: {list_names(self.available)}"
 
 
 def list_names(names: list[str]) -> str:

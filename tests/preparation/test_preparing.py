@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 import math
 import pickle
 import sys
@@ -427,6 +428,9 @@ def test_a_commanded_position_calls_for_care_and_says_whose_compliance_is_in_it(
     )
 
 
+PREPARING = Path(__file__).parents[2] / "docs" / "preparing.md"
+
+
 @pytest.mark.parametrize("name", [option.name for option in dataclasses.fields(Options)])
 def test_an_option_is_described_once_for_python_the_command_line_and_the_docs(name):
     parameter = inspect.signature(prepare).parameters[name]
@@ -435,8 +439,10 @@ def test_an_option_is_described_once_for_python_the_command_line_and_the_docs(na
     described = describe_option(name)
     assert described.endswith(".")
     assert described[:20] in " ".join(prepare.__doc__.replace('``"', "").replace('"``', "").split())
-    table = Path(__file__).parents[2] / "docs" / "preparing.md"
-    assert f"`{name}=" in table.read_text(encoding="utf-8")
+    entry = re.search(rf"\n    {name} : (.*)\n((?: {{8}}.*\n)+)", Options.__doc__)
+    kind, text = (" ".join(part.split()) for part in entry.groups())
+    row = re.sub(r"``|:\w+:`", "`", f"| `{name}` | {kind} | {text} |")  # Markdown, not Sphinx
+    assert row in PREPARING.read_text(encoding="utf-8").splitlines()
 
 
 def test_a_wrong_argument_of_prepare_is_named_by_python():

@@ -626,7 +626,7 @@ def _explain(choosing: _Choosing) -> tuple[dict[str, tuple[str, str]], str]:
     try:
         roles = choosing.roles()
     except RecordingError as error:
-        refusal = str(error).removeprefix(f"{choosing.recording.source}: ")
+        refusal = error.reason
     else:
         uses = _uses_of(roles, choosing.recording.clocks)
     channels = choosing.recording.channels

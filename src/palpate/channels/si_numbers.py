@@ -75,10 +75,10 @@ class ChannelReader:
         stacked = np.column_stack(columns)
         usable = np.isfinite(stacked).all(axis=1)
         if role in ("depth", "force") and usable.size and not usable.any():
-            raise RecordingError(
-                f"{self.recording.place(names[0])}: no sample has a number in [-{LARGEST:g}, "
-                f"{LARGEST:g}]; check its unit, or choose another with "
-                f"--{kind if roles.is_penetration else option}"
+            raise self.recording.error(
+                names[0],
+                f"no sample has a number in [-{LARGEST:g}, {LARGEST:g}]; check its unit, or choose "
+                f"another with --{kind if roles.is_penetration else option}",
             )
         if role == "orientation":
             return align_signs(stacked)  # interpolation needs it
@@ -120,8 +120,8 @@ class ChannelReader:
         column = measurable(numbers)
         if self.strict and column is not numbers:
             sample = int(np.nanargmax(np.abs(numbers)))
-            what = f"{recording.place(name, sample)}: {numbers[sample]:g} is beyond {LARGEST:g}"
-            raise RecordingError(f"{what}; drop --strict to exclude such values")
+            problem = f"{numbers[sample]:g} is beyond {LARGEST:g}; drop --strict to exclude such "
+            raise recording.error(name, f"{problem}values", sample)
         usable = np.isfinite(column)
         if count := int(np.count_nonzero(~usable)):
             text = str(recording.channels[name][int(np.argmin(usable))])
@@ -161,7 +161,7 @@ class ChannelReader:
         else:
             listed = ", ".join(UNITS[kind])
             reason = f"palpate cannot convert the unit {stated} of the {kind} (known: {listed})"
-        raise RecordingError(f"{recording.place(name)}: {reason}; pass {remedy}")
+        raise recording.error(name, f"{reason}; pass {remedy}")
 
     def check_lengths(self, what: str, lengths: Mapping[str, int], remedy: str) -> None:
         """Refuse channels of different lengths."""

@@ -196,8 +196,9 @@ def select_increasing(reader: ChannelReader, stream: Stream, what: str) -> Incre
     if reader.strict and (rows.skipped or rows.restarts):
         raise _wrong_time(reader.recording, stream, rows.first_wrong)
     if rows.late > 0.5 * rows.keep.size:
-        place = reader.recording.place(stream.clock or "time", int(np.argmin(rows.keep)))
-        raise RecordingError(f"{place}: the time runs backward; sort the samples by time")
+        problem = "the time runs backward; sort the samples by time"
+        first = int(np.argmin(rows.keep))
+        raise reader.recording.error(stream.clock or "time", problem, first)
     reader.findings += report_rows(rows, what)
     if not rows.skipped:
         return Increasing(stream, rows.part)
@@ -218,10 +219,11 @@ def _wrong_time(recording: Recording, stream: Stream, sample: int) -> RecordingE
         what = f"runs back from {previous:g} {stream.unit}"
     else:
         what = "repeats the previous time" if time == previous else "is hardly later"
-    place = recording.place(stream.clock or "time", sample)
-    return RecordingError(
-        f"{place}: {time:g} {stream.unit} {what}, but time must increase within a segment; drop "
-        "--strict to skip such samples"
+    return recording.error(
+        stream.clock or "time",
+        f"{time:g} {stream.unit} {what}, but time must increase within a segment; drop --strict to "
+        "skip such samples",
+        sample,
     )
 
 
@@ -344,9 +346,8 @@ def _without_restart(reader: ChannelReader, stream: Stream, origin: int | float)
     """The samples of a stream whose time increases; refuse a restart of its recorder."""
     increasing, part = select_increasing(reader, stream, f"samples of {stream.clock}")
     if part.size and part.max() > 0:
-        place = reader.recording.place(stream.clock or "time")
-        message = "the recorder restarted, so palpate cannot match the clocks"
-        raise RecordingError(f"{place}: {message}; record again, or cut the file there")
+        problem = "the recorder restarted, so palpate cannot match the clocks; record again, or "
+        raise reader.recording.error(stream.clock or "time", f"{problem}cut the file there")
     return Timed(increasing.seconds(origin), increasing.values, stream.clock)
 
 

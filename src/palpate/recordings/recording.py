@@ -202,36 +202,31 @@ class Recording:
         """
         values = self.channel(name)
         if values.ndim != 1:
-            place = self.place(name)
-            raise RecordingError(
-                f"{place}: must have one number per sample, but has the shape {values.shape}"
-            )
+            problem = f"must have one number per sample, but has the shape {values.shape}"
+            raise self.error(name, problem)
         remedy = "drop --strict to exclude such values" if strict else "choose another channel"
         if strict and name in self.faults:
             fault = self.faults[name]
-            place = self.place(name, fault.sample)
-            raise RecordingError(f"{place}: {_describe_fault(fault.text)}; {remedy}")
+            raise self.error(name, f"{_describe_fault(fault.text)}; {remedy}", fault.sample)
         if values.dtype.kind in "fiub":
             return np.ascontiguousarray(values, dtype=np.float64)
         if values.dtype.kind not in "OUS":
-            raise RecordingError(f"{self.place(name)}: must hold numbers, but holds {values.dtype}")
+            raise self.error(name, f"must hold numbers, but holds {values.dtype}")
         numbers = [_read_number(value) for value in values]
         wrong = [sample for sample, number in enumerate(numbers) if number is None]
         if wrong and (strict or len(wrong) > MOST_TEXT * values.size):
-            place = self.place(name, wrong[0])
-            raise RecordingError(f"{place}: {_describe_fault(values[wrong[0]])}; {remedy}")
+            problem = f"{_describe_fault(values[wrong[0]])}; {remedy}"
+            raise self.error(name, problem, wrong[0])
         return np.array(numbers, dtype=np.float64)  # None is NaN
 
-    def place(self, name: str, sample: int | None = None) -> str:
-        """The location of a channel or one of its samples, as text: file, column and row."""
-        place = f"{self.source}: column {name!r}" if self.source else f"column {name!r}"
-        if sample is None:
-            return place
-        return (
-            f"{place}, sample {sample}"
-            if self.rows is None
-            else f"{place}, row {self.rows[sample]}"
-        )
+    def error(self, name: str, problem: str, sample: int | None = None) -> RecordingError:
+        """Return the error for a channel or one of its samples; it names file, column and row."""
+        place = f"column {name!r}"
+        if sample is not None and self.rows is not None:
+            place += f", row {self.rows[sample]}"
+        elif sample is not None:
+            place += f", sample {sample}"
+        return RecordingError.of(self.source, f"{place}: {problem}")
 
 
 def _read_number(value: Any) -> float | None:

@@ -627,7 +627,7 @@ class _Table:
             if column.is_numeric:
                 column.extend(cells[name].copy())
             else:
-                column.take(cells[name])
+                column.take(cells[name].tolist())
         self.rows.append(range(row, row + len(lines)))
         return True
 
