@@ -12,7 +12,7 @@ from test_structure import modules, tree
 import palpate
 from palpate import spelling
 from palpate.cli.reading import ReadingOptions
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import NextStep, Remedy
 from palpate.spelling import ARGUMENTS, FLAGS, options_in_advice, spell_advice
 
 

@@ -11,17 +11,16 @@ import palpate
 from benchmarks.bank import material_faults, sensor_faults
 from palpate import lab
 from palpate.diagnosis import Data
+from palpate.diagnosis.causes import NUISANCES
 from palpate.diagnosis.delay import _earlier_samples, find_delay
 from palpate.diagnosis.fit import Fit, FitInput
-from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.recording import CHECKS, SOME
 from palpate.estimators.least_squares import mean_error, robust_covariance
-from palpate.findings import MAY_CAP, worst
+from palpate.findings import MAY_CAP, NextStep, worst
 from palpate.preparation.held import hold_length
 from palpate.preparation.preparing import join_contacts
 from palpate.preparation.velocity import find_spikes
 from palpate.recordings.units import unit_size
-from palpate.remedies import NextStep
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:

@@ -22,8 +22,8 @@ from palpate.findings import Check, Finding
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
-from palpate.preparation.places import divide_by_place
-from palpate.preparation.prepared import Place, Prepared
+from palpate.preparation.from_penetration import Prepared
+from palpate.preparation.places import Place, divide_by_place
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surface import Surface
 

@@ -9,11 +9,10 @@ from scipy.signal import butter, lfilter
 
 import palpate
 from palpate.diagnosis.bars import BarPart, best_remedy
-from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
+from palpate.diagnosis.causes import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
-from palpate.findings import Check
+from palpate.findings import Check, NextStep, Remedy
 from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
-from palpate.remedies import NextStep, Remedy
 
 LAW = faults.LAW
 Floats = np.ndarray

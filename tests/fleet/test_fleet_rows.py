@@ -36,7 +36,7 @@ from palpate.fleet.maps import (
 from palpate.fleet.rows import finding_cell, table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, sources_digest, tasks_table
-from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
+from palpate.identification.checks import NEGATIVE_STIFFNESS
 
 
 def cell(severity, check, message):

@@ -2,9 +2,9 @@
 
 import dataclasses
 import inspect
-import re
 import math
 import pickle
+import re
 import sys
 import types
 from pathlib import Path

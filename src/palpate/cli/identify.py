@@ -128,11 +128,13 @@ def _estimator(
 
 def _find_stated_tip(contact: "Contact") -> "Tip | None":
     """The ball on the probe, if the recording states its radius."""
-    from palpate.quantities.elastic_modulus import Sphere
-
     prepared = contact.prepared
     radius = None if prepared is None else prepared.recording.settings.get("tip radius")
-    return None if radius is None else Sphere(radius)
+    if radius is None:
+        return None
+    from palpate.quantities.elastic_modulus import Sphere
+
+    return Sphere(radius)
 
 
 def _identify_parts(result: "Identification", *, changes: bool) -> "Identification":

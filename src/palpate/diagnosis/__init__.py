@@ -1,6 +1,6 @@
 """Checks of the data and of the fit, error bars, and the verdict of an identification.
 
-``recording`` checks the data. ``fit`` fits the law again to window means (``windows``). ``sensor``,
+``recording`` checks the data. ``fit`` fits the law again to window means. ``sensor``,
 ``delay``, ``material``, ``change``, ``geometry``, ``excitation``, ``forecast`` and ``misfit``
 search that fit for causes and faults. ``causes`` names one cause and weighs all of them, ``bars``
 computes error bars, and ``verdict`` runs everything. ``docs/diagnosis.md`` explains each message.

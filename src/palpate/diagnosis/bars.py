@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from palpate.contact import VelocityFilter
-from palpate.diagnosis.causes import CauseAssessment
-from palpate.diagnosis.clock import Clock, clock_of, shows_skew
+from palpate.diagnosis.causes import NUISANCES, CauseAssessment, Clock, clock_of, shows_skew
 from palpate.diagnosis.excitation import presses_once
 from palpate.diagnosis.fit import (
     SIGNIFICANT,
@@ -24,12 +23,10 @@ from palpate.diagnosis.misfit import (
     predict_deeper_half,
     smooth_misfit,
 )
-from palpate.diagnosis.nuisances import NUISANCES
 from palpate.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.digits import format_quantity, rough_percent, with_error
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.preparation.velocity import filter_gain
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the

@@ -1,19 +1,214 @@
-"""Causes of misfit: the effect of each, the choice of the one to name, and their weights."""
+"""Causes of misfit: errors of real rigs, the effect of each cause, the one to name, weights."""
 
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
 from palpate.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
-from palpate.diagnosis.nuisances import NUISANCES, remaining_part
-from palpate.findings import Check, Finding
+from palpate.digits import rounded
+from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
-from palpate.remedies import Remedy
 from palpate.validation import Floats
+
+# A skew δ between the clocks of force and position is a force that is δ late. For a law that
+# relaxes, and for the damper of a half-space, B′ = B − K′ δ exactly: no recording of the material
+# shows it. A touch of a spring shows it, or a payload that turns in free air, or a clock that both
+# share; the contact's delay holds it.
+
+#: Skew between force and position that is assumed possible if nothing is known of their clocks, s.
+#: Half a sample at 66 Hz would instead give 140 % to a damping that repeats to 8 %.
+USUAL_SKEW = 1e-3
+
+
+class Clock(NamedTuple):
+    """The skew that may be left between force and position.
+
+    Attributes
+    ----------
+    error : float
+        Its standard deviation, s; 0 if nothing but the fit of the law shows it.
+    is_known : bool
+        Whether something other than the contact's law shows it. No skew that is assumed makes the
+        damping of a law that hides it safe to trust (``benchmarks.known_clock``).
+    reason : str
+        End of the sentence *the damping is known to ± 20 %, …*.
+    remedy : NextStep
+        What shows it better.
+    """
+
+    error: float
+    is_known: bool
+    reason: str
+    remedy: NextStep
+
+
+def clock_of(fit: Fit) -> Clock:
+    """Return what is known of the clocks of a fit's recording."""
+    applied = fit.data.contact.delay
+    if applied is not None:
+        two = applied.from_contact and has_two_clocks(fit)
+        what = "clocks' offset" if two else "delay"
+        remedy = NextStep.ONE_CLOCK if two and applied.found else NextStep.IN_STEP
+        reason = f"by the standard error of the {what}"
+        # Two clocks may be one: then a law that shows the skew knows it better than the offset.
+        left_alone = applied.from_contact and not applied.found
+        error = 0.0 if left_alone and shows_skew(fit) else applied.standard_error
+        return Clock(error, not applied.from_contact, reason, remedy)
+    least_delay = 0.0 if fit.response is None else fit.response.delay
+    error = 0.0 if shows_skew(fit) else max(USUAL_SKEW, least_delay)
+    reason = f"since {rounded(1e3 * error, 2)} ms of skew between force and position is possible"
+    return Clock(error, False, reason, NextStep.IN_STEP)
+
+
+def shows_skew(fit: Fit) -> bool:
+    """Whether the law distinguishes a skew from damping.
+
+    A skew τ adds K n xⁿ⁻¹ v τ, which differs from the damping force B xⁿ v of Hunt–Crossley but not
+    from the force of half-space damping, of a linear damper or of a relaxation branch.
+    """
+    law: ForceLaw = fit.given.estimate.law
+    return law.power_law
+
+
+def has_two_clocks(fit: Fit) -> bool:
+    """Whether palpate found the offset between the clocks of position and force."""
+    return any(each.check == Check.CLOCK_OFFSET for each in fit.data.contact.findings)
+
+
+# Errors of real rigs that a recording may contain: their prior widths, and what is left of each.
+#
+# The amount a of a nuisance is 0, or with the odds π normal around 0 with the width p of its row in
+# NUISANCES. The recording estimates it as A ± s, the coefficient of its column in the fit.
+# With w = p²/(p² + s²) the amount, if the nuisance is present, is w A with the variance w s², and
+#
+#     log P/(1 − P) = log π/(1 − π) + ½ log(1 − w) + ½ w (A/s)²
+#
+# is the probability P that it is present (spike and slab; Mitchell & Beauchamp 1988). What is left
+# of it in a number Q is √(P (w² A² + w s²)) ∂Q/∂a: little if the recording excludes the nuisance,
+# and √π p ∂Q/∂a if the recording does not show it at all.
+
+# Prior odds of a nuisance. Chosen with the widths by the log score of the bars on seeds 0 to 300 of
+# ``benchmarks.diagnosis.mix`` and on a second bank; half or twice of them costs 0.1 nat at most.
+ODDS = 0.05
+# A force that a sensor bends differs from one that a material bends in no recording, and materials
+# of another shape are common.
+GAIN_ODDS = 0.002
+# Odds of a skew of known clocks: its standard error is that of what shows it, and needs no factor.
+CERTAIN = 1.0 - 1e-9
+# Factor on what is not detected: it is rarely normal. Chosen with the odds.
+FACTOR = 1.3
+
+
+class Nuisance(NamedTuple):
+    """A prior of one nuisance.
+
+    Attributes
+    ----------
+    width : float
+        Standard deviation where it is present, in its unit.
+    unit : callable
+        One unit of the amount, as a coefficient of the column.
+    sentence : str
+        End of the sentence *the damping is known to ± 20 %, …* if it may be present.
+    odds : float
+        Prior probability that it is present.
+    """
+
+    width: float
+    unit: Callable[[Fit], float]
+    sentence: str
+    odds: float = ODDS
+
+
+def _second(fit: Fit) -> float:
+    return 1.0
+
+
+def _elastic_force(fit: Fit) -> float:
+    """At the median depth."""
+    return abs(float(fit.solution.law.force(fit.reference / fit.units.depth, 0.0)))
+
+
+def _peak_force(fit: Fit) -> float:
+    return fit.data.peak_force
+
+
+def _gain_at_peak(fit: Fit) -> float:
+    """The column's coefficient is the change of the gain up to the working force."""
+    force = abs(fit.force_at_depth(fit.solution.law))
+    return force / max(fit.data.peak_force, 1e-300)
+
+
+def _damping_force(fit: Fit) -> float:
+    """At the rms speed; at least 2 % of the elastic force."""
+    damper = float(fit.solution.law.damping_at(fit.reference / fit.units.depth))
+    return max(abs(damper) * fit.speed / fit.units.speed, 0.02 * _elastic_force(fit))
+
+
+def _mass(fit: Fit) -> float:
+    """Its inertia at the rms acceleration is the peak force."""
+    acceleration = math.sqrt(float((fit.acceleration**2).mean()))
+    return fit.data.peak_force / max(acceleration, 1e-300)
+
+
+NUISANCES: Mapping[Check, Nuisance] = {
+    # s. Two channels of one controller differ by a filter of 50–100 Hz or one cycle of 500 Hz.
+    Check.DELAY: Nuisance(2e-3, _second, "a delay between force and position"),
+    # Fraction of the elastic force: a tip slides where the motion is not normal.
+    Check.FRICTION: Nuisance(0.05, _elastic_force, "friction that grows with the load"),
+    # Fraction of the peak force: seals and linear guides between sensor and probe rub.
+    Check.GUIDE_FRICTION: Nuisance(0.01, _peak_force, "friction of a guide"),
+    # Fraction of the peak force: the tip beyond a sensor is about 1 % of what moves.
+    Check.INERTIA: Nuisance(0.02, _mass, "a mass beyond the sensor"),
+    # Fraction of the elastic force at the rms speed: fluid is pressed out.
+    Check.SQUARE_SPEED: Nuisance(0.05, _elastic_force, "damping that grows with the speed"),
+    # Fraction of the peak force during the recording: strain gauges warm up.
+    Check.OFFSET_DRIFT: Nuisance(0.03, _peak_force, "drift of the force sensor"),
+    # Change of the gain between no and the peak force. A bend of b lies b/4 off the line between
+    # its ends: load cells are specified to 0.1 to 1 % of their range.
+    Check.SENSOR_GAIN: Nuisance(0.04, _gain_at_peak, "a curved sensor gain", GAIN_ODDS),
+    # Change of the gain during the recording: materials soften, or sensors warm up.
+    Check.SLOW_CHANGE: Nuisance(0.05, _second, "softening or a drifting gain"),
+    # Fraction of the damping force: half-space and Hunt–Crossley damping differ by as much over
+    # depths of one to three.
+    Check.DAMPING_FORM: Nuisance(0.4, _damping_force, "damping of another form"),
+}
+
+
+def _prior(fit: Fit, check: Check) -> Nuisance | None:
+    """Return the prior of a nuisance; that of a skew which the law shows is a known clock's error.
+
+    Beside a law that hides a skew, its column stands for damping of another form.
+    """
+    prior = NUISANCES.get(check)
+    if prior is None or check is not Check.DELAY or not shows_skew(fit):
+        return prior
+    clock = clock_of(fit)
+    return prior._replace(width=clock.error, odds=CERTAIN) if clock.is_known else prior
+
+
+def remaining_part(fit: Fit, check: Check, amount: float, z: float) -> float:
+    """Return the multiple of an estimated amount that may remain: √(P (w² A² + w s²))/|A|.
+
+    :data:`FACTOR` times as much of what is not detected; 0 for a check that is no nuisance. With
+    ``z`` = |A|/s.
+    """
+    prior = _prior(fit, check)
+    size = abs(amount) / prior.unit(fit) if prior is not None else 0.0
+    if prior is None or not 0.0 < size < math.inf:
+        return 0.0
+    error = size / max(z, 1e-9)
+    shrinkage = prior.width**2 / (prior.width**2 + error**2)
+    log_odds = math.log(prior.odds / (1.0 - prior.odds))
+    log_odds += 0.5 * math.log(max(1.0 - shrinkage, 1e-300)) + 0.5 * shrinkage * z**2
+    present = 1.0 / (1.0 + math.exp(-max(log_odds, -700.0)))
+    factor = 1.0 if z > SIGNIFICANT or prior.odds == CERTAIN else FACTOR
+    return factor * math.sqrt(present * ((shrinkage * size) ** 2 + shrinkage * error**2)) / size
+
 
 # Changes of stiffness and damping due to a cause. They are frozen values, so that the change can be
 # computed at any depth.

@@ -8,14 +8,12 @@ from operator import attrgetter
 import numpy as np
 
 from palpate.diagnosis.causes import MisfitHypothesis, SeveralLaws
-from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.windows import WINDOWS_A_PERIOD
+from palpate.diagnosis.fit import WINDOWS_A_PERIOD, Fit
 from palpate.digits import rounded
 from palpate.estimators.by_law import linear_in
 from palpate.estimators.least_squares import Fitted, least_squares, robust_covariance
-from palpate.findings import Check
+from palpate.findings import Check, NextStep, Remedy
 from palpate.force_laws import ForceLaw
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 BLOCKS = 48  # changes are searched for at the borders of these blocks

@@ -7,13 +7,23 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis.causes import MisfitHypothesis, OtherLaw, cause_from_column
-from palpate.diagnosis.clock import clock_of, has_two_clocks
-from palpate.diagnosis.fit import SIGNIFICANT, Fit, MovedSamples, Solution, fit_with_column
-from palpate.diagnosis.windows import WindowedSamples
+from palpate.diagnosis.causes import (
+    MisfitHypothesis,
+    OtherLaw,
+    cause_from_column,
+    clock_of,
+    has_two_clocks,
+)
+from palpate.diagnosis.fit import (
+    SIGNIFICANT,
+    Fit,
+    MovedSamples,
+    Solution,
+    WindowedSamples,
+    fit_with_column,
+)
 from palpate.digits import percent, rounded, with_error
-from palpate.findings import Check, Finding
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.validation import Floats
 
 LONGEST = 25e-3  # s; with more the recording is misaligned, not delayed

@@ -2,13 +2,10 @@
 
 from copy import copy
 
-import numpy as np
-
-from palpate.contact import Contact
 from palpate.diagnosis.recording import Data
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.viscoelastic import RelaxingEstimate, dynamic_response
-from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley, steps_over_breaks
+from palpate.estimators.viscoelastic import dynamic_response
+from palpate.force_laws import GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats
 
 
@@ -43,26 +40,6 @@ class EquivalentEstimate(Estimate):
     def law(self) -> HuntCrossley:
         """The equivalent Hunt–Crossley law."""
         return self._equivalent
-
-
-def force_along(path: Data | Contact, estimate: Estimate, *, begins: bool = True) -> Floats:
-    """Return the force of an estimate's law at every sample, N, without its offset.
-
-    Parameters
-    ----------
-    path : Data or Contact
-        The motion, assumed straight over gaps.
-    estimate : Estimate
-        An estimate of any law.
-    begins : bool
-        Whether the path begins with the samples of the estimate, in an unknown state.
-    """
-    x = path.penetration - estimate.surface
-    steps = steps_over_breaks(path.time, x, path.sample_time)
-    force: Floats = estimate.law.force_along(x, path.velocity, steps)
-    if begins and isinstance(estimate, RelaxingEstimate):
-        force += np.where(x > 0.0, estimate.start_force(np.cumsum(steps) - steps[0]), 0.0)
-    return force
 
 
 def equivalent_hunt_crossley(

@@ -5,8 +5,7 @@ import numpy as np
 from palpate.diagnosis.fit import Fit
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.law_verdicts import ONE_WAY, one_speed, one_way
-from palpate.findings import Check, Finding, Mark
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 
 FEWEST_SAMPLES = 60
 # A probe is held below the first fraction of its rms speed and beyond the second of its depth, for

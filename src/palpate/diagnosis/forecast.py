@@ -4,12 +4,10 @@ import math
 
 import numpy as np
 
-from palpate.diagnosis.fit import Fit
-from palpate.diagnosis.windows import FEWEST_ROWS
+from palpate.diagnosis.fit import FEWEST_ROWS, Fit
 from palpate.digits import percent, rounded
 from palpate.estimators.least_squares import column_sizes
-from palpate.findings import Check, Finding
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, NextStep, Remedy
 
 PARTS = 3  # parts of the rows; the last part is predicted
 CARE = 0.25

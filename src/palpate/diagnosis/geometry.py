@@ -8,12 +8,10 @@ from palpate.diagnosis.causes import CARE, MisfitHypothesis, OtherLaw
 from palpate.diagnosis.fit import NOISE_LIKE, Fit, MovedSamples
 from palpate.digits import format_quantity, percent
 from palpate.estimators import ESTIMATORS
-from palpate.estimators.least_squares import robust_covariance
-from palpate.findings import Check, Finding
+from palpate.estimators.least_squares import fit_surface_position, robust_covariance
+from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.force_laws import HuntCrossley
 from palpate.preparation.resolution import find_dead_band
-from palpate.preparation.surface import fit_surface_position, report_assumed_surface
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 MOST_IN_CONTACT = 3000
@@ -122,4 +120,6 @@ def check_known_surface(fit: Fit) -> Finding | None:
     reported = any(finding.check == Check.SURFACE for finding in contact.findings)
     if fit.has_free_air or reported or contact.surface_deviation is not None:
         return None
+    from palpate.preparation.surface import report_assumed_surface
+
     return report_assumed_surface("the recording has no free air")

@@ -20,14 +20,12 @@ from palpate.diagnosis.causes import (
 )
 from palpate.diagnosis.change import find_changes
 from palpate.diagnosis.excitation import presses_once
-from palpate.diagnosis.fit import SIGNIFICANT, Fit, fit_with_column
+from palpate.diagnosis.fit import FEWEST_FREE, SIGNIFICANT, Fit, fit_with_column
 from palpate.diagnosis.misfit import deeper_half_remedy
 from palpate.diagnosis.outcome import ModelSelection
-from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rounded
 from palpate.estimators.least_squares import mean_error, robust_covariance
-from palpate.findings import Check, Finding
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, NextStep, Remedy
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:

@@ -15,8 +15,7 @@ from palpate.diagnosis.fit import (
 from palpate.digits import percent, rounded
 from palpate.estimators.least_squares import column_sizes, robust_covariance
 from palpate.estimators.variable_projection import ConstrainedEstimate
-from palpate.findings import Check, Finding, Mark
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.validation import Floats
 
 # Chosen by hand.

@@ -10,9 +10,8 @@ import numpy as np
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.estimators import ContactEstimator, LawVerdict
 from palpate.estimators.law_verdicts import judge_evidence
-from palpate.findings import Check, Finding, Mark, spoken
+from palpate.findings import Check, Finding, Mark, Remedy, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.remedies import Remedy
 from palpate.validation import Plain
 
 

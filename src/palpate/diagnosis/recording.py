@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import ModelSelection
 from palpate.digits import format_quantity, percent, rounded
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.preparation.held import hold_length, report_held_channel
 from palpate.preparation.resolution import noise_of
 from palpate.preparation.touch import exclude_load_transfer
@@ -25,7 +25,6 @@ from palpate.preparation.velocity import (
     step_of,
     window_samples,
 )
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 

@@ -7,22 +7,20 @@ import numpy as np
 
 from palpate.diagnosis.causes import (
     CARE,
+    NUISANCES,
     RISE,
     MisfitHypothesis,
     ParameterChange,
     causes_from_columns,
     relative_time,
 )
-from palpate.diagnosis.fit import SIGNIFICANT, Fit
-from palpate.diagnosis.nuisances import NUISANCES
+from palpate.diagnosis.fit import FEWEST_FREE, SIGNIFICANT, Fit
 from palpate.diagnosis.recording import FAR, Data
-from palpate.diagnosis.windows import FEWEST_FREE
 from palpate.digits import format_quantity, percent, rough_percent, rounded
 from palpate.estimators.least_squares import mean_error
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.preparation.held import hold_length
 from palpate.preparation.resolution import find_dead_band
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 SHORTEST = 5  # samples

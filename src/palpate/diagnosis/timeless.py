@@ -15,9 +15,8 @@ from palpate.diagnosis.misfit import misfit_without_time
 from palpate.diagnosis.outcome import UNKNOWN, Diagnosis
 from palpate.diagnosis.verdict import assemble_diagnosis
 from palpate.estimators.estimate import Estimate, Trace
-from palpate.findings import HOLD_WITHOUT_TIME, Check, Finding, worst
+from palpate.findings import HOLD_WITHOUT_TIME, Check, Finding, NextStep, Remedy, worst
 from palpate.force_laws.laws import Spring
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats
 
 #: Indices of K and n among the parameters of Hunt–Crossley.

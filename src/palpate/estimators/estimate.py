@@ -10,9 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from palpate._core import EstimateValue, Status
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
-from palpate.remedies import NextStep, Remedy
 from palpate.validation import Floats, number_in, shown, signals, whole_in
 
 # Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.

@@ -8,8 +8,7 @@ from typing import Any, NamedTuple
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
 from palpate.estimators.estimate import Estimate
-from palpate.findings import Check, Finding, Mark
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.validation import Plain, finite_or_none, or_nan
 
 # In the order of the compiled enumerations.

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
+from palpate.force_laws import HuntCrossley
 from palpate.settings import Configured
 from palpate.validation import Floats, arguments, covariance_matrix, signal
 
@@ -242,3 +243,39 @@ class LeastSquares(Configured, _core.LeastSquares):
         """Forget all rows."""
         fresh = LeastSquares(**self._settings)
         self._restore(fresh._state())
+
+
+# Joint least squares of a Hunt–Crossley law, an offset and the surface.
+
+EXPONENT_RANGE = (0.2, 6.0)  # wider than for any material; keeps powers finite
+SURFACE_RANGE = (-3.0, 0.9)  # working depths
+
+
+def fit_surface_position(
+    samples: Floats, starts: Floats, *, exponent_fixed: bool = False
+) -> Fitted:
+    """Fit (k, c, n, F₀, d) by least squares from several starts; return the best fit.
+
+    Parameters
+    ----------
+    samples : numpy.ndarray, shape (3, samples)
+        Depth over the working depth, velocity over its rms, and force [N], in contact and free
+        approach.
+    starts : numpy.ndarray, shape (starts, 5)
+        Starting values: N, N, 1, N, and working depths.
+    exponent_fixed : bool
+        Whether n keeps its starting value.
+    """
+    exponents = (starts[0, 2],) * 2 if exponent_fixed else EXPONENT_RANGE
+    fitted = _core.fit_samples(np.ascontiguousarray(samples), starts, exponents, SURFACE_RANGE)
+    parameters = np.array(fitted)
+    law = HuntCrossley.from_parameters(fitted[:3])
+    x, v, force = samples
+    below = x - parameters[4]
+    touching = (below > 0.0)[:, None]
+    below = np.where(below > 0.0, below, 1.0)
+    rows = [*law.parameter_gradient(below, v).T, -law.penetration_gradient(below, v)]
+    jacobian = np.insert(np.array(rows).T * touching, 3, 1.0, axis=1)
+    jacobian[:, 2] *= not exponent_fixed
+    residual = force - jacobian[:, [0, 1, 3]] @ parameters[[0, 1, 3]]
+    return Fitted(parameters, residual, jacobian)

@@ -40,12 +40,14 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.identification.estimate_checks import (
+from palpate.identification.checks import (
+    FEWEST_ABOVE,
     NEGATIVE_DAMPING,
     NEGATIVE_STIFFNESS,
     creates_energy,
+    no_approach,
+    no_contact_message,
 )
-from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
 from palpate.identification.replaying import resolve_estimator
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.preparing import Recorded, prepare

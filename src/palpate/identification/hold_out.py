@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.digits import percent, rounded
 from palpate.errors import RecordingError
-from palpate.findings import Check, Finding
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.validation import Floats
 
 # A law that predicts worse than this multiple of Hunt–Crossley's error is not to be trusted.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,14 +23,7 @@ from palpate.diagnosis import (
     diagnose_parts,
     stack_depths,
 )
-from palpate.diagnosis.equivalent import force_along
-from palpate.diagnosis.fit import DEEP, FitInput
-from palpate.diagnosis.timeless import (
-    SpringEstimate,
-    diagnosis_without_time,
-    findings_without_time,
-    trace_without_time,
-)
+from palpate.diagnosis.fit import DEEP, FitInput, force_along
 from palpate.digits import format_quantity, rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, LawVerdict, VariableProjection, ViscoelasticContact
@@ -46,10 +39,9 @@ from palpate.estimators.estimate import (
 )
 from palpate.estimators.law_verdicts import Candidate
 from palpate.estimators.oscillation import Oscillation
-from palpate.findings import Check, Finding
+from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.force_laws import steps_over_breaks
-from palpate.identification.estimate_checks import check_estimate
-from palpate.identification.refusals import check_approach, why_nothing
+from palpate.identification.checks import check_approach, check_estimate, why_nothing
 from palpate.identification.replaying import (
     defaults_from_data,
     joint_covariance,
@@ -58,7 +50,6 @@ from palpate.identification.replaying import (
 )
 from palpate.identification.weak_prior import weak_prior
 from palpate.preparation.gate import choose_gate
-from palpate.preparation.prepared import Place
 from palpate.quantities.derived import (
     QueryOptions,
     compression_modulus_from,
@@ -72,12 +63,14 @@ from palpate.quantities.derived import (
     passivity_from,
     restitution_from,
 )
-from palpate.remedies import NextStep, Remedy
 from palpate.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
+if TYPE_CHECKING:
+    from palpate.preparation.places import Place
+
 _LOGGER = logging.getLogger(__name__)
-_Placed: TypeAlias = tuple[Place, Contact]
+_Placed: TypeAlias = "tuple[Place, Contact]"
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
@@ -97,7 +90,7 @@ class Identified:
     depth: float | None = None
     segments: tuple["Identified", ...] = ()
     noticed: Trace | None = field(default=None, repr=False)
-    place: Place | None = field(default=None, repr=False)
+    place: "Place | None" = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
     query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
@@ -149,6 +142,8 @@ class Identified:
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(words) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
+            from palpate.diagnosis.timeless import findings_without_time, trace_without_time
+
             findings = findings_without_time(findings)
             recorded = trace_without_time(recorded)
         taken = np.count_nonzero(recorded.taken)
@@ -247,7 +242,11 @@ class Identified:
             self.frequency,
         )
         found = diagnose_parts(given, depths, (*self.findings, *self._check_late_force()))
-        return diagnosis_without_time(found) if self.contact.timeless else found
+        if not self.contact.timeless:
+            return found
+        from palpate.diagnosis.timeless import diagnosis_without_time
+
+        return diagnosis_without_time(found)
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
@@ -491,7 +490,11 @@ class Identified:
 
     def reported(self, estimate: Estimate) -> Estimate:
         """Return an estimate as it is reported: without time only its spring."""
-        return SpringEstimate(estimate) if self.contact.timeless else estimate
+        if not self.contact.timeless:
+            return estimate
+        from palpate.diagnosis.timeless import SpringEstimate
+
+        return SpringEstimate(estimate)
 
     @property
     def _whole_estimate(self) -> Estimate:

@@ -7,9 +7,8 @@ from palpate.diagnosis.causes import CARE
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
 from palpate.estimators.variable_projection import EXPONENTS, solve_in_box
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.force_laws import HuntCrossley
-from palpate.remedies import NextStep, Remedy
 
 # Relative change of the stiffness above which the estimate is not trusted; chosen by hand.
 STOP = 0.20

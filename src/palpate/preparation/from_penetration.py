@@ -1,8 +1,8 @@
 """A contact from a penetration and a compression, of a recording or of arrays: signs, surface."""
 
 import logging
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,26 +13,77 @@ from palpate.channels.roles import Columns
 from palpate.channels.si_numbers import measurable
 from palpate.channels.signals import Signals
 from palpate.contact import Contact, add_step
-from palpate.errors import InvalidParameterError
+from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
-from palpate.preparation.delay import remove_delay
 from palpate.preparation.held import find_fresh_samples
-from palpate.preparation.prepared import Prepared
 from palpate.preparation.resolution import deviation_of_mean
 from palpate.preparation.settings import Preparation
 from palpate.preparation.velocity import describe_filter, estimate_velocities, subtract_inertia
 from palpate.recordings import Recording
 from palpate.recordings.units import UNITS, unit_size
 from palpate.stages import stage
+from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
 if TYPE_CHECKING:
+    from palpate.preparation.normal import Normal
+    from palpate.preparation.places import Place
     from palpate.preparation.surface import Surface
     from palpate.preparation.tare import Baseline
+    from palpate.wrench.payload import Payload
 
 _LOGGER = logging.getLogger(__name__)
 # m. The estimator's own search finds a surface nearer than this to zero without help.
 SEARCHED = 2e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """How a contact was made from a recording.
+
+    Attributes
+    ----------
+    recording : Recording
+        The channels as they were recorded.
+    settings : Preparation
+        The requested settings.
+    zero : numpy.ndarray, optional
+        The subtracted mean force offset, N: one number, or three in the axes of the sensor.
+    drift : float
+        Change of the force offset over the recording, N.
+    normal : Normal, optional
+        Contact normal of the whole recording, if the probe moves in space.
+    surface : Surface, optional
+        The surface found, in the penetration of the recording or along the normal.
+    payload : Payload, optional
+        Tool, mount, bias and clock of a sensor that turns with the tool.
+    places : tuple of Place
+        For a travelling probe, the place of each segment of the contact.
+    way : callable, optional
+        The function that makes the contact from the recording and the settings.
+    """
+
+    recording: Recording
+    settings: Preparation
+    zero: Floats | None = None
+    drift: float = 0.0
+    normal: "Normal | None" = None
+    surface: "Surface | None" = None
+    payload: "Payload | None" = None
+    places: "tuple[Place, ...]" = ()
+    way: Callable[[Recording, Preparation], Contact] | None = field(default=None, repr=False)
+
+    def again(self) -> Contact:
+        """Make the contact again, bit for bit the same.
+
+        Raises
+        ------
+        RecordingError
+            The contact was made from arrays, not from a recording.
+        """
+        if self.way is None:
+            raise RecordingError("this contact was made from arrays and has no recording")
+        return self.way(self.recording, self.settings)
 
 
 def contact_from_penetration(
@@ -161,7 +212,11 @@ def _prepare_channels(
     prepared = Prepared(recording or Recording({}), settings)
     contact, prepared = _subtract_offset(contact, prepared)
     contact, prepared = _move_to_surface(contact, prepared)
-    contact = subtract_inertia(remove_delay(contact, delay), settings.mass)
+    if delay:
+        from palpate.preparation.delay import remove_delay
+
+        contact = remove_delay(contact, delay)
+    contact = subtract_inertia(contact, settings.mass)
     contact = replace(contact, prepared=prepared)
     low, high = settings.window or (None, None)
     return contact if low is None and high is None else contact.window(low, high)

@@ -14,6 +14,7 @@ from palpate.errors import RecordingError
 from palpate.findings import Finding
 from palpate.preparation.delay import remove_delay
 from palpate.preparation.force_frame import find_stated_frame, read_force
+from palpate.preparation.from_penetration import Prepared
 from palpate.preparation.held import find_fresh_samples
 from palpate.preparation.normal import AlongNormal, parse_normal, project_on_normal
 from palpate.preparation.orientation import (
@@ -25,7 +26,6 @@ from palpate.preparation.orientation import (
     states_order,
 )
 from palpate.preparation.places import divide_at_places, join_places, report_travel
-from palpate.preparation.prepared import Prepared
 from palpate.preparation.resolution import deviation_of_mean
 from palpate.preparation.settings import Preparation
 from palpate.preparation.tare import Baseline, describe_free_air, tare_force

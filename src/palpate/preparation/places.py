@@ -15,9 +15,8 @@ from palpate.contact import Contact, VelocityFilter, add_step
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
-from palpate.preparation.normal import AlongNormal, parse_normal, project_on_normal
+from palpate.preparation.normal import AlongNormal, Normal, parse_normal, project_on_normal
 from palpate.preparation.orientation import FIRM
-from palpate.preparation.prepared import Place
 from palpate.preparation.settings import Preparation
 from palpate.preparation.surface import Surface, find_surface, report_assumed_surface
 from palpate.preparation.touch import exclude_load_transfer
@@ -25,6 +24,39 @@ from palpate.preparation.velocity import describe_filter, estimate_velocities
 from palpate.rows import norm, row_norms, run_slices, true_runs
 from palpate.stages import log_stage
 from palpate.validation import Floats, Mask
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Place:
+    """One place on the material, and when the probe was there.
+
+    Attributes
+    ----------
+    start, stop : float
+        Time interval, s.
+    position : numpy.ndarray, shape (3,)
+        Median position of the probe, m, in the frame of the recording.
+    normal : Normal or None
+        Contact normal; None if the position is along one axis.
+    surface : Surface
+        Surface along that normal.
+    """
+
+    start: float
+    stop: float
+    position: Floats
+    normal: Normal | None
+    surface: Surface
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the place as JSON types."""
+        return {
+            "position": self.position.tolist(),
+            "normal": None if self.normal is None else self.normal.vector.tolist(),
+            "surface": self.surface.position,
+            "surface_deviation": self.surface.deviation,
+        }
+
 
 # Episodes: intervals in which the probe stays at one place on the material.
 

@@ -11,7 +11,14 @@ from palpate.errors import InvalidParameterError
 from palpate.preparation.options import Options, SurfaceRule
 from palpate.recordings.units import UNITS, unit_size
 from palpate.settings import ForceFrame
-from palpate.validation import check_choice, instance, number_in, pair_in, shown, vector_in
+from palpate.validation import (
+    check_choice,
+    instance,
+    number_in,
+    pair_in,
+    shown,
+    vector_in,
+)
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s

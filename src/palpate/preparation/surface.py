@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import palpate._core as _core
 from palpate.contact import add_step
 from palpate.digits import rounded
-from palpate.estimators.least_squares import Fitted, robust_covariance
+from palpate.estimators.least_squares import fit_surface_position, robust_covariance
 from palpate.findings import Check, Finding
-from palpate.force_laws import HuntCrossley
 from palpate.preparation.options import SurfaceRule
 from palpate.preparation.resolution import deviation_of_mean, noise_of
 from palpate.rows import finite_rows, true_runs
@@ -220,39 +218,3 @@ def _fit_surface(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | N
     if not at_start or not LEAST_EXPONENT <= fit.parameters[2] <= MOST_EXPONENT:
         return None
     return Surface(start.position + shift, error, "by joint least squares of law and surface")
-
-
-# Joint least squares of a Hunt–Crossley law, an offset and the surface.
-
-EXPONENT_RANGE = (0.2, 6.0)  # wider than for any material; keeps powers finite
-SURFACE_RANGE = (-3.0, 0.9)  # working depths
-
-
-def fit_surface_position(
-    samples: Floats, starts: Floats, *, exponent_fixed: bool = False
-) -> Fitted:
-    """Fit (k, c, n, F₀, d) by least squares from several starts; return the best fit.
-
-    Parameters
-    ----------
-    samples : numpy.ndarray, shape (3, samples)
-        Depth over the working depth, velocity over its rms, and force [N], in contact and free
-        approach.
-    starts : numpy.ndarray, shape (starts, 5)
-        Starting values: N, N, 1, N, and working depths.
-    exponent_fixed : bool
-        Whether n keeps its starting value.
-    """
-    exponents = (starts[0, 2],) * 2 if exponent_fixed else EXPONENT_RANGE
-    fitted = _core.fit_samples(np.ascontiguousarray(samples), starts, exponents, SURFACE_RANGE)
-    parameters = np.array(fitted)
-    law = HuntCrossley.from_parameters(fitted[:3])
-    x, v, force = samples
-    below = x - parameters[4]
-    touching = (below > 0.0)[:, None]
-    below = np.where(below > 0.0, below, 1.0)
-    rows = [*law.parameter_gradient(below, v).T, -law.penetration_gradient(below, v)]
-    jacobian = np.insert(np.array(rows).T * touching, 3, 1.0, axis=1)
-    jacobian[:, 2] *= not exponent_fixed
-    residual = force - jacobian[:, [0, 1, 3]] @ parameters[[0, 1, 3]]
-    return Fitted(parameters, residual, jacobian)

@@ -19,21 +19,13 @@ from palpate.estimators.law_verdicts import band_about
 from palpate.estimators.oscillation import Oscillation
 from palpate.findings import Check
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.quantities.energy import (
-    EnergyLoss,
-    Passivity,
-    Path,
-    check_passivity,
-    compute_energy_loss,
-    fast_approach_speed,
-    find_loops,
-)
 from palpate.validation import Floats, Plain, instance, number, number_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
     from palpate.quantities.elastic_modulus import ElasticModulus, Tip
+    from palpate.quantities.energy import EnergyLoss, Passivity, Path
     from palpate.quantities.restitution import Restitution
     from palpate.quantities.specimen import CompressionModulus, Specimen
 
@@ -346,12 +338,14 @@ LONGEST_GAP = 20.0
 _absurd_numbers = np.errstate(all="ignore")
 
 
-def build_path(result: Derivable) -> Path:
+def build_path(result: Derivable) -> "Path":
     """Return the finite samples without the rejected outliers.
 
     Segments without a gap in time, such as approach and retract of a force curve, are joined, so
     the work continues from one to the next.
     """
+    from palpate.quantities.energy import Path
+
     contact, trace, estimate = result.contact, result.trace, result.estimate
     channels = contact.penetration, contact.velocity, contact.force
     kept = np.all(np.isfinite(channels), axis=0) & ~trace.rejected
@@ -387,6 +381,7 @@ def restitution_from(result: Derivable, speed: float | None = None) -> "Restitut
     speed : float, optional
         m/s, > 0. Default: the speed in :attr:`query`, or the fastest approach in contact.
     """
+    from palpate.quantities.energy import fast_approach_speed
     from palpate.quantities.restitution import compute_dissipation, compute_restitution
 
     _require_time(result)
@@ -402,8 +397,10 @@ def restitution_from(result: Derivable, speed: float | None = None) -> "Restitut
 
 
 @_absurd_numbers
-def energy_from(result: Derivable) -> EnergyLoss:
+def energy_from(result: Derivable) -> "EnergyLoss":
     """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
+    from palpate.quantities.energy import compute_energy_loss, find_loops
+
     _require_time(result)
     data, path = result.data or Data(result.contact), build_path(result)
     going_on = replace(result.contact, segment=_segment_numbers(result.contact))
@@ -421,8 +418,10 @@ def energy_from(result: Derivable) -> EnergyLoss:
 
 
 @_absurd_numbers
-def passivity_from(result: Derivable) -> Passivity:
+def passivity_from(result: Derivable) -> "Passivity":
     """Whether the law's force, and the recorded force, become negative in the recorded motion."""
+    from palpate.quantities.energy import check_passivity
+
     _require_time(result)
     data, there = result.data or Data(result.contact), result.diagnosis.working_depth
     return check_passivity(build_path(result), result.law, there, data.force_noise)
