@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Mask, Values
 
 
 def run_slices(labels: NDArray[Any]) -> Iterator[slice]:
@@ -31,9 +31,14 @@ def finite_rows(*arrays: Floats) -> Mask:
     return every
 
 
-def typical_step(time: Floats) -> float:
-    """Median time between samples, s."""
-    return float(np.median(np.diff(time)))
+def count_true(mask: Mask) -> int:
+    """Number of true values."""
+    return int(np.count_nonzero(mask))
+
+
+def typical_step(time: Values) -> float:
+    """Median time between samples, s; infinite for fewer than two."""
+    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
 
 
 def norm(vector: Floats) -> float:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from palpate.contact import SHORTEST_STEP, run_slices
 from palpate.findings import Check, Finding, Severity
 from palpate.recordings.units import unit_size
-from palpate.validation import Floats
+from palpate.rows import count_true
+from palpate.validation import Floats, Integers, Mask, Values
 
-Times: TypeAlias = NDArray[np.int64] | Floats
+Times: TypeAlias = Integers | Floats
 
 # After a restart of the recorder, time falls back and increases from there. After a single late
 # message, the next one is later than all before.
@@ -43,8 +44,8 @@ class Rows:
         Number of samples without a time, with the previous time, or with an earlier time.
     """
 
-    keep: NDArray[np.bool_]
-    part: NDArray[np.int64]
+    keep: Mask
+    part: Integers
     restarts: int
     first_wrong: int
     untimed: int
@@ -59,7 +60,7 @@ class Rows:
 
 def select_increasing_rows(
     time: Times,
-    label: NDArray[np.int64] | None = None,
+    label: Integers | None = None,
     *,
     largest: float = math.inf,
 ) -> Rows:
@@ -90,7 +91,7 @@ def select_increasing_rows(
             with np.errstate(over="ignore"):  # huge times
                 increases = (times[1:] > latest) & (times[1:] - latest >= SHORTEST_STEP)
             keep[low + 1 : high] = increases
-            repeated += int(np.count_nonzero(~increases & (times[1:] >= latest)))
+            repeated += count_true(~increases & (times[1:] >= latest))
             parts[low:high] = number
             number += 1
     selected = np.zeros(time.size, dtype=bool)
@@ -103,9 +104,9 @@ def select_increasing_rows(
         part,
         len(restarts),
         int(min(wrong, default=-1)),
-        untimed=int(np.count_nonzero(~timed)),
+        untimed=count_true(~timed),
         repeated=repeated,
-        late=max(int(np.count_nonzero(~keep)) - repeated, 0),
+        late=max(count_true(~keep) - repeated, 0),
     )
 
 
@@ -125,7 +126,7 @@ def _find_restarts(t: Times) -> list[int]:
     return restarts
 
 
-def gaps(time: Floats, part: NDArray[np.int64]) -> NDArray[np.bool_]:
+def gaps(time: Floats, part: Integers) -> Mask:
     """Mask of the samples that follow a gap.
 
     A gap is longer than ten times the median of the five steps before it and of the five after it,
@@ -159,11 +160,11 @@ class Settled(NamedTuple):
     """The times of a clock, a mask of the rows to keep, and the findings."""
 
     time: Times
-    keep: NDArray[np.bool_]
+    keep: Mask
     findings: list[Finding]
 
 
-def settle_stamps(time: Times, columns: Sequence[NDArray[Any]], unit: str = "s") -> Settled:
+def settle_stamps(time: Times, columns: Sequence[Values], unit: str = "s") -> Settled:
     """Drop the rows that were written twice, and spread the samples of a coarse clock.
 
     A row is written twice if its time and all its channels repeat the previous row. If more than a
@@ -200,14 +201,14 @@ def settle_stamps(time: Times, columns: Sequence[NDArray[Any]], unit: str = "s")
         unknown = column != column
         same = (column[1:] == column[:-1]) | (unknown[1:] & unknown[:-1])
         copies[1:] &= same.reshape(len(same), -1).all(axis=1)
-    count = int(np.count_nonzero(copies))
-    differing = int(np.count_nonzero(repeats)) - count
+    count = count_true(copies)
+    differing = count_true(repeats) - count
     # At rest, samples with one time of a slow clock are equal too: equal rows are copies only if
     # they outnumber the rows that repeat a time with other values.
     if differing > COARSE * time.size and differing >= count:
         times, tick = _spread(time)
         message = f"the clock ticks every {tick * milliseconds:.3g} ms: palpate spread "
-        message += f"{np.count_nonzero(repeats)} samples evenly within its ticks"
+        message += f"{count_true(repeats)} samples evenly within its ticks"
         finding = Check.CLOCK.finding(message, "stamp the samples by a finer clock")
         return Settled(times, keep, [finding])
     if not count:
@@ -217,7 +218,7 @@ def settle_stamps(time: Times, columns: Sequence[NDArray[Any]], unit: str = "s")
     return Settled(time, ~copies, [Check.ROWS.finding(message, "check the recorder")])
 
 
-def _find_arrivals(time: Times, columns: Sequence[NDArray[Any]]) -> Times | None:
+def _find_arrivals(time: Times, columns: Sequence[Values]) -> Times | None:
     """Return the time at which the packet of each sample arrived; None without packets.
 
     Packets have one size and a pause after each, in which the channels move only as far as between
@@ -250,7 +251,7 @@ def _find_arrivals(time: Times, columns: Sequence[NDArray[Any]]) -> Times | None
     return arrivals
 
 
-def _finite_axes(column: NDArray[Any]) -> list[Floats]:
+def _finite_axes(column: Values) -> list[Floats]:
     """The components of a numeric channel whose values are all finite."""
     if column.dtype.kind not in "iuf":
         return []
@@ -342,7 +343,7 @@ def report_stated_rate(rate: float) -> Finding:
     return Check.CLOCK.finding(message, "pass --rate if another is right")
 
 
-def report_unmatched(keep: NDArray[np.bool_], clock: str | None) -> Finding:
+def report_unmatched(keep: Mask, clock: str | None) -> Finding:
     """Report the samples at which another clock has none."""
-    message = f"palpate excluded {np.count_nonzero(~keep)} of {keep.size} samples of {clock}"
+    message = f"palpate excluded {count_true(~keep)} of {keep.size} samples of {clock}"
     return Check.CLOCK.finding(f"{message}: the other clock has no sample near them")

@@ -8,15 +8,15 @@ import re
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import RecordingError, list_names
 from palpate.findings import Check, Finding, Severity
 from palpate.recordings.recording import Recording
-from palpate.validation import Floats, check_choice
+from palpate.rows import count_true, row_norms, typical_step
+from palpate.validation import Floats, Integers, Mask, Values, check_choice
 
 UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
 GAP = 10.0  # median steps: palpate does not interpolate across longer ones
@@ -68,14 +68,14 @@ def interpolate_rotation(at: Floats, time: Floats, quaternions: Floats) -> Float
     return unit
 
 
-def lie_between_samples(at: NDArray[Any], time: NDArray[Any]) -> NDArray[np.bool_]:
+def lie_between_samples(at: Values, time: Values) -> Mask:
     """Whether each time lies between two samples of a clock without a gap between them."""
-    step = float(np.median(np.diff(time))) if time.size > 1 else np.inf
+    step = typical_step(time)
     after = np.searchsorted(time, at)
     high = time[np.minimum(after, time.size - 1)]
     low = time[np.maximum(after - 1, 0)]
     inside = (after > 0) & (after < time.size) & (high - low <= GAP * step)
-    result: NDArray[np.bool_] = inside | ((after < time.size) & (high == at))
+    result: Mask = inside | ((after < time.size) & (high == at))
     return result
 
 
@@ -121,7 +121,7 @@ def rotate_to_base(force: Floats, orientation: Floats, source: str = "") -> Floa
 
 def are_quaternions(orientation: Floats) -> bool:
     """Whether nine of ten norms are 1, to rounding and interpolation."""
-    length = np.linalg.norm(orientation, axis=1)
+    length = row_norms(orientation)
     return float((np.abs(length - 1.0) > UNIT_LENGTH).mean()) <= 0.1
 
 
@@ -133,7 +133,7 @@ def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
     RecordingError
         The orientations are not quaternions: their norm is not 1.
     """
-    length = np.linalg.norm(orientation, axis=1)
+    length = row_norms(orientation)
     if not are_quaternions(orientation):
         raise RecordingError.of(
             source,
@@ -145,9 +145,7 @@ def unit_quaternions(orientation: Floats, source: str = "") -> Floats:
     return unit
 
 
-def add_channels(
-    recording: Recording, channels: Mapping[str, NDArray[Any]], origin: str
-) -> Recording:
+def add_channels(recording: Recording, channels: Mapping[str, Values], origin: str) -> Recording:
     """Return the recording with channels on the clock and in the frame of one of its channels."""
     clock, frame = recording.clocks.get(origin), recording.frames.get(origin)
     clocks = {} if clock is None else dict.fromkeys(channels, clock)
@@ -328,10 +326,10 @@ class Step:
 
 
 #: The times of a transform, ns, and its translation and quaternion, shape (k, 7); at rest k = 1.
-_Link: TypeAlias = tuple[NDArray[np.int64], Floats]
+_Link: TypeAlias = tuple[Integers, Floats]
 
 
-def _interpolate(link: _Link, at: NDArray[np.int64]) -> tuple[Floats, Floats]:
+def _interpolate(link: _Link, at: Integers) -> tuple[Floats, Floats]:
     """The translation of a transform by linear interpolation, and its rotation by slerp."""
     stamps, rows = link
     if stamps.size == 1:
@@ -484,7 +482,7 @@ class Transforms:
             clocks = [time for time, _ in links if time.size > 1]
             if not clocks:
                 return None
-            at = min(clocks, key=lambda time: float(np.median(np.diff(time))))
+            at = min(clocks, key=typical_step)
             for time in clocks:
                 at = at[lie_between_samples(at, time)]
             if not at.size:
@@ -516,14 +514,14 @@ class Transforms:
         recording = self.recording
         rows = np.column_stack([recording.numbers(name) for name in names])
         time = recording.channels[recording.clocks[names[0]]]
-        length = np.linalg.norm(rows[:, 3:], axis=1)
+        length = row_norms(rows[:, 3:])
         valid = np.abs(length - 1.0) <= UNIT_LENGTH
         valid &= (np.abs(rows[:, :3]) <= FARTHEST).all(axis=1)
         title = step.above.removesuffix(".").removesuffix(".transform")
         if not valid.any():
             message = f"no rotation of {title} is a quaternion of length 1; record it again"
             raise RecordingError.of(recording.source, message)
-        if count := int(np.count_nonzero(~valid)):
+        if count := count_true(~valid):
             message = f"palpate excluded {count} of {len(rows)} rows of {title}: no valid pose"
             severity: Severity = "with-care" if count > MOST_EXCLUDED * len(rows) else "note"
             remedy = "check what publishes this transform"

@@ -11,41 +11,32 @@ from palpate.recordings.recording import holds_numbers
 from palpate.recordings.units import UNITS, find_unit, is_wanted, plain_unit, split_name, unit_size
 
 # Words for the quantity of a channel without a unit, also in German, Spanish, French and Italian,
-# without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque.
-WORDS: dict[str, tuple[str, ...]] = {
-    "time": (
-        "time", "t", "stamp", "timestamp", "seconds", "sec", "zeit", "uhrzeit", "tiempo", "temps",
-        "tempo",
-    ),
-    "force": (
-        "force", "forces", "wrench", "load", "ft", "f", "fx", "fy", "fz", "fn", "fts", "kraft",
-        "fuerza", "forza",
-    ),
-    "torque": ("torque", "torques", "moment", "tau", "mx", "my", "mz", "tx", "ty", "tz"),
+# without accents. The last such word of a name counts: "/tool.wrench.torque" is a torque. h is the
+# penetration of ISO 14577.
+WORDS: dict[str, str] = {
+    "time": "time t stamp timestamp seconds sec zeit uhrzeit tiempo temps tempo",
+    "force": "force forces wrench load ft f fx fy fz fn fts kraft fuerza forza",
+    "torque": "torque torques moment tau mx my mz tx ty tz",
     "penetration": (
-        "penetration", "indentation", "depth", "deformation", "compression", "eindringtiefe",
-        "tiefe", "profundidad", "profondeur", "profondita", "h",  # as in ISO 14577
+        "penetration indentation depth deformation compression eindringtiefe tiefe "
+        "profundidad profondeur profondita h"
     ),
     "position": (
-        "position", "positions", "pos", "p", "x", "y", "z", "px", "py", "pz", "s", "pose", "tip",
-        "tcp", "ee", "translation", "displacement", "disp", "height", "location", "stroke",
-        "extension", "crosshead", "weg", "verschiebung", "posicion", "desplazamiento",
-        "deplacement", "posizione", "spostamento",
+        "position positions pos p x y z px py pz s pose tip tcp ee translation displacement "
+        "disp height location stroke extension crosshead weg verschiebung posicion "
+        "desplazamiento deplacement posizione spostamento"
     ),
-    "velocity": ("velocity", "vel", "speed", "v", "vx", "vy", "vz", "linear", "xd"),
-    "orientation": ("orientation", "quaternion", "quat", "q", "rotation", "rot"),
+    "velocity": "velocity vel speed v vx vy vz linear xd",
+    "orientation": "orientation quaternion quat q rotation rot",
     "acceleration": (
-        "acceleration", "accelerations", "accelerometer", "accel", "acc", "ax", "ay", "az",
-        "beschleunigung", "aceleracion", "accelerazione",
+        "acceleration accelerations accelerometer accel acc ax ay az beschleunigung "
+        "aceleracion accelerazione"
     ),
-    "angle": ("angle", "angles", "angular", "joint", "joints", "revolute", "gyro", "gyroscope"),
-    "stress": ("stress", "spannung", "pressure"),
-    "strain": ("strain", "dehnung"),
-    "nothing": (
-        "covariance", "effort", "current", "voltage", "temperature", "magnetometer", "static",
-        "normal", "normals",
-    ),
-}  # fmt: skip
+    "angle": "angle angles angular joint joints revolute gyro gyroscope",
+    "stress": "stress spannung pressure",
+    "strain": "strain dehnung",
+    "nothing": "covariance effort current voltage temperature magnetometer static normal normals",
+}
 # The strongest words of a name count: "force_z", "f_tcp" and "force_t" are forces.
 _WEAK = {
     "h": -1,
@@ -55,7 +46,7 @@ _WEAK = {
 }
 # "joint_position", "angular_velocity" and "tf_static" are no position and no velocity.
 _DOMINANT = frozenset(
-    (*WORDS["angle"], "acceleration", "accelerations", "accel", "covariance", "static")
+    (*WORDS["angle"].split(), "acceleration", "accelerations", "accel", "covariance", "static")
 )
 _CAMERA = frozenset(("camera", "cam", "image", "images", "rgb", "rgbd", "realsense", "pixel"))
 # A sensor of both: its first three numbers are the force.
@@ -63,7 +54,7 @@ _FORCE_AND_TORQUE = re.compile(r"forces?[ _/-]*(?:and)?[ _/-]*(?:torque|moment)s
 JOINTS = "sensor_msgs/msg/JointState"
 # A joint that slides has a position in metres.
 SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
-_KIND = {word: kind for kind, words in WORDS.items() for word in words}
+_KIND = {word: kind for kind, words in WORDS.items() for word in words.split()}
 # Words of the channel to prefer: the tip touches the material, and pushes along the normal.
 PREFERRED = {
     "position": frozenset(("tip", "tcp", "probe")),

@@ -161,7 +161,15 @@ def choose_roles(recording: Recording, columns: Columns | None = None) -> Roles:
 
 def explain_roles(recording: Recording) -> tuple[dict[str, tuple[str, str]], str]:
     """Return each channel's role (empty without one) and the reason, and the error if any."""
-    return _explain(_Choosing(recording, Columns()))
+    choosing = _Choosing(recording, Columns())
+    uses: dict[str, tuple[str, str]] = {}
+    refusal = ""
+    try:
+        uses = _uses_of(choosing.roles(), choosing.recording.clocks)
+    except RecordingError as error:
+        refusal = error.reason
+    channels = choosing.recording.channels
+    return {n: uses.get(n) or ("", _reason_against(choosing, n)) for n in channels}, refusal
 
 
 def contact_groups(recording: Recording, columns: Columns) -> list[str]:
@@ -617,20 +625,6 @@ class _Choosing:
 
 
 # The role of each channel, for a table.
-
-
-def _explain(choosing: _Choosing) -> tuple[dict[str, tuple[str, str]], str]:
-    """Return each channel's role (empty without one) and the reason, and the error if any."""
-    uses: dict[str, tuple[str, str]] = {}
-    refusal = ""
-    try:
-        roles = choosing.roles()
-    except RecordingError as error:
-        refusal = error.reason
-    else:
-        uses = _uses_of(roles, choosing.recording.clocks)
-    channels = choosing.recording.channels
-    return {n: uses.get(n) or ("", _reason_against(choosing, n)) for n in channels}, refusal
 
 
 def _uses_of(roles: Roles, clocks: Mapping[str, str]) -> dict[str, tuple[str, str]]:

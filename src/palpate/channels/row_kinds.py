@@ -12,6 +12,8 @@ from palpate.errors import RecordingError
 from palpate.recordings import Recording
 from palpate.recordings.recording import holds_numbers
 from palpate.recordings.units import split_name
+from palpate.rows import count_true
+from palpate.validation import Mask
 
 # Rows of a simulator's contacts: two bodies, the place, the signed distance, the force.
 #
@@ -100,7 +102,7 @@ def refuse_several_contacts(recording: Recording, time: str | None) -> None:
     repeated = stamps[1:] == stamps[:-1]
     aligned = [values for values in columns.values() if values.shape == stamps.shape]
     changes = [(values[1:] != values[:-1])[repeated] for values in aligned]
-    several = np.count_nonzero(np.logical_or.reduce(changes)) if changes else 0
+    several = count_true(np.logical_or.reduce(changes)) if changes else 0
     if several > MOST_REPEATED * stamps.size:
         raise RecordingError.of(
             recording.source,
@@ -171,15 +173,15 @@ def separate_topics(
     )
 
 
-def _are_joined(masks: list[NDArray[np.bool_]]) -> bool:
+def _are_joined(masks: list[Mask]) -> bool:
     """Whether topics with samples in these rows were joined, not recorded together."""
-    fewest = min(map(np.count_nonzero, masks))
-    shared = np.count_nonzero(np.logical_and.reduce(masks))
+    fewest = min(map(count_true, masks))
+    shared = count_true(np.logical_and.reduce(masks))
     together = fewest >= LEAST_KNOWN * masks[0].size and shared >= LEAST_SHARED * fewest
     return bool(fewest) and not together
 
 
-def _find_samples(recording: Recording, names: tuple[str, ...]) -> NDArray[np.bool_]:
+def _find_samples(recording: Recording, names: tuple[str, ...]) -> Mask:
     """Mask of the rows in which each of these channels holds a number; a label is never blank."""
     mask = np.ones(len(recording.channels[names[0]]), dtype=bool)
     for name in names:

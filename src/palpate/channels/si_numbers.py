@@ -14,6 +14,7 @@ from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
 from palpate.recordings import Recording
 from palpate.recordings.units import GRAVITY, TORQUE_UNITS, UNITS, UNSTATED, WEIGHTS, unit_size
+from palpate.rows import count_true
 from palpate.validation import Floats
 
 #: Largest plausible value in SI units, also of a :class:`Scale`. Sums of eighth powers stay finite
@@ -123,7 +124,7 @@ class ChannelReader:
             problem = f"{numbers[sample]:g} is beyond {LARGEST:g}; drop --strict to exclude such "
             raise recording.error(name, f"{problem}values", sample)
         usable = np.isfinite(column)
-        if count := int(np.count_nonzero(~usable)):
+        if count := count_true(~usable):
             text = str(recording.channels[name][int(np.argmin(usable))])
             text = recording.faults[name].text if name in recording.faults else text
             samples = "1 sample" if count == 1 else f"{count} samples"

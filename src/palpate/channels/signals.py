@@ -25,7 +25,8 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.recordings import Recording
 from palpate.recordings.units import unit_size
-from palpate.validation import Floats
+from palpate.rows import count_true, typical_step
+from palpate.validation import Floats, Integers, Mask
 
 Channels: TypeAlias = dict[str, NDArray[np.generic]]
 
@@ -70,18 +71,18 @@ class Signals:
     time: Floats
     depth: Floats
     force: Floats
-    part: NDArray[np.int64]
+    part: Integers
     velocity: Floats | None = None
     orientation: Floats | None = None
     segment: NDArray[np.generic] | None = None
-    fresh: NDArray[np.bool_] | None = None
+    fresh: Mask | None = None
     clocks: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
     made: Mapping[str, str] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     stated_units: frozenset[str] = frozenset()
     assumed_units: frozenset[str] = frozenset()
 
-    def taken(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> "Signals":
+    def taken(self, keep: Mask | Integers) -> "Signals":
         """Return the selected samples."""
         names = "time", "depth", "force", "part", "velocity", "orientation", "segment", "fresh"
         arrays = {name: getattr(self, name) for name in names}
@@ -104,7 +105,7 @@ class Stream:
         """Times in seconds from an origin, subtracted before conversion to keep the digits."""
         return np.asarray((self.time - origin) * unit_size("time", self.unit), dtype=np.float64)
 
-    def taken(self, keep: NDArray[np.bool_]) -> "Stream":
+    def taken(self, keep: Mask) -> "Stream":
         """Return the selected samples."""
         values = {role: channel[keep] for role, channel in self.values.items()}
         return replace(self, time=self.time[keep], values=values)
@@ -170,7 +171,7 @@ class Increasing(NamedTuple):
     """The samples of a stream whose time increases, and their part numbers."""
 
     stream: Stream
-    part: NDArray[np.int64]
+    part: Integers
 
 
 def select_increasing(reader: ChannelReader, stream: Stream, what: str) -> Increasing:
@@ -305,7 +306,7 @@ class Timed(NamedTuple):
     @property
     def step(self) -> float:
         """The median time between samples, s."""
-        return float(np.median(np.diff(self.time))) if self.time.size > 1 else np.inf
+        return typical_step(self.time)
 
 
 def _interpolate_streams(reader: ChannelReader, streams: list[Stream]) -> Signals:
@@ -337,7 +338,7 @@ def _interpolate_streams(reader: ChannelReader, streams: list[Stream]) -> Signal
     if not keep.all():
         reader.findings.append(report_unmatched(keep, slowest.clock))
     values = {role: channel[keep] for role, channel in values.items()}
-    part = np.zeros(np.count_nonzero(keep), dtype=np.int64)
+    part = np.zeros(count_true(keep), dtype=np.int64)
     at_slowest = Timed(slowest.time[keep], values, slowest.clock)
     return _make_signals(reader, at_slowest, part, recorded)
 
@@ -361,7 +362,7 @@ def _interpolate(at: Floats, time: Floats, values: NDArray[np.generic]) -> NDArr
 
 
 def _make_signals(
-    reader: ChannelReader, timed: Timed, part: NDArray[np.int64], recorded: Sequence[Timed]
+    reader: ChannelReader, timed: Timed, part: Integers, recorded: Sequence[Timed]
 ) -> Signals:
     """Make signals from values on one clock; separate them at gaps and report these."""
     breaks = gaps(timed.time, part)

@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.channels.clocks import Times
 from palpate.channels.roles import Columns, Offer, offer_of
@@ -14,7 +13,7 @@ from palpate.channels.signals import SINCE_LONG_AGO, Stream, origin_of, stream_o
 from palpate.errors import RecordingError
 from palpate.recordings import Recording
 from palpate.recordings.units import unit_size
-from palpate.validation import Floats
+from palpate.validation import Floats, Values
 
 Label = TypeVar("Label")
 
@@ -59,7 +58,7 @@ class FilePair:
         unit = self.position.unit
         origin = origin_of(self.position)
         seconds = self.force.seconds(origin_of(self.force)) - lag
-        time: NDArray[Any] = seconds / unit_size("time", unit)
+        time: Values = seconds / unit_size("time", unit)
         if isinstance(origin, int) and unit == "ns":  # a float since 1970 has steps of 256 ns
             time = np.rint(time).astype(np.int64)
         channels = {**self.recording.channels, self.clock: time + origin}

@@ -25,6 +25,7 @@ from palpate.preparation.resolution import noise_of
 from palpate.preparation.settings import Preparation, check_delay
 from palpate.preparation.velocity import find_spikes
 from palpate.recordings import Recording
+from palpate.rows import typical_step
 from palpate.validation import Floats
 
 MOST_ROUNDS = 5  # the surface depends on the offset, and the offset on the surface
@@ -173,8 +174,8 @@ def rough_offset(
     if min(t.size, s.size) < BINS:
         return None
     step = max(
-        float(np.median(np.diff(t))),
-        float(np.median(np.diff(s))),
+        typical_step(t),
+        typical_step(s),
         float(np.ptp(t) + np.ptp(s)) / MOST_STEPS,
     )
     grid = np.arange(t[0], t[-1], step)

@@ -13,7 +13,7 @@ from palpate.errors import RecordingError
 from palpate.estimators.least_squares import robust_covariance
 from palpate.preparation.settings import check_delay
 from palpate.preparation.velocity import find_spikes
-from palpate.validation import Floats
+from palpate.validation import Floats, Integers
 
 LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
 SCANNED = 13  # shifts of a coarse scan
@@ -178,7 +178,7 @@ def _remove(values: Floats, columns: Floats) -> Floats:
     return residual
 
 
-def _means(values: Floats, at: NDArray[np.intp], segment: NDArray[np.int64], width: int) -> Floats:
+def _means(values: Floats, at: NDArray[np.intp], segment: Integers, width: int) -> Floats:
     """Means over windows of up to ``width`` consecutive rows within a segment."""
     width = min(width, max(len(at) // 40, 1))
     border = np.flatnonzero((np.diff(at) != 1) | (np.diff(segment) != 0)) + 1

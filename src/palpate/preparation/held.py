@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
-from palpate.validation import Floats
+from palpate.rows import count_true, typical_step
+from palpate.validation import Floats, Mask
 
 LONGEST = 60  # samples between two changes
 IN_STEP = 0.9  # least fraction of the changes on one phase
@@ -38,8 +39,8 @@ class FreshSamples:
         A note.
     """
 
-    before: NDArray[np.bool_]
-    after: NDArray[np.bool_]
+    before: Mask
+    after: Mask
     changes: NDArray[np.intp] | None
     late: float | tuple[float, float]
     finding: Finding
@@ -82,19 +83,19 @@ def find_fresh_samples(
         keep = pushes
     else:
         velocity_from = moves
-        keep = np.ones(np.count_nonzero(moves), dtype=bool)
+        keep = np.ones(count_true(moves), dtype=bool)
         if beats[1]:
             changes = np.flatnonzero(pushes)
             if force_is_slower:
                 keep = np.diff(np.cumsum(pushes)[moves], prepend=0) > 0
     low, high = np.nanpercentile(pressed, [1.0, 99.0])
     in_contact = pressed[velocity_from][keep] > 0.9 * low + 0.1 * high
-    if np.count_nonzero(in_contact) < FEWEST_LEFT:
+    if count_true(in_contact) < FEWEST_LEFT:
         return None
     late: float | tuple[float, float] = 0.0
     apart = [beat != round(beat) for beat in beats]
     if any(apart):
-        step = float(np.median(np.diff(time)))
+        step = typical_step(time)
         late = 0.5 * step * (apart[1] - apart[0]), step * math.sqrt(sum(apart) / 12.0)
     name = "force" if force_is_slower else "position"
     finding = report_held_channel(name, max(beats))
@@ -111,15 +112,15 @@ def report_held_channel(name: str, beat: float, late: float | None = None) -> Fi
     return Check.HELD_CHANNEL.finding(message, remedy, mark="with-care")
 
 
-def _changes(values: Floats) -> NDArray[np.bool_]:
-    changed: NDArray[np.bool_] = np.diff(values, axis=0, prepend=values[:1]) != 0.0
+def _changes(values: Floats) -> Mask:
+    changed: Mask = np.diff(values, axis=0, prepend=values[:1]) != 0.0
     return changed if values.ndim == 1 else np.any(changed, axis=1)
 
 
 def _busiest(values: Floats) -> Floats:
     """The axis that changes most often, without the samples that are not finite."""
     axes = np.atleast_2d(values.T)
-    busiest: Floats = max(axes, key=lambda axis: np.count_nonzero(np.diff(axis)))
+    busiest: Floats = max(axes, key=lambda axis: count_true(np.diff(axis) != 0.0))
     return busiest[np.isfinite(busiest)]
 
 

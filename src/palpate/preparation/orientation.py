@@ -117,12 +117,8 @@ def find_upright(force: Floats, orientation: Floats) -> Mask:
     touches = np.flatnonzero(pressing)
     if not touches.size:
         return np.ones(len(force), dtype=bool)
-    every = np.arange(len(force))
-    following = np.clip(np.searchsorted(touches, every), 0, touches.size - 1)
-    previous = np.clip(following - 1, 0, None)
-    is_closer = touches[following] - every < every - touches[previous]
-    nearest = np.where(is_closer, touches[following], touches[previous])
-    nearest[pressing] = touches
+    midway = 0.5 * (touches[1:] + touches[:-1])
+    nearest = touches[np.searchsorted(midway, np.arange(len(force)))]
     upright = _angle_between(orientation, orientation[nearest]) < UPRIGHT
     for run in true_runs(upright.copy()):
         upright[run] = pressing[run].any()

@@ -8,7 +8,6 @@ from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.channels.signals import Signals
 from palpate.contact import Contact, VelocityFilter, add_step
@@ -21,9 +20,9 @@ from palpate.preparation.settings import Preparation
 from palpate.preparation.surface import Surface, find_surface, report_assumed_surface
 from palpate.preparation.touch import exclude_load_transfer
 from palpate.preparation.velocity import describe_filter, estimate_velocities
-from palpate.rows import norm, row_norms, run_slices, true_runs
+from palpate.rows import count_true, norm, row_norms, run_slices, true_runs
 from palpate.stages import log_stage
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Mask, Values
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -205,7 +204,7 @@ def measure_travel(position: Floats, force: Floats) -> float:
     """
     size = row_norms(np.nan_to_num(force))
     touching = size > 0.1 * float(np.percentile(size, 99.0)) if size.size else size > 0.0
-    count = int(np.count_nonzero(touching))
+    count = count_true(touching)
     if count < 2:
         return 0.0
     path = _Path(np.zeros(count), position[touching], force[touching], math.inf)
@@ -288,7 +287,7 @@ def join_places(
     pieces: list[Piece], settings: Preparation, made: dict[str, str], findings: list[Finding]
 ) -> tuple[Contact, list[Place]]:
     """Join the pieces, each with its own surface."""
-    channels = list[tuple[NDArray[Any], ...]]()
+    channels = list[tuple[Values, ...]]()
     places = list[Place]()
     filters = list[VelocityFilter]()
     dropouts = 0

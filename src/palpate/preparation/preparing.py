@@ -9,7 +9,7 @@ from operator import attrgetter
 from typing import Any, ParamSpec, Protocol, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate.channels.roles import Columns, Roles, choose_roles, contact_groups
 from palpate.channels.signals import Signals, build_signals
@@ -27,7 +27,7 @@ from palpate.recordings import Recording, open_recording
 from palpate.recordings.opening import within
 from palpate.recordings.units import is_wanted
 from palpate.stages import stage
-from palpate.validation import Integers
+from palpate.validation import Integers, Values
 
 _LOGGER = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ Recorded: TypeAlias = (
     | Frame
     | Mapping[str, Any]
     | Sequence[Mapping[str, Any]]
-    | NDArray[Any]
+    | Values
 )
 
 

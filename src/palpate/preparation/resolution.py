@@ -7,7 +7,7 @@ import numpy as np
 import palpate._core as _core
 from palpate._core import noise_of as noise_of
 from palpate.contact import Contact
-from palpate.rows import finite_rows
+from palpate.rows import count_true, finite_rows
 from palpate.validation import Floats, Mask
 
 # samples at the value of the dead band; of these in contact
@@ -26,7 +26,7 @@ def find_dead_band(contact: Contact) -> float:
     finite = finite_rows(contact.force, contact.penetration)
     force = contact.force[finite]
     depth = contact.penetration[finite]
-    if np.count_nonzero(force[1:] == force[:-1]) < FEWEST_RESTING:
+    if count_true(force[1:] == force[:-1]) < FEWEST_RESTING:
         return 0.0
     values, counts = np.unique(force, return_counts=True)
     most = int(np.argmax(counts))

@@ -11,7 +11,7 @@ from palpate.estimators.least_squares import fit_surface_position, robust_covari
 from palpate.findings import Check, Finding
 from palpate.preparation.options import SurfaceRule
 from palpate.preparation.resolution import deviation_of_mean, noise_of
-from palpate.rows import finite_rows, true_runs
+from palpate.rows import count_true, finite_rows, true_runs
 from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ
@@ -113,7 +113,7 @@ def find_surface(depth: Floats, velocity: Floats, force: Floats, rule: SurfaceRu
     least = max(NOISES_OF_CONTACT * noise_of(f), LIGHTEST * peak)
     fewest = min(MOST_NEEDED, max(SHARE_NEEDED * x.size, LEAST_NEEDED))
     surface = None
-    if np.count_nonzero(f < least) >= fewest and least < HEAVIEST * peak:
+    if count_true(f < least) >= fewest and least < HEAVIEST * peak:
         if rule == "threshold":
             surface = _find_crossing(x, f, least)
         else:
@@ -157,7 +157,7 @@ def find_presses(f: Floats, least: float, peak: float) -> Mask:
 def _find_departure(x: Floats, f: Floats, least: float, peak: float) -> Surface | None:
     """The depth at which F^(1/n) over depth reaches zero."""
     light = (f > least) & (f < HEAVIEST * peak)
-    if np.count_nonzero(light) < FEWEST_LIGHT:
+    if count_true(light) < FEWEST_LIGHT:
         return None
     (shallow, _), (position, error), (deep, _) = (
         _intercept(x[light], f[light] ** (1.0 / n)) for n in GROWTHS
@@ -208,7 +208,7 @@ def _fit_surface(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | N
     if not (depth > 0.0 and speed > 0.0 and size > 0.0 and start.deviation):
         return None
     close = x > start.position - depth  # more free air is not needed
-    stride = int(np.count_nonzero(close)) // MOST_FITTED + 1
+    stride = count_true(close) // MOST_FITTED + 1
     samples = np.array([(x[close] - start.position) / depth, v[close] / speed, f[close]])
     starts = np.array([(size, 0.0, n, 0.0, 0.0) for n in GROWTHS])
     fit = fit_surface_position(samples[:, ::stride], starts)

@@ -14,7 +14,7 @@ from palpate.findings import Check, Finding
 from palpate.preparation.normal import normal_from_motion
 from palpate.preparation.resolution import correlation_inflation, noise_of
 from palpate.preparation.settings import Preparation
-from palpate.rows import finite_rows, norm, row_norms, typical_step
+from palpate.rows import count_true, finite_rows, norm, row_norms, typical_step
 from palpate.validation import Floats, Integers, Mask
 
 # Samples out of contact: as many as half a second has, within these limits. On 180 simulated
@@ -78,7 +78,7 @@ class Baseline:
 
 def describe_free_air(free: Mask) -> str:
     """Describe when the mean offset was measured."""
-    return f"over {np.count_nonzero(free)} samples in free air"
+    return f"over {count_true(free)} samples in free air"
 
 
 def find_baseline(
@@ -148,7 +148,7 @@ def find_free_air(time: Floats, height: Floats, force: Floats) -> Mask | None:
     numpy.ndarray of bool or None
         None if there is no free air: half a second, but 20 to 50 samples, over 5 % of the heights.
     """
-    step = typical_step(time) if time.size > 1 else math.inf
+    step = typical_step(time)
     fewest = min(max(FREE_TIME / step if step > 0.0 else math.inf, FEWEST_FREE), ENOUGH_FREE)
     f = force[:, None] if force.ndim == 1 else force
     finite = finite_rows(height, f)
@@ -161,7 +161,7 @@ def find_free_air(time: Floats, height: Floats, force: Floats) -> Mask | None:
     place = np.clip(((high - h) / (high - low) * BINS).astype(np.int64), 0, BINS - 1)
     depth = _count_free_bins(place, f[finite])
     within = place < SURE * depth
-    if depth < LEAST_FREE * BINS or depth == BINS or np.count_nonzero(within) < fewest:
+    if depth < LEAST_FREE * BINS or depth == BINS or count_true(within) < fewest:
         return None
     free = np.zeros(finite.size, dtype=bool)
     free[finite] = within
@@ -306,4 +306,4 @@ def _find_free_end(signals: Signals, force: Floats) -> Mask | None:
         finite = force[finite_rows(force)]
         height = height @ np.linalg.svd(finite - finite.mean(axis=0), full_matrices=False)[2][0]
     ends = (find_free_air(signals.time, side * height, signals.force) for side in (1.0, -1.0))
-    return max((end for end in ends if end is not None), key=np.count_nonzero, default=None)
+    return max((end for end in ends if end is not None), key=count_true, default=None)

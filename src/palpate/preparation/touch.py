@@ -12,7 +12,7 @@ from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.resolution import noise_of
-from palpate.rows import finite_rows, run_slices, true_runs
+from palpate.rows import count_true, finite_rows, row_norms, run_slices, true_runs
 from palpate.settings import ContactGate
 from palpate.validation import Floats, Integers, Mask, Plain
 
@@ -120,7 +120,7 @@ def never_touches(force: Floats, position: Floats) -> bool:
     if not len(finite):
         return False
     noise = math.sqrt(sum(noise_of(component) ** 2 for component in finite.T))
-    changes = np.linalg.norm(finite - np.median(finite, axis=0), axis=1)
+    changes = row_norms(finite - np.median(finite, axis=0))
     constant = not (changes > NOISES_OF_TOUCH * noise).any()
     return constant and not depends_on_position(force, position)
 
@@ -174,7 +174,7 @@ def find_load_transfer(
     """Return the samples while another place carries the load, and a finding; None without any."""
     gate = ContactGate(*_core.gate_of(depth, velocity, force))
     inside = gate.makes(depth, force) & np.isfinite(velocity)
-    count = int(np.count_nonzero(inside))
+    count = count_true(inside)
     if not count:
         return None
     runs = np.where(inside & (velocity < 0.0), segment, -1)
@@ -199,8 +199,8 @@ def find_load_transfer(
         touch = next(run for run in touches if run.start <= start < run.stop)
         excluded[start : touch.stop] = True
         transfers += 1
-    share = np.count_nonzero(excluded) / count
-    long_touches = sum(np.count_nonzero(inside[touch]) >= SHORTEST for touch in touches)
+    share = count_true(excluded) / count
+    long_touches = sum(count_true(inside[touch]) >= SHORTEST for touch in touches)
     fewest = max(FEWEST, 0.5 * long_touches)
     if transfers < fewest or not LEAST_PART < share < MOST_PART:
         return None

@@ -24,9 +24,6 @@ MOST_SAMPLES = 15
 FEWEST_SAMPLES = 5
 # A shorter run has too few samples for a spline, because a part of them chooses the penalty.
 FEWEST_OF_SPLINE = 20
-# Largest relative difference of equal steps: rounding to nanoseconds gives 1e-6 at 1 kHz, and as
-# much relative error of the velocity.
-EVEN = 2e-6
 AT_ONCE = 1 << 18  # samples in a batch of windows, 2 MB per array
 
 
@@ -217,7 +214,7 @@ def velocities_of_rows(
     velocity = np.empty(penetration.shape)
     penalties = np.empty(count)
     compiled: Mask = np.zeros(count, dtype=bool)  # rows for the compiled loop
-    step = typical_step(time) if time.ndim == 1 and samples > 1 else 0.0
+    step = typical_step(time) if time.ndim == 1 else 0.0
     if step > 0.0 and samples >= FEWEST_OF_SPLINE:
         compiled[:] = np.isfinite(penetration).all(axis=1)
         longest = _longest_window(window_samples(step), samples)
@@ -246,26 +243,12 @@ def _longest_window(width: int, samples: int) -> float:
 
 
 def _slope(t: Floats, x: Floats, width: int) -> Floats:
-    """Slope at each sample; with even time steps by a convolution, but for the ends."""
-    steps = np.diff(t)
-    step = float(steps.mean())
-    if not (width % 2 and np.abs(steps - step).max() <= EVEN * step):
-        return _local_slope(t, x, width, np.arange(t.size))
-    half = width // 2
-    slope = np.empty(t.size)
-    weights = _slope_weights(width, 2)
-    slope[half : t.size - half] = np.convolve(x, weights[::-1], "valid") / step
-    ends = np.r_[:half, t.size - half : t.size]
-    slope[ends] = _local_slope(t, x, width, ends)
-    return slope
-
-
-def _local_slope(t: Floats, x: Floats, width: int, samples: Indices) -> Floats:
-    """Slope at selected samples of the parabola through the window of each."""
+    """Slope at each sample of the parabola through the window around it."""
+    samples = np.arange(t.size)
     start = np.clip(samples - width // 2, 0, t.size - width)
-    slope = np.empty(samples.size)
+    slope = np.empty(t.size)
     size = max(AT_ONCE // width, 1)
-    for k in range(0, samples.size, size):
+    for k in range(0, t.size, size):
         batch = slice(k, k + size)
         windows = start[batch, None] + np.arange(width)
         slope[batch] = _fit_parabolas(t, x, windows, samples[batch])

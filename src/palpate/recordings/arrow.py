@@ -22,7 +22,6 @@ _DAMAGED = (*FAULTS, pa.ArrowException)
 # Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
 _ROWS_AT_ONCE = 1024
-_COLUMNS_AT_ONCE = 64
 _DICTIONARY, _BATCH = 2, 3  # MessageHeader of the Arrow format
 _BEGIN = b"ARROW1\0\0"
 _CONTINUED = 0xFFFFFFFF  # before the length of a message, except in files of old versions
@@ -54,12 +53,11 @@ def read(path: Path, request: Request) -> Recording:
             with open_parquet(path) as table:
                 # Do not access the metadata of columns here: if they are damaged, pyarrow ends the
                 # process.
-                columns = _ParquetColumns(table, request)
                 count = sum(request.wants(_name(name)) for name in table.schema_arrow.names)
                 size = 8 * table.metadata.num_rows * max(count, 1)
                 if not 0 <= size <= request.max_size:
                     raise draft.error(excess("its columns need", size, request.max_size))
-                return read_columns(table.schema_arrow, columns.read, draft)
+                return read_columns(table.schema_arrow, _read_parquet(table, request), draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -81,39 +79,27 @@ def open_parquet(path: Path) -> parquet.ParquetFile:
     return parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=texts)
 
 
-class _ParquetColumns:
-    """Reads columns, some at a time: for each call pyarrow looks at all columns of the file."""
+def _read_parquet(table: parquet.ParquetFile, request: Request) -> Callable[[str], pa.Table]:
+    """Return how to read a column: plain ones together, text and lists of any length by parts.
 
-    def __init__(self, table: parquet.ParquetFile, request: Request) -> None:
-        self._table = table
-        self._request = request
-        counts = Counter(table.schema_arrow.names)
-        self._plain = [
-            form.name
-            for form in table.schema_arrow
-            if request.wants(_name(form.name)) and counts[form.name] == 1
-            if pa.types.is_primitive(form.type) or pa.types.is_decimal(form.type)
-        ]
-        self._places = {name: place for place, name in enumerate(self._plain)}
-        size = 8 * max(table.metadata.num_rows, 1)
-        most = min(max(request.largest_block // size, 1), _COLUMNS_AT_ONCE)
-        self._count = most if len(self._plain) > _COLUMNS_AT_ONCE else 1
-        self._read: pa.Table | None = None
-        self._last = 0  # the place after the last column that was read
-
-    def read(self, name: str) -> pa.Table:
-        """Read a column; text and lists may have any length."""
-        place = self._places.get(name)
-        if place is None:
-            return read_in_parts(self._table, [name], _ROWS_AT_ONCE, self._request)
-        if self._read is None or not self._last - self._count <= place < self._last:
-            self._last = place + self._count
-            try:
-                self._read = self._table.read(columns=self._plain[place : self._last])
-            except _DAMAGED:  # of one of them
-                self._read = None
-                return self._table.read(columns=[name])
-        return self._read.select([name])
+    For each call pyarrow looks at all columns of the file.
+    """
+    counts = Counter(table.schema_arrow.names)
+    plain = [
+        form.name
+        for form in table.schema_arrow
+        if request.wants(_name(form.name)) and counts[form.name] == 1
+        if pa.types.is_primitive(form.type) or pa.types.is_decimal(form.type)
+    ]
+    try:
+        together = table.read(columns=plain)
+    except _DAMAGED:  # of one of them
+        together = pa.table({})
+    return lambda name: (
+        together.select([name])
+        if name in together.schema.names
+        else read_in_parts(table, [name], _ROWS_AT_ONCE, request)
+    )
 
 
 def check_integers(schema: pa.Schema, names: list[str]) -> None:

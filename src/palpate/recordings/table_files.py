@@ -6,11 +6,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, import_extra
-from palpate.validation import Values
+from palpate.validation import Floats, Values
 from palpate.writing import write_bytes, write_text
 
 _ROWS = 100_000  # rows in a batch of formatted text
@@ -155,7 +154,7 @@ def write_contact(
 
 
 def write_formatted(
-    columns: Mapping[str, tuple[NDArray[np.float64], str]], path: Path, notes: Mapping[str, str]
+    columns: Mapping[str, tuple[Floats, str]], path: Path, notes: Mapping[str, str]
 ) -> None:
     """Write notes and numbers as CSV, each column in a format such as ``"%.9g"``."""
     text = _head(notes, columns)

@@ -10,7 +10,7 @@ import numpy as np
 from palpate.contact import Delay
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.recordings.units import GRAVITY
-from palpate.rows import norm, row_norms, run_slices, true_runs
+from palpate.rows import count_true, norm, row_norms, run_slices, true_runs
 from palpate.validation import Floats, Integers, Mask
 from palpate.wrench.consensus import LONGEST_DELAY, Blocks, largest_consensus
 from palpate.wrench.payload import TENSOR, Payload, load_of
@@ -330,7 +330,7 @@ def fit_payload(
         mount = mount @ rotation(move[MOUNT])
         biases = biases + step.biases
         used = tukey[0] > 0.3
-        if np.count_nonzero(used) > FEWEST_FREE:  # growing, it would take contact for free air
+        if count_true(used) > FEWEST_FREE:  # growing, it would take contact for free air
             deviation = np.median(np.abs(linear.residual[used]), axis=0)
             larger = np.maximum(1.0, 1.4826 * deviation / blocks.noise)
             scale = np.minimum(np.maximum(larger, 0.5 * scale), scale)
@@ -473,4 +473,4 @@ def turns_of(directions: Floats) -> tuple[float, int]:
     largest = math.acos(float(np.clip((directions @ farthest).min(), -1.0, 1.0)))
     # Turns about one axis keep gravity in a plane.
     spread = np.linalg.svd(directions, compute_uv=False) / math.sqrt(len(directions))
-    return largest, int(np.count_nonzero(spread[1:] > LEAST_TURN))
+    return largest, count_true(spread[1:] > LEAST_TURN)

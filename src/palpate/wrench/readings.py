@@ -11,7 +11,7 @@ import numpy as np
 
 from palpate.contact import Delay
 from palpate.recordings.units import GRAVITY
-from palpate.rows import row_norms
+from palpate.rows import count_true, row_norms
 from palpate.settings import ForceFrame
 from palpate.validation import Floats, Mask
 from palpate.wrench.consensus import (
@@ -111,7 +111,7 @@ def fitting_readings(
     }
     best = min(sizes, key=lambda reading: float(np.minimum(sizes[reading], FARTHEST).sum()))
     free = sizes[best] < FREE
-    if np.count_nonzero(free) < FEWEST_FREE:
+    if count_true(free) < FEWEST_FREE:
         return list(motions), False
     residuals = {
         reading: _residual_in(free, blocks, fits[best].delay, known)

@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_
 from rosbags.typesys import get_typestore as typestore
 
 from palpate.errors import PalpateError
-from palpate.validation import Integers, Values
+from palpate.validation import Integers, Mask, Values
 
 # A list of more elements is a scan or an image, not a vector, a matrix or a set of joints.
 LONGEST_LIST = 64
@@ -303,7 +303,7 @@ class Layout:
             want = np.concatenate([previous, want])
         self.checks.append((start, want.copy()))
 
-    def matches(self, messages: Matrix) -> NDArray[np.bool_]:
+    def matches(self, messages: Matrix) -> Mask:
         """Mask of the messages, all of equal length, that have this layout."""
         same = np.ones(len(messages), bool)
         for start, want in self.checks:
