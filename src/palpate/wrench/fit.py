@@ -13,7 +13,7 @@ from palpate.recordings.units import GRAVITY
 from palpate.rows import count_true, norm, row_norms, run_slices, true_runs
 from palpate.validation import Floats, Integers, Mask
 from palpate.wrench.consensus import LONGEST_DELAY, Blocks, largest_consensus
-from palpate.wrench.payload import TENSOR, Payload, load_of
+from palpate.wrench.payload import TENSOR, Payload
 from palpate.wrench.zeroing import Zeroing
 
 SHIFT = 30e-3  # s, of the difference for the clock
@@ -70,11 +70,23 @@ def rotation(vector: Floats) -> Floats:
 
 
 def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
-    """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
+    """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes.
+
+    It is linear in these: :meth:`~palpate.wrench.payload.Payload.wrench` for 13 unit vectors.
+    """
     g, w, a = (motion[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ motion[:, 9 + TENSOR] @ mount
-    columns = [load_of(unit, g, w, a, products, lever) for unit in np.eye(13)]
-    return np.stack(columns, axis=2)
+    square = np.trace(products, axis1=1, axis2=2)[:, None, None]
+    swing = square * np.eye(3) - skew(a) - products
+    by_moment = -skew(g + swing @ lever)
+    tensors = np.eye(6)[:, TENSOR]
+    by_inertia = np.moveaxis(-(a @ tensors) - np.cross(w, w @ tensors), 0, 2)
+    columns = np.zeros((len(g), 6, 13))
+    columns[:, :3, MASS] = g
+    columns[:, :3, ARM] = columns[:, :3, LEVER] = swing
+    columns[:, 3:, ARM] = by_moment
+    columns[:, 3:, INERTIA] = by_inertia
+    return columns
 
 
 @dataclass(slots=True, eq=False)

@@ -142,15 +142,22 @@ class Payload:
         numpy.ndarray, shape (k, 6)
             N and N·m.
         """
-        w = np.asarray(angular_velocity) @ self.mount
-        return load_of(
-            self.parameters,
-            np.asarray(specific_force) @ self.mount,
-            w,
-            np.asarray(angular_acceleration) @ self.mount,
-            w[:, :, None] * w[:, None],
-            self.lever,
+        g, w, a = (
+            np.asarray(vectors) @ self.mount
+            for vectors in (specific_force, angular_velocity, angular_acceleration)
         )
+        inertia = self.parameters[4:10][TENSOR]
+        moment = self.mass * self.centre
+
+        def swing(arm: Floats) -> Floats:
+            """−(α× + ω×ω×) arm."""
+            turned: Floats = -np.cross(a, arm) - np.cross(w, np.cross(w, arm))
+            return turned
+
+        at_sensor = g + swing(self.lever)
+        force = self.mass * at_sensor + swing(moment)
+        torque = np.cross(moment, at_sensor) - a @ inertia - np.cross(w, w @ inertia)
+        return np.hstack([force, torque])
 
     def unload(self, force: Floats, time: Floats, motion: Floats) -> Floats:
         """Return a force, shape (k, 3), less weight, inertia and bias, by a motion, shape (k, 9+).
@@ -227,36 +234,6 @@ class Payload:
         except (ValueError, RecursionError) as error:
             remedy = "palpate payload LOG --save-config FILE writes one"
             raise RecordingError(f"{path}: not a payload in TOML: {error}; {remedy}") from None
-
-
-def load_of(
-    parameters: Floats, g: Floats, w: Floats, a: Floats, products: Floats, lever: Floats
-) -> Floats:
-    """Return the wrench of weight and inertia, shape (k, 6), in the axes of the sensor.
-
-    Parameters
-    ----------
-    parameters : numpy.ndarray, shape (13,)
-        Mass, m c, inertia and m d.
-    g, w, a : numpy.ndarray, shape (k, 3)
-        Specific force, angular velocity and angular acceleration in these axes.
-    products : numpy.ndarray, shape (k, 3, 3)
-        ωωᵀ in these axes.
-    lever : numpy.ndarray, shape (3,)
-        d, m, so that the wrench is linear in the parameters.
-    """
-    mass, moment, inertia, mass_lever = np.split(parameters, (1, 4, 10))
-    tensor = inertia[TENSOR]
-    square = np.trace(products, axis1=1, axis2=2)[:, None]
-
-    def swing(arm: Floats) -> Floats:
-        """−(α× + ω×ω×) arm, with ω×ω× = ωωᵀ − |ω|² 1."""
-        turned: Floats = square * arm - np.cross(a, arm) - products @ arm
-        return turned
-
-    force = mass * g + swing(moment + mass_lever)
-    torque = np.cross(moment, g + swing(lever)) - a @ tensor - np.cross(w, w @ tensor)
-    return np.hstack([force, torque])
 
 
 def _payload_of(values: Mapping[str, Any]) -> Payload:
