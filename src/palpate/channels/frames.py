@@ -79,7 +79,7 @@ def lie_between_samples(at: Values, time: Values) -> Mask:
     return result
 
 
-def _rotation_of_matrix(m: Floats) -> Floats:
+def _quaternion_of_matrix(m: Floats) -> Floats:
     """Quaternions of rotation matrices, shape (3, 3, k); the best conditioned of four formulas."""
     (a, b, c), (d, e, f), (g, h, i) = m
     forms = [
@@ -94,8 +94,8 @@ def _rotation_of_matrix(m: Floats) -> Floats:
     return align_signs(stacked[best] / norms[best][:, None])
 
 
-def _rotation_of_vector(vectors: Floats) -> Floats:
-    """Quaternions of rotation vectors: axis times angle, rad."""
+def quaternion_of_vector(vectors: Floats) -> Floats:
+    """Return the quaternions of rotation vectors: axis times angle, rad."""
     angle = np.linalg.norm(vectors, axis=1, keepdims=True)
     axis = 0.5 * np.sinc(angle / (2.0 * np.pi)) * vectors
     return align_signs(np.concatenate([axis, np.cos(0.5 * angle)], axis=1))
@@ -210,11 +210,11 @@ def add_quaternion(
     degrees = bool(_DEGREES.search(unit)) or float(np.nanmax(np.abs(values))) > LARGEST_ANGLE
     values = np.radians(values) if degrees else values
     if form == "rpy":
-        roll, pitch, yaw = (_rotation_of_vector(values * axis) for axis in np.eye(3))
+        roll, pitch, yaw = (quaternion_of_vector(values * axis) for axis in np.eye(3))
         turns = align_signs(multiply(multiply(yaw, pitch), roll))
         meaning = "angles about the fixed axes x, y, z, in this order"
     else:
-        turns = _rotation_of_vector(values)
+        turns = quaternion_of_vector(values)
         meaning = "a rotation vector"
     quaternion = _quaternion_channels(f"quaternion of {listed}", turns)
     message = f"palpate takes {listed} for {meaning}, in {'degrees' if degrees else 'rad'}"
@@ -268,10 +268,10 @@ def state_poses(recording: Recording) -> tuple[Recording, frozenset[str]]:
                 if not _is_homogeneous(numbers):
                     continue
                 pose = {f"{stem}.position.{a}": numbers[12 + k] for k, a in enumerate("xyz")}
-                turns = _rotation_of_matrix(numbers.reshape(4, 4, -1).transpose(1, 0, 2)[:3, :3])
+                turns = _quaternion_of_matrix(numbers.reshape(4, 4, -1).transpose(1, 0, 2)[:3, :3])
                 replaced.update(names)
             else:
-                turns = _rotation_of_vector(numbers[3:].T)
+                turns = quaternion_of_vector(numbers[3:].T)
         pose |= _quaternion_channels(f"{stem}.orientation", turns)
         stated = add_channels(stated, pose, name)
     return stated, frozenset(replaced)

@@ -504,9 +504,5 @@ def join_contacts(contacts: Sequence[Contact]) -> Contact:
 
 def _widest(deviations: Sequence[float | None]) -> float | None:
     """The largest deviation; None if one is unknown."""
-    widest = 0.0
-    for deviation in deviations:
-        if deviation is None:
-            return None
-        widest = max(widest, deviation)
-    return widest
+    known = [deviation for deviation in deviations if deviation is not None]
+    return max(known) if len(known) == len(deviations) else None

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from palpate.channels.frames import quaternion_of_vector, rotate
 from palpate.contact import Delay
 from palpate.estimators.least_squares import long_run_covariance
 from palpate.recordings.units import GRAVITY
@@ -60,13 +61,8 @@ def skew(vectors: Floats) -> Floats:
 
 
 def rotation(vector: Floats) -> Floats:
-    """Return the rotation matrix of a rotation vector, by Rodrigues' formula."""
-    angle = norm(vector)
-    cross = skew(vector)
-    sine = np.sinc(angle / math.pi)
-    versine = 0.5 * np.sinc(0.5 * angle / math.pi) ** 2
-    turned: Floats = np.eye(3) + sine * cross + versine * cross @ cross
-    return turned
+    """Return the rotation matrix of a rotation vector."""
+    return rotate(np.eye(3), quaternion_of_vector(vector[None])).T
 
 
 def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
