@@ -343,12 +343,10 @@ class ErrorWidening {
   }
 
  private:
-  Matrix<Size> part(std::size_t k) const noexcept {
-    Matrix<Size> result = rest_;
-    for (std::size_t i = 0; i < Size && k < noise_.used; ++i) {
-      std::copy_n(levels_[k].information[i].begin(), Size, result[i].begin());
-    }
-    return result;
+  // Calls with the information of a level, or of the blocks without a partner after the last one.
+  template <class Use>
+  auto with_part(std::size_t k, const Use& use) const noexcept {
+    return k < noise_.used ? use(levels_[k].information) : use(rest_);
   }
 
   // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, where R is the root in the slopes of the levels
@@ -358,7 +356,8 @@ class ErrorWidening {
     Matrix<Size> excess{};
     excess[Size - 1][Size - 1] = (of_prior - 1.0) * last_prior_;
     for (std::size_t k = 0; k <= noise_.used; ++k) {
-      add(excess, part(k), quantile * quantile * noise_.ratio[k] - 1.0);
+      const double factor = quantile * quantile * noise_.ratio[k] - 1.0;
+      with_part(k, [&](const auto& part) noexcept { add(excess, part, factor); });
     }
     mirror(excess);
     Matrix<Size> transposed{};
@@ -371,14 +370,17 @@ class ErrorWidening {
   }
 
   double degrees(const Vector<Size>& y) const noexcept {
-    return noise_.degrees([&](std::size_t k) { return noise_.ratio[k] * quadratic(part(k), y); });
+    return noise_.degrees([&](std::size_t k) {
+      return noise_.ratio[k] *
+             with_part(k, [&](const auto& part) noexcept { return quadratic(part, y); });
+    });
   }
 
   // Scaled to a unit diagonal, so that nothing overflows. A pivot lost to rounding carries no
   // information from the samples and gets no noise.
   Matrix<Size> inverse_root(const Vector<Size>& prior) noexcept {
     Matrix<Size> m = rest_;
-    for (std::size_t k = 0; k < noise_.used; ++k) add(m, part(k), 1.0);
+    for (std::size_t k = 0; k < noise_.used; ++k) add(m, levels_[k].information, 1.0);
     mirror(m);
     Vector<Size> unit{}, kept{};
     for (std::size_t i = 0; i < Size; ++i) {
@@ -399,7 +401,8 @@ class ErrorWidening {
     return inverse.root;
   }
 
-  static void add(Matrix<Size>& sum, const Matrix<Size>& upper, double factor) noexcept {
+  template <class Part>
+  static void add(Matrix<Size>& sum, const Part& upper, double factor) noexcept {
     for (std::size_t i = 0; i < Size; ++i) {
       for (std::size_t j = i; j < Size; ++j) sum[i][j] += factor * upper[i][j];
     }
@@ -411,7 +414,8 @@ class ErrorWidening {
     }
   }
 
-  static double quadratic(const Matrix<Size>& upper, const Vector<Size>& y) noexcept {
+  template <class Part>
+  static double quadratic(const Part& upper, const Vector<Size>& y) noexcept {
     double sum = 0.0;
     for (std::size_t i = 0; i < Size; ++i) {
       double line = 0.5 * upper[i][i] * y[i];

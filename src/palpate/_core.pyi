@@ -241,7 +241,7 @@ class RecursiveEstimator:
         Force [N] that the present estimate predicts for the sensor at a penetration [m] and velocity [m/s]; out of contact only the offset.
         """
 
-    def _estimate(self, depth: float, bounds: Sequence[float]) -> EstimateValue: ...
+    def _estimate(self, kind: type, depth: float, bounds: Sequence[float]) -> Any: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""

@@ -165,10 +165,12 @@ class CompiledEstimator(ContactEstimator):
     """
 
     __slots__ = ()
+    #: The class of its estimates.
+    estimate_type: ClassVar[type[Estimate]] = Estimate
 
     if TYPE_CHECKING:  # the compiled class defines these
 
-        def _estimate(self, depth: float, bounds: Sequence[float]) -> _core.EstimateValue: ...
+        def _estimate(self, kind: type, depth: float, bounds: Sequence[float]) -> Any: ...
         def _replay(self, *arrays: Any) -> None: ...
 
     def estimate(self, at: float | None = None, prior: ResponsePrior | None = None) -> Estimate:
@@ -187,11 +189,15 @@ class CompiledEstimator(ContactEstimator):
         InvalidParameterError
             The depth or a bound is outside its range.
         """
-        return self._name(self._estimate(*_response_settings(at, prior)))
+        estimate: Estimate = self._estimate(self.estimate_type, *_response_settings(at, prior))
+        self._name(estimate)
+        return estimate
 
-    def _name(self, value: _core.EstimateValue) -> Estimate:
-        """Return an estimate with the names of its law."""
-        return Estimate(value, self.law_type, self.fixed)
+    def _name(self, estimate: Any) -> None:
+        """Give an estimate the names of its law."""
+        estimate._law_type = self.law_type
+        estimate.fixed = self.fixed
+        estimate._law = None
 
     def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
         learned = trace.parameters, trace.standard_errors

@@ -185,14 +185,12 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
 
     __slots__ = ("_settings",)
     method = "single-stage"
+    estimate_type = SingleStageEstimate
     law_type = HuntCrossley
     minimises = "logarithm"
     needs_condition_10 = True
     default_initial = HuntCrossley.from_parameters(_core.defaults["SingleStageRLS"]["initial"])
     default_covariance = _core.defaults["SingleStageRLS"]["initial_covariance"]
-
-    def _name(self, value: _core.EstimateValue) -> Estimate:
-        return SingleStageEstimate(value, self.law_type, self.fixed)
 
     def _plain_settings(self) -> tuple[Any, ...]:
         plain = super()._plain_settings()

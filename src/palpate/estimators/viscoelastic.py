@@ -152,6 +152,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
 
     __slots__ = ("_settings",)
     method = "viscoelastic"
+    estimate_type = RelaxingEstimate
     law_type = GeneralisedHuntCrossley
     chooses_law = True
     chooses_samples = True
@@ -189,8 +190,9 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
             loop_settings({**self._settings, "sample_time": self._step}, PROBING),
         )
 
-    def _name(self, value: _core.EstimateValue) -> Estimate:
-        return RelaxingEstimate(value, self.fixed, self._spectrum())
+    def _name(self, estimate: Any) -> None:
+        super()._name(estimate)
+        estimate._spectrum = self._spectrum()
 
     @property
     def offered(self) -> tuple[Candidate, ...]:
