@@ -192,11 +192,34 @@ def measure_round_trip() -> Section:
     return Section(f"Round trip: beyond the stated error, worst of {SEEDS} seeds", rows, notes)
 
 
+class SimulatedContact:
+    """A material of the laboratory whose force an exported law has in the real engine."""
+
+    name = "a law in an engine"
+
+    def __init__(self, made: exports.Export) -> None:
+        self._fragment, self._law = made.fragment, made.statement.nearest.law.simplest()
+
+    def describe(self) -> dict[str, object]:
+        """Return the exported law, SI."""
+        return self._law.description()
+
+    def touch(self) -> None:
+        """Raise: the force depends on the acceleration of the probe."""
+        raise NotImplementedError
+
+    def force(self, time, lateral_position, penetration, velocity):
+        """Return the engine's force [N] along a whole motion; 0 out of contact."""
+        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
+        states = (time, penetration, velocity, np.gradient(velocity, time))
+        motion = exports.ProbeMotion(*(each[below] for each in states), judged=below >= 0)
+        force[below] = self._fragment.replay(motion).force
+        return force
+
+
 def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
     """Return the worst of K, B and n, both ways, in s.e.; bias of stiffness or damping, %."""
-    bench = lab.Bench(
-        exports.SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT
-    )
+    bench = lab.Bench(SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT)
     clean, truth = bench.run(seed=0).contact, LAWS[law]
     stated = 0.01 * export.statement.compared.percent
     worst, literal, biases = [], [], []

@@ -159,6 +159,16 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
     return f"{rounded(value, digits)} {unit}"
 
 
+def format_time(seconds: float) -> str:
+    """Format a time; a thousand seconds or more keep the unit s."""
+    return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
+
+
+def format_hertz(frequency: float) -> str:
+    """Format a frequency [rad/s] in Hz."""
+    return f"{rounded(frequency / math.tau, 3)} Hz"
+
+
 def percent(part: float, *, sign: bool = False) -> str:
     """Format a part as a percentage in two digits: ``7.4 %``, ``0.35 %``, ``120 %``.
 

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from palpate import figures
 from palpate.design import Design, PredictedPrecision
 from palpate.digits import rounded
-from palpate.figures.style import Look, choose_look, choose_scale, drawing, head, set_titles
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -47,8 +47,8 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     MissingExtraError
         matplotlib is not installed.
     """
-    look = choose_look(dark=dark, width=width)
-    with drawing(look, 10.8 if look.narrow else 6.8) as figure:
+    look = figures.choose_look(dark=dark, width=width)
+    with figures.drawing(look, 10.8 if look.narrow else 6.8) as figure:
         cells = "A;B;C;D;E" if look.narrow else "AAABBB;CCDDEE"
         panels = list(figure.subplot_mosaic(cells).values())
         shown = [_Shown("planned", design.planned, look.theme.lines[1], "--")]
@@ -66,7 +66,7 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
         parts = zip(design.law.symbols, design.law.parameters, design.law.units, strict=True)
         words = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
         title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, words))}"]
-        set_titles(figure, look, title, caption if rounds else CAPTION, lines=6)
+        figures.set_titles(figure, look, title, caption if rounds else CAPTION, lines=6)
     return figure
 
 
@@ -96,12 +96,14 @@ def _shown_time(motions: list[_Shown]) -> Floats:
 
 
 def _draw_motions(
-    depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: Look
+    depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: figures.Look
 ) -> None:
     """Penetration over time; velocity over penetration, with the better motion's limits."""
     time, limits = _shown_time(motions), design.limits
-    depth = choose_scale(max(each.of.peak_penetration for each in motions), "m")
-    speed = choose_scale(max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s")
+    depth = figures.choose_scale(max(each.of.peak_penetration for each in motions), "m")
+    speed = figures.choose_scale(
+        max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s"
+    )
     left, right = limits.least_penetration, limits.peak_penetration
     orbits.plot(
         depth.factor * np.array([left, right, right, left, left]),
@@ -116,13 +118,13 @@ def _draw_motions(
         depths.plot(time, depth.factor * x, dashes, color=colour, label=name)
         orbits.plot(depth.factor * x, speed.factor * v, dashes, color=colour, label=name)
     depths.set(xlabel="time [s]", ylabel=depth.label("penetration"))
-    head(depths, "Penetration")
+    figures.head(depths, "Penetration")
     orbits.set(xlabel=depth.label("penetration"), ylabel=speed.label("velocity"))
-    head(orbits, "Velocity over penetration")
+    figures.head(orbits, "Velocity over penetration")
 
 
 def _draw_precision(
-    panels: "list[Axes]", design: Design, motions: list[_Shown], look: Look, *, rounds: bool
+    panels: "list[Axes]", design: Design, motions: list[_Shown], look: figures.Look, *, rounds: bool
 ) -> None:
     """Relative standard error of each parameter over the time in motion, a panel each."""
     durations = design.planned.durations
@@ -143,7 +145,9 @@ def _draw_precision(
         _finish_precision(axes, symbol, design.planned.targets, look)
 
 
-def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], look: Look) -> None:
+def _finish_precision(
+    axes: "Axes", symbol: str, targets: tuple[float, ...], look: figures.Look
+) -> None:
     """Logarithmic axes with numbers written out, and lines at the targets."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -162,4 +166,4 @@ def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], loo
             few = high > 100.0 * low and axis is axes.yaxis  # there is room for decades only
             axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=9))
     axes.set(xlabel="time in motion [s]", ylabel=f"s.e. of {symbol} [%]")
-    head(axes, f"Relative standard error of {symbol}")
+    figures.head(axes, f"Relative standard error of {symbol}")

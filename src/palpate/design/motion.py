@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
-from palpate.recordings.table_files import write_formatted
 from palpate.validation import Floats, check_field, instance, number_in
+from palpate.writing import write_formatted
 
 
 @dataclass(frozen=True, slots=True)

@@ -93,6 +93,9 @@ class ContactEstimator(Configured):
         def evidence(self) -> Evidence:
             """The numbers from which a verdict is computed; only if the method selects a law."""
 
+        def pack_verdict(self, *, with_estimate: bool = True) -> dict[str, Any]:
+            """The same, and the estimate, as JSON types; only if the method selects a law."""
+
     @property
     def offered(self) -> tuple[Candidate, ...]:
         """The competing laws if the method selects one; otherwise none."""

@@ -8,10 +8,10 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate import lab
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, steps_over_breaks
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
-from palpate.lab.trajectories import Probing
 from palpate.results.saved import SavedResult
 from palpate.validation import Floats
 
@@ -55,7 +55,7 @@ class ProbeMotion:
         Samples deeper than 2 mm count for errors.
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
-        command = Probing(pause=0.0).at(time)
+        command = lab.Probing(pause=0.0).at(time)
         x, v = command.penetration, command.velocity
         return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
 
@@ -114,8 +114,7 @@ class ProbeMotion:
             return law.force(self.penetration, self.velocity)
         inside = np.delete(np.diff(self.time, prepend=0.0), list(self.starts))
         usual = float(np.median(inside)) if inside.size else 1e-3
-        steps = steps_over_breaks(self.time, self.penetration, usual)
-        return law.force_along(self.penetration, self.velocity, steps)
+        return law.force_over(self.time, self.penetration, self.velocity, usual)
 
     def firm(self, most: int = MOST_SAMPLES) -> "ProbeMotion":
         """Return the judged samples only, at most so many, evenly chosen.

@@ -3,7 +3,6 @@
 import math
 from typing import Any
 
-from palpate.recordings.units import GRAVITY
 from palpate.wrench.payload import Payload
 from palpate.writing import MADE, quote
 
@@ -42,7 +41,7 @@ def ros_parameters(
           tool:
             CoG: {centre}
             mass: {float(payload.mass)!r}
-            gravity_field: [0.0, 0.0, {-payload.sign * GRAVITY!r}]
+            gravity_field: [0.0, 0.0, {-payload.sign * payload.gravity!r}]
 
     # mujoco_ros2_control_plugins: the development version after 0.1.0.
     mujoco_plugins:

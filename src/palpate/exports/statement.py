@@ -6,7 +6,7 @@ to export.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,8 +14,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from palpate._core import __version__
-from palpate.diagnosis import Data, Diagnosis, Verdict
-from palpate.digits import parameter, rounded
+from palpate.diagnosis import Diagnosis, Verdict
+from palpate.digits import format_hertz, parameter, rounded
 from palpate.errors import (
     ExportRefusedError,
     InvalidParameterError,
@@ -35,11 +35,8 @@ from palpate.exports.replay_errors import Drop, drop_to, force_error
 from palpate.exports.texts import law_numbers, length, percent
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.force_laws.laws import Spring
-from palpate.identifying import Identification
-from palpate.quantities.derived import format_hertz
+from palpate.identifying import Identification, identify
 from palpate.quantities.elastic_modulus import Sphere
-from palpate.results.parameters import describe_relaxation
 from palpate.results.saved import SavedResult
 from palpate.validation import Floats, finite_or_none, shown
 
@@ -101,7 +98,7 @@ class ExportedLaw:
             The saved result is damaged.
         """
         law = result if isinstance(result, ForceLaw) else getattr(result, "law", None)
-        if isinstance(law, Spring):
+        if isinstance(law, ForceLaw) and math.isnan(law.damping_at(1e-3)):
             raise ExportRefusedError(
                 "the recording has no time, so its damping, which an engine needs, is unknown: "
                 "record the time of each sample"
@@ -127,7 +124,7 @@ class ExportedLaw:
             if response is not None:
                 exponent = result.law.n if "n" in result.fixed else None
                 plain = VariableProjection(exponent=exponent)
-                fitted = Identification.of(Data(result.contact), plain, trace=False)
+                fitted = identify(result.contact, plain, trace=False)
             motion = ProbeMotion.recorded(fitted)
             return cls(
                 law=fitted.law,
@@ -355,74 +352,100 @@ class Statement:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Refusals, of severity do-not-trust, and warnings."""
-        source, nearest, found = self.source, self.nearest, self.compared
-        verdict, result = source.verdict, list[Finding]()
+        return (
+            *self._check_verdict(),
+            *self._check_nearest_law(),
+            *self._relaxation(),
+            *self.fragment.findings,
+            *self._check_errors(),
+            *self._check_time_step(),
+            *self._check_prediction(),
+        )
+
+    def _check_verdict(self) -> Iterator[Finding]:
+        """Yield what the verdict and the flags of the identification say of the law."""
+        verdict = self.source.verdict
         if verdict is None:
-            result += make_warnings("a law without a recording: palpate cannot judge its accuracy")
+            yield from make_warnings("a law without a recording: palpate cannot judge its accuracy")
         elif verdict.overall == "do-not-trust":
-            result += make_refusals(f"the verdict is do-not-trust{_because(source)}")
+            yield from make_refusals(f"the verdict is do-not-trust{_because(self.source)}")
         elif verdict.overall == "with-care":
-            result += make_warnings(f"the verdict is with-care{_because(source)}")
+            yield from make_warnings(f"the verdict is with-care{_because(self.source)}")
         elif verdict.damping != "trust":
-            result += make_warnings(
+            yield from make_warnings(
                 f"the verdict on damping, and thus impacts, is {verdict.damping}"
             )
-        result += make_warnings(*(f"flag: {flag}" for flag in source.flags))
-        values = source.law.as_dict()
+        yield from make_warnings(*(f"flag: {flag}" for flag in self.source.flags))
+
+    def _check_nearest_law(self) -> Iterator[Finding]:
+        """Yield how the exported law differs from the identified one."""
+        law, which = self.source.law, self.nearest.which
+        difference = percent(self.nearest.error_percent)
+        values = law.as_dict()
         # With two springs one may be negative.
         strengths = ("B",) if "K2" in values else ("K", "B")
-        if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
-            result += make_refusals(
+        if not law.remembers and any(values.get(name, 0.0) < 0.0 for name in strengths):
+            yield from make_refusals(
                 "the law has a negative stiffness or damping, so it generates energy; the exported "
-                f"law ({nearest.which}) differs by {percent(nearest.error_percent)} of force"
+                f"law ({which}) differs by {difference} of force"
             )
-        if nearest.which and source.law.remembers:
-            result += make_warnings(
-                f"engines have no stress relaxation: exported is {nearest.which}; it differs by "
-                f"{percent(nearest.error_percent)} of force on this motion and by more at other "
-                "speeds, and restitution is that of the exported law"
+        if which and law.remembers:
+            yield from make_warnings(
+                f"engines have no stress relaxation: exported is {which}; it differs by "
+                f"{difference} of force on this motion and by more at other speeds, and "
+                "restitution is that of the exported law"
             )
-        elif nearest.which:
-            result += make_warnings(
-                f"engines do not have this law: exported is {nearest.which}; it differs by "
-                f"{percent(nearest.error_percent)} of force"
+        elif which:
+            yield from make_warnings(
+                f"engines do not have this law: exported is {which}; it differs by {difference} of "
+                "force"
             )
-        result += self._relaxation()
-        result += self.fragment.findings
+
+    def _check_errors(self) -> Iterator[Finding]:
+        """Yield what the errors of force and restitution say against the engine."""
+        found, fastest = self.compared, self.source.motion.fastest
         if not found.percent <= MOST_PERCENT:  # also refuses NaN
-            result += make_refusals(
+            yield from make_refusals(
                 f"the force error of the engine is {percent(found.percent)} "
                 f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
                 f"{self._describe_shares()}"
             )
         if abs(found.restitution_percent) > REBOUND_PERCENT:
-            result += make_warnings(
+            yield from make_warnings(
                 f"impacts will be wrong: the engine's restitution is "
                 f"{rounded(found.drop_restitution, 3)}, that of the law "
                 f"{rounded(found.drop.restitution, 3)}"
             )
-        if found.drop.speed > source.motion.fastest and verdict is not None:
-            result += make_warnings(
-                f"the law was identified at speeds up to {length(source.motion.fastest, 2)}/s; an "
-                f"impact at {rounded(found.drop.speed, 2)} m/s extrapolates it"
+        if found.drop.speed > fastest and self.source.verdict is not None:
+            yield from make_warnings(
+                f"the law was identified at speeds up to {length(fastest, 2)}/s; an impact at "
+                f"{rounded(found.drop.speed, 2)} m/s extrapolates it"
             )
+
+    def _check_time_step(self) -> Iterator[Finding]:
+        """Yield what the time step says against the simulation."""
         limit, step = self.fragment.largest_step, self.fragment.request.time_step
-        if limit is not None and step >= limit:
-            result += make_refusals(
+        if limit is None:
+            return
+        if step >= limit:
+            yield from make_refusals(
                 f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
             )
-        elif limit is not None and step > 0.5 * limit:
-            result += make_warnings(
+        elif step > 0.5 * limit:
+            yield from make_warnings(
                 f"a time step of {_ms(step)} is more than half of the stability limit of "
                 f"{_ms(limit)}"
             )
+
+    def _check_prediction(self) -> Iterator[Finding]:
+        """Yield whether a replay differs from the prediction."""
+        found = self.compared
         if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
-            result += make_warnings(
+            yield from make_warnings(
                 f"the replayed error is {percent(found.percent)} but the predicted one "
                 f"{percent(found.predicted_percent)}: this version of the engine may be different"
             )
-        return tuple(result)
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -464,7 +487,7 @@ class Statement:
         lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
         if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
-        return [*lines, *(f"Warning: {each}." for each in self.warnings)]
+        return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
 
     def basis(self) -> list[str]:
         """Return how the errors were obtained, and the three force errors."""
@@ -516,7 +539,7 @@ class Statement:
         ]
         origin = f"of {self.source.name}" if self.source.name else "without a recording"
         if isinstance(law, GeneralisedHuntCrossley) and law.remembers:
-            shown.append(f"τ = {describe_relaxation(law)}")
+            shown.append(f"τ = {law.describe_relaxation()}")
         lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
             inside = _list_numbers(law_numbers(self.nearest.law), 4)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import Data, Quantity
-from palpate.digits import percent
+from palpate.digits import format_hertz, format_quantity, percent
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.viscoelastic import dynamic_response
 from palpate.figures.style import (
@@ -37,9 +37,8 @@ from palpate.figures.style import (
 from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
-from palpate.quantities.derived import format_hertz
-from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
-from palpate.results.view import format_depth, number_lines
+from palpate.results.parameters import RELAXATION, ParameterRow, parameter_rows
+from palpate.results.view import number_lines
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -66,7 +65,7 @@ def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) ->
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
     often = f", {format_hertz(result.frequency)}" if result.law.remembers else ""
-    return f"at {format_depth(there.depth)}{often}: {', '.join(words)}"
+    return f"at {format_quantity(there.depth, 'm', 4)}{often}: {', '.join(words)}"
 
 
 def file_name(result: Identified) -> str:
@@ -367,7 +366,7 @@ def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> Non
     axes.set_ylim(0.0, 1.15 * stems[1].max())
     axes.locator_params(axis="y", nbins=5)
     axes.set(xlabel="relaxation time τ [s]", ylabel=scale.label("m"))
-    head(axes, f"Relaxation: {describe_relaxation(law).replace(' ', JOINED)}")
+    head(axes, f"Relaxation: {law.describe_relaxation().replace(' ', JOINED)}")
 
 
 # Units and axis labels.

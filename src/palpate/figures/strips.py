@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.figures.style import Look, style
+from palpate.figures.style import Look, figure_style
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import GAP, ClockSurvey, Survey, seconds
 from palpate.results.colours import DARK, LIGHT, Theme
@@ -46,7 +46,7 @@ def draw_strips(recording: Recording, surveyed: Survey, *, dark: bool = False) -
         (clock, name) for clock in surveyed.clocks for name in clock.channels if name in varying
     ]
     shown = strips[:MOST_STRIPS]
-    with style(Look(theme)) as new_figure:
+    with figure_style(Look(theme)) as new_figure:
         height = 1.0 + 0.85 * max(len(shown), 1)
         figure = new_figure(figsize=(9.0, height), layout="constrained")
         title = _title(recording, len(strips), len(shown), len(surveyed.channels))

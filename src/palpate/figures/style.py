@@ -114,7 +114,7 @@ class Look:
         return self.theme.lines[row % len(self.theme.lines)]
 
 
-def choose_look(*, dark: bool, width: float | None) -> Look:
+def choose_look(*, dark: bool = False, width: float | None = None) -> Look:
     """Return the look for a theme and a width, m (default: 11 inches).
 
     Raises
@@ -242,7 +242,7 @@ _INDENT = re.compile(rb">\n\s*<")
 
 
 @contextmanager
-def style(look: Look) -> Iterator[type[Figure]]:
+def figure_style(look: Look) -> Iterator[type[Figure]]:
     """Apply matplotlib settings for one figure, and restore the previous ones afterwards."""
     theme, scale = look.theme, look.scale
     inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
@@ -271,7 +271,7 @@ def style(look: Look) -> Iterator[type[Figure]]:
 @contextmanager
 def drawing(look: Look, height: float) -> Iterator[Figure]:
     """Create a figure of a look within its settings; height in inches at full width."""
-    with style(look) as new_figure:
+    with figure_style(look) as new_figure:
         yield new_figure(figsize=(look.inches, height * look.scale), layout="constrained")
 
 
@@ -357,31 +357,7 @@ def _render_svg(figure: Figure, dots: float) -> bytes:
     if len(fonts) == 1:  # said once, for all of the text
         text, common = _FONT.sub(b"", text), fonts.pop().strip()
     text = text.replace(b"<svg ", b'<svg style="' + common + b'" ', 1)
-    text = re.sub(rb' (?:x|y)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
-    return re.sub(rb'(?<= d=")[^"]*', lambda path: _compact(path[0]), text)
-
-
-def _compact(path: bytes) -> bytes:
-    """Return a path rounded to 0.01, its lines relative to the point before: half the text.
-
-    Curves stay as they are, but for their rounding.
-    """
-    if not set(re.findall(rb"[A-Za-z]", path)) <= {b"M", b"L", b"z"}:
-        return _DECIMALS.sub(rb"\1", path)
-    parts, x, y, start = list[str](), 0, 0, (0, 0)
-    for command, numbers in re.findall(rb"([MLz])([^MLz]*)", path):
-        if command == b"z":
-            parts.append("z")
-            x, y = start
-            continue
-        to_x, to_y = (round(100.0 * float(each)) for each in numbers.split())
-        if command == b"M":
-            parts.append(f"M{to_x / 100.0:g} {to_y / 100.0:g}")
-            start = to_x, to_y
-        else:
-            parts.append(f"l{(to_x - x) / 100.0:g} {(to_y - y) / 100.0:g}")
-        x, y = to_x, to_y
-    return re.sub(r"\b0\.", ".", "".join(parts)).replace(" -", "-").encode()
+    return re.sub(rb' (?:x|y|d)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
 
 
 def _image_format(path: Path) -> str:

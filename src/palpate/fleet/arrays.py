@@ -20,12 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 import palpate._core as _core
 from palpate.contact import Contact, VelocityFilter
 from palpate.diagnosis import Data
-from palpate.diagnosis.excitation import few_samples
-from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.estimators import ContactEstimator, VariableProjection
-from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
-from palpate.estimators.estimate import flag_findings
+from palpate.estimators.batch_fit import CurveFits, fit_curves
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
     Row,
@@ -40,33 +37,15 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.identification.estimate_checks import (
-    NEGATIVE_DAMPING,
-    NEGATIVE_STIFFNESS,
-    creates_energy,
-)
-from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
+from palpate.identification import estimate_checks, refusals
 from palpate.identification.replaying import resolve_estimator
+from palpate.preparation import velocity as velocities
 from palpate.preparation.gate import choose_gate
-from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.resolution import estimate_resolutions
+from palpate.preparation.preparing import prepare
 from palpate.preparation.touch import find_load_transfer
-from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
-from palpate.quantities.indentation import (
-    Indentation,
-    fit_approach,
-    fit_force_curve,
-    is_force_curve,
-    refuse_options,
-)
+from palpate.quantities import indentation
 from palpate.recordings.recording import Recording, printable
 from palpate.validation import Floats, number_in, real_array, whole_in
-
-# The findings for each combination of an estimate's flag bits.
-_ADVICE_OF = [[*map(finding_cell, flag_findings(bits))] for bits in range(256)]
-_NOT_CONVERGED = Check.CONVERGENCE.finding(
-    "the least-squares search did not converge: another fit may be better"
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +92,7 @@ class Curves:
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
-            velocity, filters = velocities_of_rows(self.time, self.penetration, threads)
+            velocity, filters = velocities.velocities_of_rows(self.time, self.penetration, threads)
         return replace(self, velocity=velocity, filters=filters)
 
     def contact(self, row: int, settings: Settings) -> Contact:
@@ -139,7 +118,7 @@ class Curves:
             contact if self.filters is None else replace(contact, velocity_filter=self.filters[row])
         )
 
-    def indentation(self, row: int, settings: Settings) -> Indentation:
+    def fit_approach(self, row: int, settings: Settings) -> indentation.Indentation:
         """Return the fit of a row's approach, which ends at its deepest sample.
 
         Raises
@@ -149,7 +128,9 @@ class Curves:
         """
         assert settings.tip is not None
         signals = self.penetration[row], self.force[row], None
-        return fit_approach(*signals, settings.tip, settings.poisson_ratio, source=self.source)
+        return indentation.fit_approach(
+            *signals, settings.tip, settings.poisson_ratio, source=self.source
+        )
 
 
 def fit_and_reject(
@@ -172,7 +153,7 @@ def fit_and_reject(
     signals: list[Any] = [curves.penetration, curves.velocity, force]
     if rejects:  # single samples that depart from their neighbours
         for values in signals:
-            marks |= spikes_of_rows(values, screened=True, threads=threads)
+            marks |= velocities.spikes_of_rows(values, screened=True, threads=threads)
         force[marks] = np.nan
     fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
@@ -250,7 +231,7 @@ def identify_curves(
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
     columns = {"prepared": [None] * count, **_source_columns(curves)}
     rows = ({name: values[k] for name, values in columns.items()} for k in range(count))
-    prepared = curves.contact if settings.tip is None else curves.indentation
+    prepared = curves.contact if settings.tip is None else curves.fit_approach
     contacts = (partial(prepared, k, settings) for k in range(count))
     return identify_each(zip(rows, contacts, strict=True), settings, curves=True)
 
@@ -286,17 +267,7 @@ def identify_each(
             given = given() if callable(given) else given
             if isinstance(given, Recording):
                 known = {**place_in_notes(given.notes), **known}
-                if settings.tip is not None and is_force_curve(given.channels):
-                    fixed = settings.estimator.keys() & {"exponent", "surface"}
-                    refuse_options(fixed | settings.preparation.keys())
-                    given = fit_force_curve(given, settings.tip, settings.poisson_ratio)
-            if isinstance(given, Indentation):
-                new = [indentation_row(given, settings)]
-            else:
-                contact = (
-                    given if isinstance(given, Contact) else prepare(given, **settings.preparation)
-                )
-                new = [*identify_rows(contact, by, columns=settings.law)]
+            new = [*_identify_given(given, settings, by)]
             if not new:
                 raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
@@ -305,6 +276,21 @@ def identify_each(
         spent, begun = perf_counter() - begun, perf_counter()
         seconds += [spent / len(new)] * len(new)
     return table_of_rows(rows, settings), np.array(seconds)
+
+
+def _identify_given(given: Any, settings: Settings, by: Settings) -> Iterator[Row]:
+    """Yield the rows of a contact, a recording or the fit of a force curve."""
+    if isinstance(given, Recording):
+        curve = settings.tip is not None and indentation.is_force_curve(given.channels)
+        if curve and settings.tip is not None:
+            fixed = settings.estimator.keys() & {"exponent", "surface"}
+            indentation.refuse_options(fixed | settings.preparation.keys())
+            given = indentation.fit_force_curve(given, settings.tip, settings.poisson_ratio)
+    if isinstance(given, indentation.Indentation):
+        yield indentation_row(given, settings)
+        return
+    contact = given if isinstance(given, Contact) else prepare(given, **settings.preparation)
+    yield from identify_rows(contact, by, columns=settings.law)
 
 
 def _source_columns(curves: Curves) -> dict[str, Any]:
@@ -317,7 +303,9 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
     curves = curves.add_velocities(threads)
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
-        chosen["surface_deviation"] = estimate_resolutions(curves.penetration, threads=threads)
+        resolutions = np.empty(len(curves))
+        _core.resolutions(curves.penetration, resolutions, threads)
+        chosen["surface_deviation"] = resolutions
     rejects = settings.estimator.get("outlier_rejection") is not False
     elsewhere: dict[int, Finding] = {}
     if rejects:
@@ -333,7 +321,8 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
     columns["law_name"] = [HuntCrossley.kind] * len(curves)
     columns["frequency"] = _frequencies(fitted_curves, fits)
     creating = _energy_creating_rows(curves, fits, columns)
-    columns["flags"] = _flags(fits, left_out, creating)
+    checked = estimate_checks.check_fits(fits, left_out, creating)
+    columns["flags"] = [[*map(finding_cell, findings)] for findings in checked]
     columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
     for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
@@ -378,7 +367,7 @@ def _energy_creating_rows(
         squares = np.where(inside, np.nan_to_num(curves.velocity[rows]) ** 2, 0.0)
         speed = np.sqrt(squares.sum(axis=1) / inside.sum(axis=1))
         damping, error, force = (columns[name][rows] for name in names)
-        creating[rows] = creates_energy(damping, error, force, speed)
+        creating[rows] = estimate_checks.creates_energy(damping, error, force, speed)
     return creating
 
 
@@ -449,39 +438,21 @@ def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[s
     return columns
 
 
-def _flags(fits: CurveFits, left_out: NDArray[np.int64], creating: NDArray[np.bool_]) -> list[Any]:
-    few = fits.taken < 30  # ten samples per parameter
-    pulling = fits.K < 0.0
-    unsettled = fits.status == STATUS_WORDS.index("did not settle")
-    flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
-    for k in np.flatnonzero(few | pulling | creating | unsettled | (left_out > 0)).tolist():
-        taken, count = int(fits.taken[k]), int(left_out[k])
-        more = (
-            (few_samples(taken), few[k]),
-            (NEGATIVE_STIFFNESS, pulling[k]),
-            (NEGATIVE_DAMPING, creating[k]),
-            (_NOT_CONVERGED, unsettled[k]),
-            (outlier_finding(count, max(count + taken, 1)), count),
-        )
-        flags[k] = [*flags[k], *(finding_cell(finding) for finding, so in more if so)]
-    return flags
-
-
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
     """Return the errors of rows without numbers, in the words of :func:`palpate.identify`."""
     where = f"{curves.source}: " if curves.source else ""
     errors = {}
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
-        for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
+        for k in np.flatnonzero(above < refusals.FEWEST_ABOVE).tolist():
             samples = curves.penetration.shape[1]
-            errors[k] = where + no_approach(above[k], samples, fits.surface[k])
-    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
+            errors[k] = where + refusals.no_approach(above[k], samples, fits.surface[k])
+    for k in np.flatnonzero(fits.where_status("no contact")).tolist():
         contact = _try_contact(curves, k, Settings())
         if isinstance(contact, str):
             errors[k] = contact
         else:
-            errors[k] = where + no_contact_message(contact, choose_gate(contact))
+            errors[k] = where + refusals.no_contact_message(contact, choose_gate(contact))
     with np.errstate(invalid="ignore"):
         uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
     for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():
@@ -512,7 +483,7 @@ def _describe_faults(contact: Contact | str, surface: float) -> list[dict[str, s
 
 
 def identify_many(
-    contacts: "Iterable[Contact | Recorded] | None" = None,
+    contacts: Iterable[Any] | None = None,
     *,
     method: ContactEstimator | str | None = None,
     diagnosis: DiagnosisDepth = "input",
@@ -596,7 +567,7 @@ def identify_many(
     return identify_curves(curves, settings, threads=count)[0]
 
 
-def _number_contacts(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:
+def _number_contacts(contacts: Iterable[Any]) -> Iterator[Given]:
     for number, contact in enumerate(contacts):
         source = contact.source if isinstance(contact, Contact | Recording) else None
         if isinstance(contact, str | os.PathLike):

@@ -325,7 +325,6 @@ def _page(card: Card, table: Table) -> str:
     from palpate.fleet.figures import draw_card, draw_distributions
     from palpate.reports import html
 
-    style = html.STYLE + html.DRAWINGS + html.REPORT_STYLE
     numbers = [(escape(name), escape(words)) for name, words in card.numbers]
     worst = [tuple(map(escape, row)) for row in card.worst]
     over = "Contact, peak force, stiffness with its standard error, and the delay of the force."
@@ -346,7 +345,7 @@ def _page(card: Card, table: Table) -> str:
         f'<p class="soft">{escape(card.made)}</p>',
     ]
     parts = ["<header>", *header, "</header>", "<main>", *body, "</main>"]
-    return html.document(f"{card.title}: data card", style, parts)
+    return html.document(f"{card.title}: data card", html.REPORT_STYLE, parts)
 
 
 def _bullets(sentences: Sequence[str]) -> Iterator[str]:

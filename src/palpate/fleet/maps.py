@@ -12,13 +12,12 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, spoken
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.results.view import format_depth
 from palpate.validation import Floats, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
@@ -484,8 +483,8 @@ class Map:
         if self.quantity in _OF_THE_CONTACT:
             return "over the whole contact"
         if self.depth is not None:
-            return f"at {format_depth(self.depth)}{self.frequencies}"
-        low, high = map(format_depth, self.depths)
+            return f"at {format_quantity(self.depth, 'm', 4)}{self.frequencies}"
+        low, high = (format_quantity(depth, "m", 4) for depth in self.depths)
         span = low if low == high else f"{low} to {high}"
         return f"at the working depth of each contact, {span}{self.frequencies}"
 

@@ -17,7 +17,6 @@ from palpate.fleet.files import REPORT, read_manifest, read_results, read_second
 from palpate.fleet.maps import map_of
 from palpate.fleet.tasks import Table
 from palpate.reports import html
-from palpate.reports.html import DRAWINGS, REPORT_STYLE, STYLE, drawing
 from palpate.writing import write_text
 
 #: Most rows of a table on the page; the dataset has all of them.
@@ -88,8 +87,7 @@ def fleet_page(folder: Path) -> str:
     rendered = [line for section in sections for line in html.section(*section)]
     header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
     parts = ["<header>", *header, "</header>", "<main>", *rendered, "</main>"]
-    style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
-    return html.document(f"{name}: fleet report", style, parts)
+    return html.document(f"{name}: fleet report", html.REPORT_STYLE + _OWN, parts)
 
 
 def _tiles(table: Table) -> Iterator[str]:
@@ -145,7 +143,7 @@ def _distributions(table: Table) -> Iterator[str]:
         "Distributions of stiffness and damping at working depth (and of an identified exponent), "
         "and below each its relative standard error."
     )
-    yield from drawing("distributions", partial(draw_distributions, table), words)
+    yield from html.drawing("distributions", partial(draw_distributions, table), words)
 
 
 def _map(table: Table) -> Iterator[str]:
@@ -161,7 +159,7 @@ def _map(table: Table) -> Iterator[str]:
         return
     found = map_of(table, varying)
     words = f"{found.summary[0].upper()}{found.summary[1:]}."
-    yield from drawing("over-place", partial(draw_map, found), words)
+    yield from html.drawing("over-place", partial(draw_map, found), words)
 
 
 def _repeats(table: Table) -> Iterator[str]:
@@ -179,7 +177,9 @@ def _repeats(table: Table) -> Iterator[str]:
                 f"Scatter of the {quantity} in each group of repeats, relative to the standard "
                 "errors: 1 if the errors are right."
             )
-            yield from drawing(f"repeats-{quantity}", partial(draw_repeats, found, quantity), words)
+            yield from html.drawing(
+                f"repeats-{quantity}", partial(draw_repeats, found, quantity), words
+            )
         unit = maps.quantity_unit(quantity)
         header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]
         rows = []

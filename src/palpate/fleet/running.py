@@ -34,9 +34,7 @@ from palpate.fleet.files import Results, disk_name, list_sources, read_curves
 from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
 from palpate.preparation import prepare
-from palpate.recordings import open_recording
-from palpate.recordings.datasets import read_episodes
-from palpate.recordings.opening import FORCE_CURVES, first_line
+from palpate.recordings import datasets, open_recording, opening
 from palpate.spelling import options_in_advice
 from palpate.validation import Floats, whole_in
 
@@ -144,11 +142,11 @@ def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterato
             path = Path(disk_name(source))
             numbers = [index or 0 for _, index in some]
             if kind == "episodes":
-                for number, recording in read_episodes(path, numbers, most):
+                for number, recording in datasets.read_episodes(path, numbers, most):
                     yield {**_name(left.popleft()), "index": number}, recording
                 continue
             if kind == "map":
-                recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
+                recordings = opening.FORCE_CURVES.reader().read_curves(path, numbers, most)
             else:
                 recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
             for recording in recordings:
@@ -219,8 +217,8 @@ def open_client(
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         raise FleetError(
-            f"{scheduler}: no Dask scheduler answers ({first_line(error)}); start one with `dask "
-            "scheduler`, or omit --scheduler to use the cores of this machine"
+            f"{scheduler}: no Dask scheduler answers ({opening.first_line(error)}); start one with "
+            "`dask scheduler`, or omit --scheduler to use the cores of this machine"
         ) from None
     with client:
         _check_workers(client, scheduler)
@@ -390,7 +388,9 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         versions = client.run(version)
     except Exception as error:
-        raise FleetError(f"{scheduler}: its workers do not answer: {first_line(error)}") from None
+        raise FleetError(
+            f"{scheduler}: its workers do not answer: {opening.first_line(error)}"
+        ) from None
     for worker, answer in sorted(versions.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
@@ -568,7 +568,7 @@ def _answer(
     except FleetError:
         raise
     except Exception as error:
-        text = f"{type(error).__name__}: {first_line(error)}"
+        text = f"{type(error).__name__}: {opening.first_line(error)}"
         raise FleetError(f"a worker failed: {text}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []

@@ -17,13 +17,9 @@ from palpate._core import __version__
 from palpate.channels import Columns
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.estimators import (
-    ContactEstimator,
-    VariableProjection,
-    ViscoelasticContact,
-    estimator_named,
-)
+from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.force_laws import ForceLaw
+from palpate.identification.replaying import resolve_estimator
 from palpate.preparation.gate import requested_gate
 from palpate.preparation.settings import Preparation
 from palpate.quantities.derived import QueryOptions
@@ -298,7 +294,7 @@ class Settings:
     def kind(self) -> type[ContactEstimator]:
         """The estimator's class; by default variable projection if only it has these settings."""
         if self.method != AUTO:
-            return estimator_named(self.method)
+            return type(resolve_estimator(self.method))
         able = set(self.estimator) <= set(ViscoelasticContact().settings)
         return ViscoelasticContact if able else VariableProjection
 

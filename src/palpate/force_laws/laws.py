@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
+from palpate.force_laws.relaxation import steps_over_breaks
 from palpate.validation import broadcast_contact, check_choice, number, shown, together
 
 Floats = NDArray[np.float64]
@@ -158,6 +159,16 @@ class ForceLaw:
         Equal to :meth:`force` for a law without memory.
         """
         return np.asarray(self.force(penetration, velocity))
+
+    def force_over(
+        self, time: Floats, penetration: Floats, velocity: Floats, time_step: float
+    ) -> Floats:
+        """Force [N] along a motion at these times [s], over breaks in it, shape (k,).
+
+        A break in the material counts as one usual time step [s], as in an estimator.
+        """
+        steps = steps_over_breaks(time, penetration, time_step)
+        return self.force_along(penetration, velocity, steps)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂θ in contact, shape (k, p), at penetrations > 0 [m] and velocities [m/s], (k,)."""

@@ -8,7 +8,6 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
@@ -71,7 +70,8 @@ class Homogeneous:
         """Return the law as a function of time, lateral position, penetration and velocity."""
         law: Any = self.law
         if law.remembers:
-            return _remembering(law)
+            force_of = law.force_in_order()
+            return lambda time, _, penetration, velocity: force_of(time, penetration, velocity)
         felt = law.in_a_loop()
         return lambda time, lateral_position, penetration, velocity: felt(penetration, velocity)
 
@@ -281,26 +281,6 @@ class TimeVaryingMaterial(Material):
         """Return the true parameters of every episode, and the times [s]."""
         episodes = [material.describe() for material in self.materials]
         return {"kind": "time-varying", "times": list(self.times), "episodes": episodes}
-
-
-def _remembering(law: GeneralisedHuntCrossley) -> Touch:
-    """The force function of a law with memory, fully relaxed at the first penetration."""
-    elastic, (times, weights) = law.parameters[:4], law.branches()
-    stiffnesses, last, state = law.M * weights, math.nan, np.empty(0)
-    # One sample in preallocated arrays: twenty times as fast per call as the law's states.
-    step, depth, speed, force = (np.zeros(1) for _ in range(4))
-
-    def touch(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
-        nonlocal last, state
-        if not state.size:
-            rested, last = law.rest(penetration), time
-            state = np.array([rested.elastic, *rested.branches])
-        step[0], depth[0], speed[0] = max(time - last, 0.0), penetration, velocity
-        last = time
-        _core.generalised_force_along(elastic, times, stiffnesses, step, depth, speed, state, force)
-        return float(force[0])
-
-    return touch
 
 
 def _select_material(

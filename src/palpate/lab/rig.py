@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.errors import InvalidParameterError, require_mujoco
 from palpate.lab.materials import Material, Touch, force_of_touch
 from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
 from palpate.validation import Floats, number_in
@@ -351,19 +351,6 @@ def _link(length: float, level: float, colour: str) -> str:
 # Beyond these the simulation has diverged: the motors can move the tip at about 3 m/s and press
 # with about 300 N.
 TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
-
-
-def require_mujoco(what: str = "the twin pantograph", extra: str = "lab") -> Any:
-    """Return MuJoCo, or raise an error with what needs it and how to install it."""
-    try:
-        import mujoco
-    except ImportError:
-        raise MissingExtraError.named(what, "MuJoCo", extra) from None
-    except Exception as error:  # MUJOCO_GL may name a graphics library that is missing
-        raise MissingExtraError(
-            f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
-        ) from None
-    return mujoco
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.diagnosis import Where
 from palpate.errors import printable
 from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS, ForceLaw
@@ -37,7 +36,7 @@ from palpate.live.view import (
     seconds,
     verdict_on,
 )
-from palpate.results.view import describe_place
+from palpate.results import view
 from palpate.validation import Floats, or_nan
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
@@ -144,9 +143,9 @@ def describe_depth(
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator starts"  # its law is not in the status yet
     if verdict:
-        now, at = verdict.numbers(), describe_place(Where(depth, verdict.law.frequency))
+        now, at = verdict.numbers(), view.describe_place(depth, verdict.law.frequency)
     else:
-        now, at = read_numbers(row[None], kind, depth), describe_place(Where(depth))
+        now, at = read_numbers(row[None], kind, depth), view.describe_place(depth)
     if not now:
         return str(verdict or "no estimate yet")
     return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"

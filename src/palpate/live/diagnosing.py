@@ -16,7 +16,7 @@ from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
 from palpate.live.sinks import PLACE, Watching, diagnosis_basis
 from palpate.live.view import answer
-from palpate.results.view import fit_rows, number_lines
+from palpate.results import view
 from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s
@@ -131,11 +131,11 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         result = identify(contact, _estimator(status), trace=False)
         if (depth := status.get("depth")) is not None:
             result = result.at_depth(depth)
-        diagnosis, lines = result.diagnosis, number_lines(result)
+        diagnosis, lines = result.diagnosis, view.number_lines(result)
     except PalpateError as error:  # the probe touched nothing
         said = str(error)
         return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}
-    rows = (f"{name}: {text}".replace("\n", "  ") for name, text in fit_rows(result))
+    rows = (f"{name}: {text}".replace("\n", "  ") for name, text in view.fit_rows(result))
     return {
         **page,
         "said": answer(lines),

@@ -6,7 +6,6 @@ reads them from shared memory, in another process.
 
 import math
 import time
-from base64 import b64encode
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
@@ -16,18 +15,16 @@ from typing import Any
 
 import numpy as np
 
+from palpate import _core
 from palpate._core import Status
 from palpate.channels.frames import UNIT_LENGTH
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.estimators import ContactEstimator
-from palpate.estimators.law_verdicts import Candidate
 from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.preparation.online import OnlinePreparation
-from palpate.preparation.resolution import noise_of
-from palpate.preparation.velocity import step_of
 from palpate.validation import Floats, finite_or_none, number_in
 from palpate.wrench import PayloadCompensation
 
@@ -89,8 +86,8 @@ class LawsInForce:
     ----------
     shown : list of int
         Indices of the parameters that at least one compared law has.
-    now : Candidate, optional
-        The preferred law.
+    now : object, optional
+        The preferred law, as the estimator's ``candidate``.
     changes : int
         Changes of the preferred law since the evidence was last discarded.
     time : float
@@ -100,7 +97,7 @@ class LawsInForce:
     """
 
     shown: list[int]
-    now: Candidate | None = None
+    now: object = None
     changes: int = 0
     time: float = math.nan
     turns: deque[Any] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
@@ -133,24 +130,14 @@ class LawsInForce:
         """
         if not estimator.chooses_law:
             return None
-        estimate: Any = estimator.estimate()
         learned = len(self.turns) > 0  # an initial estimate is not a result
         return {
-            "evidence": estimator.evidence(),
-            "fixed": estimate.fixed,
-            "parameters": estimate.parameters.tolist() if learned else None,
-            # Some 350 numbers: as decimal digits, JSON would take ten times as long.
-            "covariance": _pack_numbers(estimate.covariance) if learned else None,
-            "spectrum": [*map(_pack_numbers, estimate.spectrum[:3])] if learned else None,
-            "flags": [*map(str, estimate.findings)],
+            **estimator.pack_verdict(with_estimate=learned),
+            "flags": [*map(str, estimator.estimate().findings)],
             "time": finite_or_none(self.time),
             "changes": self.changes,
             "turns": list(self.turns),
         }
-
-
-def _pack_numbers(numbers: Floats) -> str:
-    return b64encode(numbers.tobytes()).decode()
 
 
 # Faults of a source, detected from the times of its samples.
@@ -271,11 +258,11 @@ def pressing(depth: Floats, force: Floats, *, below_surface: bool) -> str:
     """
     if len(depth) < FEWEST_OF_TARE:
         return ""
-    resolution = max(3.0 * noise_of(depth), step_of(depth))
+    resolution = max(3.0 * _core.noise_of(depth), _core.step_of(depth))
     inside = depth[depth > resolution]
     if below_surface and len(inside) > INSIDE * len(depth):
         return f"the probe is {format_quantity(float(np.median(inside)), 'm')} inside the material"
-    least = CHANGE * max(noise_of(force), step_of(force) / math.sqrt(12.0))
+    least = CHANGE * max(_core.noise_of(force), _core.step_of(force) / math.sqrt(12.0))
     time = np.arange(float(len(force)))
     for by, words in ((depth, " as the probe moves"), (time, ", so it is not steady")):
         offset, apart = by - by.mean(), force - force.mean()

@@ -30,15 +30,7 @@ from palpate.live.wires import (
     WireSource,
     topic_names,
 )
-from palpate.recordings.messages.layout import (
-    Layout,
-    MessageNumber,
-    TimeAt,
-    UndecodableError,
-    leaves_of_empty,
-    message_fields,
-    walk_cdr,
-)
+from palpate.recordings.messages import layout
 
 # bytes: a message with the state of a hundred named joints has about 6000. Decoding the first
 # message of this length takes up to 4 ms.
@@ -90,10 +82,15 @@ class RosReading(NamedTuple):
 class _Places:
     """A message layout: bytes to compare, and the offsets of the numbers."""
 
-    def __init__(self, size: int, layout: Layout, stamp: Any, values: list[list[Any]]) -> None:
+    def __init__(
+        self, size: int, walked: layout.Layout, stamp: Any, values: list[list[Any]]
+    ) -> None:
         self._size = size
-        self._checks = [(start, start + len(want), want.tobytes()) for start, want in layout.checks]
-        self._stamped, self._sizes = isinstance(stamp, TimeAt), [len(each) for each in values]
+        self._checks = [(start, start + len(want), want.tobytes()) for start, want in walked.checks]
+        self._stamped, self._sizes = (
+            isinstance(stamp, layout.TimeAt),
+            [len(each) for each in values],
+        )
         found = [stamp.seconds, stamp.nanoseconds] if self._stamped else []
         found += [number for each in values for number in each]
         names, formats = [f"f{k}" for k in range(len(found))], [each.dtype for each in found]
@@ -146,13 +143,13 @@ class MessageReader:
         self._paths, self._vectors, self._orientation = tuple(paths), vectors, orientation
         self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
         try:
-            self._fields = message_fields(type_name, "ros2msg", "")
-        except UndecodableError:
+            self._fields = layout.message_fields(type_name, "ros2msg", "")
+        except layout.UndecodableError:
             raise InvalidParameterError(
                 f"topic {topic} has type {type_name}, which ROS does not define: publish a "
                 "standard type"
             ) from None
-        leaves = leaves_of_empty(self._fields)
+        leaves = layout.leaves_of_empty(self._fields)
         try:  # finds missing fields early, except in lists, whose length is not known yet
             for path in paths:
                 if "[" not in path:
@@ -178,16 +175,18 @@ class MessageReader:
             raise InvalidParameterError(
                 f"a message of {len(message)} bytes exceeds the limit of {LONGEST}"
             )
-        layout = walk_cdr(message, self._fields)
-        leaves = layout.entities[0].leaves
+        walked = layout.walk_cdr(message, self._fields)
+        leaves = walked.entities[0].leaves
         values = [self._leaves(leaves, path) for path in self._paths]
         if self._orientation:
             values[0] = values[0] + self._orientation_leaves(leaves)
-        places = _Places(len(message), layout, leaves.get(_STAMP), values)
+        places = _Places(len(message), walked, leaves.get(_STAMP), values)
         self._known.append(places)
         return places.read(message)
 
-    def _orientation_leaves(self, leaves: dict[str, MessageNumber]) -> list[MessageNumber]:
+    def _orientation_leaves(
+        self, leaves: dict[str, layout.MessageNumber]
+    ) -> list[layout.MessageNumber]:
         parent, _, name = self._paths[0].rpartition(".")
         path = _below(parent, ORIENTATIONS.get(name, "orientation"))
         if not (components := _components(leaves, path, "xyzw")):
@@ -196,7 +195,9 @@ class MessageReader:
             )
         return components
 
-    def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
+    def _leaves(
+        self, leaves: dict[str, layout.MessageNumber], path: str
+    ) -> list[layout.MessageNumber]:
         if path in leaves:
             if self._vectors:
                 raise InvalidParameterError(
@@ -220,7 +221,9 @@ def _below(path: str, axis: str) -> str:
     return f"{path}.{axis}".removeprefix(".")
 
 
-def _components(leaves: dict[str, MessageNumber], path: str, axes: str) -> list[MessageNumber]:
+def _components(
+    leaves: dict[str, layout.MessageNumber], path: str, axes: str
+) -> list[layout.MessageNumber]:
     """Return the numbers of a vector; empty if the message has none at this path."""
     names = [_below(path, axis) for axis in axes]
     return [leaves[name] for name in names] if leaves.keys() >= set(names) else []
@@ -426,8 +429,8 @@ class RosWire(Wire):
         if names != self._names:
             types, size = typestore().types, len(names)
             dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
-            layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
-            message = types[ESTIMATE](layout, np.zeros(size))
+            arrangement = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+            message = types[ESTIMATE](arrangement, np.zeros(size))
             # The message ends with the numbers.
             self._head, self._names = _encode(message, ESTIMATE)[: -8 * size], names
         return self._head + np.array(values, dtype="<f8").tobytes()

@@ -5,30 +5,18 @@ loop cannot spare. Each key of the page's text is the id of an element in its do
 """
 
 import math
-from base64 import b64decode
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from palpate._core import Status
-from palpate.diagnosis import Where
 from palpate.digits import format_quantity, parameter, rounded, with_error
 from palpate.estimators.estimate import Estimate
-from palpate.estimators.law_verdicts import (
-    STRONG,
-    UNDECIDED,
-    Evidence,
-    LawVerdict,
-    judge_evidence,
-)
-from palpate.estimators.viscoelastic import RelaxingEstimate, build_law
+from palpate.estimators.law_verdicts import LawVerdict
+from palpate.estimators.viscoelastic import unpack_verdict
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import why_undiagnosed
-from palpate.results.parameters import describe_relaxation
-from palpate.results.view import NumberLine, describe_place
+from palpate.results import view
 from palpate.validation import or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
@@ -84,14 +72,7 @@ class LiveVerdict:
         """How strong the evidence is: none, before (outdated), alone, open, weak or strong."""
         if not self.law.known:
             return "before" if self.learned else "none"
-        if math.isnan(lead := self.lead):
-            return "alone"
-        return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
-
-    @property
-    def lead(self) -> float:
-        """ΔBIC of the preferred law over the best other law without memory, NaN without one."""
-        return math.nan if self.law.rival is None else self.law.rival.score
+        return self.law.certainty
 
     @property
     def standing(self) -> str:
@@ -158,7 +139,7 @@ class LiveVerdict:
         fields: dict[str, float | str] = {
             "law": str(law.candidate) if self.learned else "",
             "standing": self.standing,
-            "lead": self.lead,
+            "lead": law.lead,
             "samples": law.samples,
             "independent_samples": law.effective_samples,
             "since": origin + self.since,
@@ -178,27 +159,13 @@ def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
     page = status.get("verdict")
     if page is None:
         return None
-    estimate, learned = _estimate_in(page), page["parameters"] is not None
-    verdict = judge_evidence(Evidence(*page["evidence"]), estimate)
+    verdict, estimate = unpack_verdict(page)
+    learned = estimate.samples > 0
     flags = [*page["flags"], *(verdict.flags if learned else ())]
     flags += map(str, _open(page, verdict, estimate) if verdict.known else ())
     turns = [(time, law) for time, law, _ in page["turns"]]
     time = or_nan(page["time"])
     return LiveVerdict(verdict, estimate, learned, flags, page["changes"], turns, time)
-
-
-def _estimate_in(page: Mapping[str, Any]) -> Estimate:
-    """Return the estimate in the loop's status; a law of zero force before the first sample."""
-    if page["parameters"] is None:
-        law = GeneralisedHuntCrossley(K=0.0, n=1.0, B=0.0, p=1.0)
-        size = law.parameters.size
-        return Estimate.from_law(law, np.zeros((size, size)), status=Status.WAITING, samples=0)
-    packed = (page["covariance"], *page["spectrum"])
-    covariance, times, numbers, joint = (np.frombuffer(b64decode(each)) for each in packed)
-    law = build_law(times, numbers)
-    value = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
-    joint = joint.reshape(len(numbers) + 1, -1)
-    return RelaxingEstimate(value, tuple(page["fixed"]), (times, numbers, joint, []))
 
 
 def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
@@ -227,7 +194,7 @@ _UNITS = {"stiffness": "N/m", "damping": "N·s/m"}
 
 def headline(
     found: Mapping[str, Any] | None, status: Mapping[str, Any], now: Numbers, at: str
-) -> list[NumberLine]:
+) -> list[view.NumberLine]:
     """Return the two numbers as diagnosed; while no diagnosis holds, as estimated now at a place.
 
     Parameters
@@ -241,12 +208,12 @@ def headline(
     """
     why = why_undiagnosed(found, status)
     if found and not why and found.get("numbers"):
-        return [NumberLine(**each) for each in found["numbers"]]
+        return [view.NumberLine(**each) for each in found["numbers"]]
     reason = why or (found or {}).get("reason") or ""
-    return [NumberLine(name, _present(now, name), at, None, reason) for name in _UNITS]
+    return [view.NumberLine(name, _present(now, name), at, None, reason) for name in _UNITS]
 
 
-def answer(lines: Iterable[NumberLine], *, reasons: bool = True) -> str:
+def answer(lines: Iterable[view.NumberLine], *, reasons: bool = True) -> str:
     """Return the numbers in one line, each with its mark and what sets that."""
     return "; ".join(each.text(reasons=reasons) for each in lines)
 
@@ -343,15 +310,15 @@ def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float)
         ]
         for each in reversed(page["changes"])
     ]
-    view: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
-    return view | (law_card_texts(verdict, now) if verdict else {})
+    texts: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
+    return texts | (law_card_texts(verdict, now) if verdict else {})
 
 
 def _describe_depth(depth: Mapping[str, Any]) -> str:
     """Format the working depth of the page, and the motion's frequency."""
     if math.isnan(depth["value"]):
         return "at working depth"
-    return describe_place(Where(depth["value"], depth["frequency"] or math.nan))
+    return view.describe_place(depth["value"], depth["frequency"] or math.nan)
 
 
 def _parameter(found: Mapping[str, Any], name: str, k: int, verdict: LiveVerdict | None) -> str:
@@ -389,7 +356,7 @@ def law_card_texts(verdict: LiveVerdict, now: float) -> Words:
     badge, kind = _BADGES[certainty]
     numbers, at = verdict.numbers(), ""
     if numbers:
-        at = f"small oscillation {describe_place(Where(verdict.law.depth, verdict.law.frequency))}"
+        at = f"small oscillation {view.describe_place(verdict.law.depth, verdict.law.frequency)}"
     return {
         "law-name": str(verdict.law.candidate) if verdict.learned else "Not known yet",
         "law-badge": badge,
@@ -420,7 +387,7 @@ def _law_number(law: GeneralisedHuntCrossley, numbers: Numbers, name: str) -> st
     if not numbers:
         return "–"
     if law.remembers:
-        return describe_relaxation(law)
+        return law.describe_relaxation()
     return "no memory" if name == "relaxation_time" else "equals K′: no memory"
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
 from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
-from palpate.digits import rounded
+from palpate.digits import format_hertz, rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
@@ -265,11 +265,6 @@ def compute_relaxation_time(result: Derivable) -> Quantity | None:
 def motion_band(result: Derivable) -> tuple[float, float]:
     """Return the frequency band of the motion, rad/s: half to twice its mean frequency."""
     return band_about(result.frequency)
-
-
-def format_hertz(frequency: float) -> str:
-    """Format a frequency [rad/s] in Hz."""
-    return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
 def _require_time(result: Derivable) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.digits import percent, rounded
-from palpate.force_laws import ForceLaw, steps_over_breaks
+from palpate.force_laws import ForceLaw
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.touch import find_touches
 from palpate.validation import Floats, Plain, finite_or_none
@@ -47,9 +47,7 @@ class Path:
         """Force of a law along the motion, N."""
         within = np.diff(self.time)[np.diff(self.segment) == 0]
         usual = float(np.median(within)) if within.size else 1.0
-        return law.force_along(
-            self.depth, self.velocity, steps_over_breaks(self.time, self.depth, usual)
-        )
+        return law.force_over(self.time, self.depth, self.velocity, usual)
 
     def work(self, force: Floats) -> Floats:
         """Work done on the material up to each sample, J: ∫ F dx by trapezoids."""

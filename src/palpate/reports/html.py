@@ -48,7 +48,7 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
     title : str
         Title in the browser's tab.
     style : str
-        CSS.
+        CSS in addition to that of every page and of its figures.
     parts : iterable of str
         HTML of the body, joined by newlines.
     """
@@ -61,7 +61,7 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
 <meta name="color-scheme" content="light dark">
 {GENERATOR}
 <title>{escape(title)}</title>
-<style>{style}</style>
+<style>{STYLE}{DRAWINGS}{style}</style>
 </head>
 <body>
 {body}

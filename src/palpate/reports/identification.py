@@ -18,7 +18,7 @@ from palpate.identification.identified import Identified
 from palpate.quantities.derived import motion_band
 from palpate.recordings.table_files import has_pyarrow, write_columns
 from palpate.reports import html
-from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
+from palpate.reports.html import GENERATOR, REPORT_STYLE, drawing
 from palpate.results import view
 from palpate.results.saved import (
     RESULT,
@@ -124,7 +124,7 @@ def page(
         *html.section("again", "How to reproduce this result", _again(circumstances)),
         "</main>",
     ]
-    return html.document(f"{name}: identification", STYLE + DRAWINGS + REPORT_STYLE, parts)
+    return html.document(f"{name}: identification", REPORT_STYLE, parts)
 
 
 def _verdicts_of_parts(result: Identified) -> Iterator[str]:

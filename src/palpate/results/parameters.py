@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.digits import format_quantity, parameter, rounded, with_error
+from palpate.digits import parameter, rounded
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 
 if TYPE_CHECKING:
@@ -85,22 +85,7 @@ def _relaxing_rows(result: "Identified", law: GeneralisedHuntCrossley) -> Iterat
             yield _bound(law, relaxing, "0 (no relaxation preferred)")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
-    yield ParameterRow(relaxing, RELAXATION, "τ", "", describe_relaxation(law))
-
-
-def describe_relaxation(law: GeneralisedHuntCrossley) -> str:
-    """Return the relaxation time of a law with memory, or the range of its relaxation times."""
-    assert law.relaxation is not None
-    if (time := law.relaxation_time) is not None:
-        return with_error(time, time * law.relaxation.resolution, unit="s")
-    return f"several relaxation times, {relaxation_range(law)}"
-
-
-def relaxation_range(law: GeneralisedHuntCrossley) -> str:
-    """Return the shortest and the longest relaxation time of a law: *32 ms to 2.05 s*."""
-    times, weights = law.branches()
-    present = times[weights > 0.0]
-    return " to ".join(format_time(float(each)) for each in present[[0, -1]])
+    yield ParameterRow(relaxing, RELAXATION, "τ", "", law.describe_relaxation())
 
 
 def felt_times(law: ForceLaw, frequency: float) -> tuple[float, ...]:
@@ -120,11 +105,6 @@ def _growth(law: GeneralisedHuntCrossley) -> str | None:
     if law.p == law.n:
         return "n"
     return "n − 1" if law.p == law.n - 1.0 else None
-
-
-def format_time(seconds: float) -> str:
-    """Format a time; a thousand seconds or more keep the unit s."""
-    return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 
 
 def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:

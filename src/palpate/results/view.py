@@ -15,20 +15,27 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate.diagnosis import Quantity, Where
+from palpate.diagnosis import Quantity
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, percent, rounded, with_error
+from palpate.digits import (
+    format_hertz,
+    format_quantity,
+    format_time,
+    interval,
+    percent,
+    rounded,
+    with_error,
+)
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
 from palpate.preparation.touch import find_touches
-from palpate.quantities.derived import format_hertz, motion_band
+from palpate.quantities.derived import motion_band
 from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
     felt_times,
     format_signed,
-    format_time,
     law_name,
     parameter_rows,
     parameter_terms,
@@ -207,11 +214,11 @@ class NumberLine(NamedTuple):
         return f"{words} ({': '.join(filter(None, (spoken(self.mark), why)))})"
 
 
-def describe_place(at: Where) -> str:
+def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0) -> str:
     """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
-    often = f", {format_hertz(at.frequency)}" if math.isfinite(at.frequency) else ""
-    fast = f", {format_quantity(at.speed, 'm/s', digits=2)}" if at.speed else ""
-    return f"at {format_quantity(at.depth, 'm')}{often}{fast}"
+    often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
+    fast = f", {format_quantity(speed, 'm/s', digits=2)}" if speed else ""
+    return f"at {format_quantity(depth, 'm')}{often}{fast}"
 
 
 def number_lines(result: "Identified") -> list[NumberLine]:
@@ -222,7 +229,8 @@ def number_lines(result: "Identified") -> list[NumberLine]:
         if math.isnan(quantity.value) and lines:
             lines.append(NumberLine(name, f"not given: {quantity.reason}", "", None))
             continue
-        at = "" if quantity.at is None else describe_place(quantity.at)
+        where = quantity.at
+        at = "" if where is None else describe_place(where.depth, where.frequency, where.speed)
         same = lines and quantity.reason and quantity.reason == lines[0].reason
         reason = "for the same reason" if same else quantity.reason
         value = _format_with_unit(quantity, unit)
@@ -569,11 +577,6 @@ def preparation_section(results: "Sequence[Identified]", *, whole: bool = False)
 
 
 # Formats of one number.
-
-
-def format_depth(depth: float) -> str:
-    """Format a depth below the surface."""
-    return format_quantity(depth, "m", digits=4)
 
 
 def format_number(quantity: Quantity) -> str:

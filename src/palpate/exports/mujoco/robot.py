@@ -9,19 +9,18 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError, require_mujoco
 from palpate.exports.engine import make_refusals, make_warnings
-from palpate.exports.exporting import STATEMENT, InAnEngine
+from palpate.exports.exporting import STATEMENT
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.fitting import PairRow
 from palpate.exports.texts import digits, template, xml_comment
 from palpate.findings import Finding
-from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
 #: Names of the coincident surfaces in the user's model, one per row.
@@ -448,7 +447,7 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
 # An exported MuJoCo scene, read from its file as a material of the laboratory.
 
 
-class Scene(InAnEngine):
+class Scene:
     """A material of the laboratory: the contact of ``scene.xml``, simulated state by state.
 
     Parameters
@@ -464,13 +463,42 @@ class Scene(InAnEngine):
 
     def __init__(self, path: str | Path) -> None:
         path = Path(path)
-        name = f"{path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
+        self.name = f"{path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
+        self._model = _read(path)
         try:
             law = json.loads(path.with_name(STATEMENT[0]).read_bytes())["exported_law"]
-            truth = {**law, "engine": "mujoco"}
+            self._truth = {**law, "engine": "mujoco"}
         except (OSError, ValueError, LookupError, TypeError):  # no statement in the scene's folder
-            truth = {"kind": "a scene of MuJoCo", "file": path.name}
-        super().__init__(name, _read(path).along_motion, truth)
+            self._truth = {"kind": "a scene of MuJoCo", "file": path.name}
+
+    def describe(self) -> dict[str, Any]:
+        """Return the exported law, SI, and the engine."""
+        return self._truth
+
+    def touch(self) -> NoReturn:
+        """Raise: an engine's contact force depends on the probe's acceleration.
+
+        Raises
+        ------
+        InvalidParameterError
+            Always.
+        """
+        raise InvalidParameterError(
+            f"{self.name} needs a probe with prescribed motion, --probe ideal: the "
+            "engine's contact force depends on the acceleration"
+        )
+
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
+        """Return the engine's force [N] along a whole motion, shape (k,); 0 out of contact."""
+        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
+        if below.size:
+            acceleration = np.gradient(velocity, time)
+            t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
+            inside = ProbeMotion(t, x, v, a, np.ones(below.size, dtype=bool))
+            force[below] = self._model.along_motion(inside)
+        return force
 
 
 def _read(path: Path) -> PressableModel:
@@ -483,7 +511,6 @@ def _read(path: Path) -> PressableModel:
     pads = [pad for pad in PADS if pad in names]
     if TIP not in names or not pads or model.npair != len(pads):
         raise RecordingError(
-            f"{path}: not a scene of palpate export with pairs of {TIP} and {PADS[0]}; for a "
-            "callback use palpate.exports.SimulatedContact in Python"
+            f"{path}: not a scene of palpate export with pairs of {TIP} and {PADS[0]}"
         )
     return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())))

@@ -27,7 +27,7 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
-from palpate.reports.html import DRAWINGS, STYLE
+from palpate.reports import html
 from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
@@ -311,7 +311,7 @@ STATIC = Path(__file__).parent / "static"
 
 def style_sheet() -> str:
     """Return the style sheet, with the light and dark colours of the figures as variables."""
-    return STYLE + DRAWINGS + (STATIC / "live.css").read_text(encoding="utf-8")
+    return html.STYLE + html.DRAWINGS + (STATIC / "live.css").read_text(encoding="utf-8")
 
 
 # The server: one page, and a WebSocket to each browser.
