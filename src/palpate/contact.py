@@ -251,7 +251,8 @@ def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bo
     """Mask of the samples between two times, s; raise RecordingError if no sample is there."""
     keep = (time >= low) & (time <= high)
     if not keep.any():
-        first, last = time.min(initial=np.inf), time.max(initial=-np.inf)
+        first = time.min(initial=np.inf)
+        last = time.max(initial=-np.inf)
         words = f"there is no sample between {low:g} s and {high:g} s; the recording runs from"
         raise RecordingError.of(source, f"{words} {first:g} s to {last:g} s")
     return keep

@@ -143,7 +143,9 @@ class Check(StrEnum):
     def __new__(cls, title: str, subject: str, holds: Holds | None = None) -> "Check":
         """Return the id, which is its title, with its subject."""
         check = str.__new__(cls, title)
-        check._value_, check.subject, check.holds = title, subject, holds or Holds(0)
+        check._value_ = title
+        check.subject = subject
+        check.holds = holds or Holds(0)
         return check
 
     @property

@@ -318,7 +318,8 @@ def compare(
     """
     traced = check_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
-    data, rejecting = Data(contact), outlier_rejection is not False
+    data = Data(contact)
+    rejecting = outlier_rejection is not False
     if (
         known is not None
         and known.data is not None

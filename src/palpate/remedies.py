@@ -100,7 +100,9 @@ class Remedy(str):
         """Return the step's sentence with its values, and with the second step's."""
         words = spell_advice(step.value.format(*values))
         remedy = super().__new__(cls, words if otherwise is None else f"{words}, or {otherwise}")
-        remedy.step, remedy.otherwise, remedy._given = step, otherwise, (step, *values)
+        remedy.step = step
+        remedy.otherwise = otherwise
+        remedy._given = (step, *values)
         return remedy
 
     def without(self, step: NextStep) -> "Remedy | None":

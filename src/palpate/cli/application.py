@@ -166,7 +166,8 @@ def move_common_options_first(words: Sequence[str]) -> list[str]:
     those that stand behind it.
     """
     end = words.index("--") if "--" in words else len(words)
-    common, rest = list[str](), list[str]()
+    common = list[str]()
+    rest = list[str]()
     k = 0
     while k < end:
         takes_next = words[k] == "--config" and k + 1 < end
@@ -217,7 +218,8 @@ class _Lines(logging.Handler):
 @contextmanager
 def _print_log(loudness: int) -> Iterator[None]:
     """Print palpate's log: level INFO at loudness 1, level DEBUG at 2."""
-    logger, handler = logging.getLogger("palpate"), _Lines()
+    logger = logging.getLogger("palpate")
+    handler = _Lines()
     level = logger.level
     if loudness:
         logger.addHandler(handler)

@@ -42,7 +42,8 @@ def print_design(design: Design, console: Console) -> None:
 def comment_lines(design: Design) -> dict[str, str]:
     """Return the comment lines above the header of a motion's file."""
     name, chosen = design.chosen
-    law, motion = design.law, chosen.motion
+    law = design.law
+    motion = chosen.motion
     sines = zip(motion.amplitudes, motion.frequencies, strict=True)
     terms = [f"{a:.6g} sin({w:.6g} t)" for a, w in sines]
     errors = zip(law.symbols, chosen.expected_errors[-1], strict=True)
@@ -61,7 +62,8 @@ def command_line(design: Design) -> str | None:
     """Return the ``palpate design`` command of the better motion."""
     if design.better is None:
         return None
-    motion, limits = design.better.motion, design.limits
+    motion = design.better.motion
+    limits = design.limits
     options: dict[str, tuple[float, ...]] = {
         **{name: (value,) for name, value in design.law.as_dict().items()},
         "noise": (design.noise,),

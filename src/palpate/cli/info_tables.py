@@ -41,7 +41,8 @@ Section: TypeAlias = tuple[list[str], list[list[Cell]]]
 def print_recording(recording: Recording, surveyed: Survey) -> None:
     """Print the contents of a recording; empty sections are omitted."""
     console = Terminal()
-    channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
+    channels = len(surveyed.channels)
+    clocks = sum(bool(c.name) for c in surveyed.clocks)
     say_path(console, recording.source or "recording", "bold")
     times = f"on {_count(clocks, 'clock')}" if clocks else "without times"
     say(console, f"{_count(channels, 'channel')} {times}")
@@ -126,7 +127,8 @@ def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str,
 
 def print_episodes(data: DataSet) -> None:
     """Print how many episodes a data set has, and the lengths of the first ones."""
-    console, lengths = Terminal(), data.lengths
+    console = Terminal()
+    lengths = data.lengths
     rate = "" if data.rate is None else f" at {rounded(data.rate, 4)} Hz"
     say(console, f"{data.name}: {_count(len(lengths), 'episode')}{rate}", "bold")
     for number, length in [*lengths.items()][:_MOST_EPISODES]:

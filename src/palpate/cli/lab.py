@@ -183,7 +183,8 @@ def _versions(bench: "Bench") -> dict[str, str]:
 
 
 def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:
-    contact, truth = measurement.contact, measurement.truth
+    contact = measurement.contact
+    truth = measurement.truth
     say(console, f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
     say_path(console, f"truth: {contact.provenance['truth']}")
     say(

@@ -231,7 +231,8 @@ def live(
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
         chosen = chosen.replace(exponent=check_fixed_exponent(exponent, type(chosen)))
-    tool, taken = incoming.tool, incoming.source(source)
+    tool = incoming.tool
+    taken = incoming.source(source)
     sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(
         taken,

@@ -333,7 +333,8 @@ def parse_tip(text: str) -> "Tip":
 
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))
-    option, round_ = f"--tip {kind}:{name}", {"sphere": Sphere, "punch": FlatPunch}
+    option = f"--tip {kind}:{name}"
+    round_ = {"sphere": Sphere, "punch": FlatPunch}
     pointed: dict[str, type[Cone | Pyramid]] = {"cone": Cone, "pyramid": Pyramid}
     if kind in round_ and name in ("radius", "diameter"):
         length = quantity(option, value, "penetration")

@@ -181,10 +181,12 @@ def _print(log: Path, found: "Payload") -> None:
         return ", ".join(with_error(factor * a, factor * b) for a, b in pairs) + f" {unit}"
 
     cosine = float(np.clip(0.5 * (np.trace(found.mount) - 1.0), -1.0, 1.0))
-    turned, off = math.degrees(math.acos(cosine)), math.degrees(float(found.mount_error.max()))
+    turned = math.degrees(math.acos(cosine))
+    off = math.degrees(float(found.mount_error.max()))
     angle = with_error(turned, off, unit="°").replace(" °", "°")
     roll, pitch, yaw = map(math.degrees, roll_pitch_yaw(found.mount))
-    bias, error = found.sign * found.bias, found.bias_error
+    bias = found.sign * found.bias
+    error = found.bias_error
     torque = float(error[3:].max()) < _UNKNOWN_TORQUE
     centre = three(found.centre, found.centre_error, 1e3, "mm")
     late = "late" if found.delay >= 0.0 else "early"

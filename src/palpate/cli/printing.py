@@ -126,7 +126,10 @@ def print_table(
     from rich.table import Table  # here, because help needs no table and must be fast
 
     texts = [list(map(as_text, row)) for row in rows]
-    shown, plain, least, cells = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
+    shown = list[int]()
+    plain = dict[int, str]()
+    least = dict[int, int]()
+    cells = dict[int, int]()
     for k, column in enumerate(zip(*texts, strict=True)):
         words = list(map(str, column))
         if set(words).issubset(_NOTHING):

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 # Shown periods of the slowest sine, and points per period of the fastest.
 _PERIODS = 2.0
-_POINTS, _MOST_POINTS = 40, 1500
+_POINTS = 40
+_MOST_POINTS = 1500
 _DURATIONS = 30
 CAPTION = (
     "Standard errors: lower bound for any unbiased method (Cramér–Rao), relative to the guessed "
@@ -99,12 +100,14 @@ def _draw_motions(
     depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: figures.Look
 ) -> None:
     """Penetration over time; velocity over penetration, with the better motion's limits."""
-    time, limits = _shown_time(motions), design.limits
+    time = _shown_time(motions)
+    limits = design.limits
     depth = figures.choose_scale(max(each.of.peak_penetration for each in motions), "m")
     speed = figures.choose_scale(
         max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s"
     )
-    left, right = limits.least_penetration, limits.peak_penetration
+    left = limits.least_penetration
+    right = limits.peak_penetration
     orbits.plot(
         depth.factor * np.array([left, right, right, left, left]),
         speed.factor * limits.speed * np.array([-1.0, -1.0, 1.0, 1.0, -1.0]),

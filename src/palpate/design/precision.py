@@ -373,14 +373,14 @@ def find_better(
     """
     if limits.speed == 0.0:
         return None
-    top, bottom = (
-        limits.peak_penetration * (1.0 - _SLACK),
-        limits.least_penetration + limits.peak_penetration * _SLACK,
-    )
+    top = limits.peak_penetration * (1.0 - _SLACK)
+    bottom = limits.least_penetration + limits.peak_penetration * _SLACK
     heights = np.linspace(bottom, bottom + 0.95 * (top - bottom), 24)
     step = float(heights[1] - heights[0])
 
-    best, least, best_shape = given, math.inf, given
+    best = given
+    least = math.inf
+    best_shape = given
 
     def look(shape: Motion, heights: Floats) -> None:
         nonlocal best, least, best_shape
@@ -391,13 +391,16 @@ def find_better(
                 continue
             error = float(measurement.expected_errors(candidate, duration, quick=True).max())
             if error < least:
-                best, least, best_shape = candidate, error, shape
+                best = candidate
+                least = error
+                best_shape = shape
 
     for shape in _shapes(given):
         look(shape, heights)
     if math.isinf(least):
         return None
-    low, high = best.least_penetration - step, best.least_penetration + step
+    low = best.least_penetration - step
+    high = best.least_penetration + step
     look(best_shape, np.linspace(max(bottom, low), min(heights[-1], high), 9))
     exact = measurement.expected_errors(best, duration).max()
     before = measurement.expected_errors(given, duration).max()
@@ -516,7 +519,8 @@ def predict_precision(
     motion: Motion, measurement: PlannedMeasurement, durations: tuple[float, ...]
 ) -> PredictedPrecision:
     """Predict the precision of a motion after each of the durations, which increase."""
-    law, step = measurement.law, measurement.sample_time
+    law = measurement.law
+    step = measurement.sample_time
     _, x, v = motion.sampled(durations[-1], step)
     touching = x > 0.0
     speed = np.abs(v[touching])

@@ -286,9 +286,11 @@ class _Columns:
     def error_after(self, depth: float, time: float) -> float:
         """Standard error of n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)] by the delta method."""
         stiffness, n = self.numbers[:2]
-        slope, left = n * depth ** (n - 1.0), np.exp(-time / self.times)
+        slope = n * depth ** (n - 1.0)
+        left = np.exp(-time / self.times)
         gradient = np.zeros((1, len(self.numbers)))
-        gradient[0, 0], gradient[0, 4:] = slope, slope * left
+        gradient[0, 0] = slope
+        gradient[0, 4:] = slope * left
         whole = slope * (stiffness + float(self.numbers[4:] @ left))
         gradient[0, 1] = whole * (1.0 / n + math.log(depth))
         return float(self.errors(gradient)[0])

@@ -56,7 +56,8 @@ class ProbeMotion:
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = lab.Probing(pause=0.0).at(time)
-        x, v = command.penetration, command.velocity
+        x = command.penetration
+        v = command.velocity
         return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
 
     @classmethod
@@ -70,7 +71,8 @@ class ProbeMotion:
         """
         contact = result.contact
         if isinstance(result, Identification):
-            surface, offset = result.estimate.surface, result.estimate.offset
+            surface = result.estimate.surface
+            offset = result.estimate.offset
         else:
             [found] = result.description["results"]
             surface, offset = (float(found.get(name, 0.0)) for name in ("surface", "offset"))
@@ -79,7 +81,8 @@ class ProbeMotion:
         parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
         kept = [part for part in parts if part.size > 1]
         whole = np.concatenate(kept) if kept else np.empty(0, dtype=np.int64)
-        time, velocity = contact.time[whole], contact.velocity[whole]
+        time = contact.time[whole]
+        velocity = contact.velocity[whole]
         parts = [np.gradient(contact.velocity[part], contact.time[part]) for part in kept]
         penetration = contact.penetration[whole] - surface
         judged = result.trace.taken[whole] & (penetration > 0.0)

@@ -33,9 +33,13 @@ def _nearest(
     law: ForceLaw, motion: ProbeMotion, exponents: tuple[float, float], p: float
 ) -> GeneralisedHuntCrossley:
     """Return K, n within these bounds, and B ≥ 0 by least squares over the judged samples."""
-    firm, unit = motion.judged, motion.deepest  # in SI units K and n are correlated
-    x, v = motion.penetration[firm] / unit, motion.velocity[firm]
-    force, damper, logarithm = motion.force_by(law)[firm], x**p * v, np.log(x)
+    firm = motion.judged
+    unit = motion.deepest  # in SI units K and n are correlated
+    x = motion.penetration[firm] / unit
+    v = motion.velocity[firm]
+    force = motion.force_by(law)[firm]
+    damper = x**p * v
+    logarithm = np.log(x)
 
     def model(parameters: Floats) -> tuple[Floats, Floats]:
         stiffness, n, damping = parameters
@@ -60,7 +64,8 @@ def fit_with_one_exponent(
     if law.B > 0.0 and law.p != law.n:
         return fit_with_exponents(law, motion, n, n)
     b = max(law.B, 0.0) / law.K
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    x = motion.penetration[motion.judged]
+    v = motion.velocity[motion.judged]
     weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**n
     stiffness = law.K * float(weight @ x**law.n / (weight @ x**n))
     return GeneralisedHuntCrossley(K=stiffness, n=n, B=stiffness * b, p=n)

@@ -138,5 +138,6 @@ def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: floa
         if nearer <= 0.0:
             # Interpolate linearly to x = 0 within the step.
             return v + (faster - v) * x / (x - nearer) if x > nearer else faster
-        x, v = nearer, faster
+        x = nearer
+        v = faster
     return 0.0

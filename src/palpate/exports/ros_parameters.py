@@ -17,7 +17,9 @@ def ros_parameters(
     ``FtsGravCompPlugin``, in the development version of mujoco_ros2_control_plugins after 0.1.0.
     Both subtract the weight alone: neither bias nor inertia.
     """
-    centre, world, sensor = _yaml_list(payload.centre), quote(world_frame), quote(sensor_frame)
+    centre = _yaml_list(payload.centre)
+    world = quote(world_frame)
+    sensor = quote(sensor_frame)
     roll, pitch, yaw = roll_pitch_yaw(payload.mount)
     errors = ", ".join(f"{each:.2g}" for each in payload.centre_error)
     bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)

@@ -113,14 +113,18 @@ class ExportedLaw:
         judged: Diagnosis | SavedResult
         try:
             if isinstance(result, Identification):
-                judged, flags, tip = result.diagnosis, result.flags, result.query.tip
+                judged = result.diagnosis
+                flags = result.flags
+                tip = result.query.tip
                 radius = tip.radius if isinstance(tip, Sphere) else None
             else:
-                judged, [found] = result, result.description["results"]
+                judged = result
+                [found] = result.description["results"]
                 saved = (found.get("elastic_modulus") or {}).get("tip") or {}
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
                 flags = found["flags"]
-            response, fitted = _response(result, judged), result
+            response = _response(result, judged)
+            fitted = result
             if response is not None:
                 exponent = result.law.n if "n" in result.fixed else None
                 plain = VariableProjection(exponent=exponent)
@@ -268,7 +272,8 @@ def compare_errors(
     reference = whole.force_by(source.law) if source.answer is None else source.answer
     law = reference[whole.firm_places(fragment.most_samples)]
     predicted = fragment.predict_force(motion)
-    ran, fails = None, ""
+    ran = None
+    fails = ""
     try:
         ran = fragment.replay(motion) if replay else None
     except ImportError as error:  # installed, but it does not load
@@ -379,7 +384,8 @@ class Statement:
 
     def _check_nearest_law(self) -> Iterator[Finding]:
         """Yield how the exported law differs from the identified one."""
-        law, which = self.source.law, self.nearest.which
+        law = self.source.law
+        which = self.nearest.which
         difference = percent(self.nearest.error_percent)
         values = law.as_dict()
         # With two springs one may be negative.
@@ -403,7 +409,8 @@ class Statement:
 
     def _check_errors(self) -> Iterator[Finding]:
         """Yield what the errors of force and restitution say against the engine."""
-        found, fastest = self.compared, self.source.motion.fastest
+        found = self.compared
+        fastest = self.source.motion.fastest
         if not found.percent <= MOST_PERCENT:  # also refuses NaN
             yield from make_refusals(
                 f"the force error of the engine is {percent(found.percent)} "
@@ -424,7 +431,8 @@ class Statement:
 
     def _check_time_step(self) -> Iterator[Finding]:
         """Yield what the time step says against the simulation."""
-        limit, step = self.fragment.largest_step, self.fragment.request.time_step
+        limit = self.fragment.largest_step
+        step = self.fragment.request.time_step
         if limit is None:
             return
         if step >= limit:
@@ -491,8 +499,10 @@ class Statement:
 
     def basis(self) -> list[str]:
         """Return how the errors were obtained, and the three force errors."""
-        found, title = self.compared, self.engine.title
-        measured, leaves = found.against_measured_percent, found.law_leaves_percent
+        found = self.compared
+        title = self.engine.title
+        measured = found.against_measured_percent
+        leaves = found.law_leaves_percent
         if found.replayed:
             how = f"Replayed in {title} {self.engine.version() or ''}, {found.how}".rstrip()
             how += f" (predicted error {percent(found.predicted_percent)})."
@@ -528,7 +538,8 @@ class Statement:
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
-        law, errors = self.source.law, self.source.standard_errors
+        law = self.source.law
+        errors = self.source.standard_errors
         values = law.as_dict()
         known = [math.nan] * len(values) if errors is None else [float(each) for each in errors]
         shown = [
@@ -552,8 +563,11 @@ class Statement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statement as plain numbers and text, SI; None for undefined numbers."""
-        source, found, request = self.source, self.compared, self.fragment.request
-        errors, drop = source.standard_errors, found.drop
+        source = self.source
+        found = self.compared
+        request = self.fragment.request
+        errors = source.standard_errors
+        drop = found.drop
         return {
             "palpate_version": __version__,
             "engine": self.engine.name,
@@ -627,7 +641,8 @@ class Statement:
     def _describe_shares(self) -> str:
         """Describe what a law without memory leaves of the recording, and what to do."""
         found = self.compared
-        leaves, left = found.against_measured_percent, found.law_leaves_percent
+        leaves = found.against_measured_percent
+        left = found.law_leaves_percent
         if self.source.answer is None or leaves is None or left is None:
             return ""
         return (
@@ -639,7 +654,8 @@ class Statement:
     def _describe_restitution(self) -> str:
         found = self.compared
         how = "" if found.replayed_restitution is not None else ", predicted"
-        drop, mass = found.drop, rounded(found.drop.mass, 3)
+        drop = found.drop
+        mass = rounded(found.drop.mass, 3)
         if not math.isfinite(found.restitution_percent):
             return "no restitution: a free body does not rebound with this law"
         assumed = "" if self.fragment.request.mass is not None else " (assumed)"
@@ -658,7 +674,8 @@ def _list_numbers(numbers: Mapping[str, float], figures: int) -> str:
 def _response(
     result: "Identification | SavedResult", judged: "Diagnosis | SavedResult"
 ) -> tuple[float, float, float, float] | None:
-    there, omega = judged.working_depths[0], getattr(result, "frequency", math.nan)
+    there = judged.working_depths[0]
+    omega = getattr(result, "frequency", math.nan)
     if not (result.law.remembers and omega > 0.0 and there.depth > 0.0):
         return None
     whole = complex(result.law.dynamic_stiffness(there.depth, omega))

@@ -86,12 +86,14 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     MissingExtraError
         matplotlib is not installed.
     """
-    look, result = choose_look(dark=dark, width=width), identification
+    look = choose_look(dark=dark, width=width)
+    result = identification
     condition = result.estimator.needs_condition_10
     law: Any = result.law
     spectrum = law.remembers and isinstance(law.relaxation, RelaxationSpectrum)
     if look.narrow:
-        rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * (condition + spectrum))]
+        rendered = []
+        heights = [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * (condition + spectrum))]
         height = 1.7 * sum(heights) + 1.8
     else:
         # Parameters that a selected model keeps fixed have no course over time.
@@ -205,7 +207,8 @@ def draw_places(result: Identified) -> "Figure":
         ):
             size = np.array(numbers)
             unit = choose_scale(largest(size[trusted] if trusted.any() else size), "N/m")
-            at, label = positions[:, across], f"[{unit.unit}]"
+            at = positions[:, across]
+            label = f"[{unit.unit}]"
             size *= unit.factor
             draw_field(axes, at, size, trusted, label, look, colours=colours, markers=shapes)
             axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
@@ -305,7 +308,8 @@ def _mark_frequencies(axes: "Axes", rendered: Sequence[float]) -> None:
     """Set ticks at the ends and the middle of the band, where decades may have none."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    low, high = min(rendered) / (2.0 * math.pi), max(rendered) / (2.0 * math.pi)
+    low = min(rendered) / (2.0 * math.pi)
+    high = max(rendered) / (2.0 * math.pi)
     hertz = [low, math.sqrt(low * high), high]
     axes.xaxis.set_major_locator(FixedLocator(hertz))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -358,7 +362,8 @@ def _draw_dots(
     finals = [Final.of(each) for each in quantities]
     low, high = _limits(finals)
     scale = scale_as_written(max(abs(low), abs(high)), words[1])
-    k, ink = scale.factor, look.theme.ink
+    k = scale.factor
+    ink = look.theme.ink
     axes.axvline(k * finals[0].value, color=ink, linewidth=look.points(0.7), linestyle=":")
     for row, final in enumerate(finals):
         colour = look.colour(row)
@@ -451,7 +456,8 @@ def draw_comparison(
     ordered = [results[name] for name in ranking.order]
     best = ranking.recommended
     words = "recommended: none" if best is None else f"recommended: {best}"
-    count, narrow = len(ordered), look.narrow
+    count = len(ordered)
+    narrow = look.narrow
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
     with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
         grid = figure.add_gridspec(2, 1, height_ratios=heights)
@@ -466,7 +472,8 @@ def _draw_comparison(
     above: "SubFigure", below: "SubFigure", ordered: list[Identified], look: Look
 ) -> None:
     """Draw values above and residuals below; on a page also force and loops."""
-    count, narrow = len(ordered), look.narrow
+    count = len(ordered)
+    narrow = look.narrow
     names = [f"{row + 1}" for row in range(count)]
     if narrow:
         stiffness, damping = above.subplots(1, 2)

@@ -60,7 +60,8 @@ _UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     """Describe force, stiffness and damping at working depth, or those in ``names``."""
-    there, words = result.diagnosis.working_depth, []
+    there = result.diagnosis.working_depth
+    words = []
     for name in names:
         found: Quantity = getattr(there, name)
         words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
@@ -132,11 +133,14 @@ def replay_course(result: Identified, depth: float) -> Course:
     depth : float
         Penetration for stiffness and damping, m, > 0.
     """
-    contact, estimator = result.contact, result.estimator.replace()
+    contact = result.contact
+    estimator = result.estimator.replace()
     steps = contact.time_steps
     taken = np.flatnonzero(result.trace.taken)
     stops = np.unique(taken[np.linspace(0, taken.size - 1, _STOPS).astype(np.intp)])
-    samples, rows, laws = [], [], []
+    samples = []
+    rows = []
+    laws = []
     for part in contact.segments():
         estimator.leave_contact()
         edges = [*stops[(stops >= part.start) & (stops < part.stop)] + 1, part.stop]
@@ -259,7 +263,8 @@ def _noise_band(result: Identified) -> float:
 
     From the noise of a sample's force, √(σ² + S²σ_x² + C²σ_v²), at working depth.
     """
-    data, there = result.data or Data(result.contact), result.diagnosis.working_depth
+    data = result.data or Data(result.contact)
+    there = result.diagnosis.working_depth
     by_position = there.stiffness.value * data.penetration_noise
     damping = there.damping.value
     by_velocity = damping * data.velocity_noise if math.isfinite(damping) else 0.0
@@ -287,7 +292,8 @@ def _draw(
 
 def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
     """Return the label of the abscissa and the residual over it."""
-    contact, taken = result.contact, result.trace.taken
+    contact = result.contact
+    taken = result.trace.taken
     with np.errstate(all="ignore"):  # absurd samples overflow
         residual = contact.force - result.fitted_force
     if against == "time":
@@ -416,7 +422,9 @@ def _draw_line(
     values, errors = known
     limits = _limits(values, errors, final)
     scale = scale_as_written(max(abs(limits[0]), abs(limits[1])), unit)
-    k, colour, ink = scale.factor, look.theme.lines[0], look.theme.ink
+    k = scale.factor
+    colour = look.theme.lines[0]
+    ink = look.theme.ink
     # Limit values far outside the panel: coordinates of 1e200 make no line.
     far = 10.0 * (limits[1] - limits[0])
     within = (limits[0] - far, limits[1] + far)
@@ -458,8 +466,12 @@ def _draw_segments(
     from matplotlib.path import Path
 
     clock_time, _ = clock(result.contact)
-    time, colour, k = result.contact.time, look.theme.lines[1], scale.factor
-    corners, middles, ends = [], [], []
+    time = result.contact.time
+    colour = look.theme.lines[1]
+    k = scale.factor
+    corners = []
+    middles = []
+    ends = []
     for part, final in zip(result.segments, finals, strict=True):
         start, stop = clock_time[(time >= part.contact.time[0]) & (time <= part.contact.time[-1])][
             [0, -1]
@@ -490,13 +502,15 @@ def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]
     error = 2.5 * final.error if np.isfinite(final.error) else 0.0
     ends = [final.value - error, final.value + error]
     if late.size:
-        low, high = values[late] - 2.0 * errors[late], values[late] + 2.0 * errors[late]
+        low = values[late] - 2.0 * errors[late]
+        high = values[late] + 2.0 * errors[late]
         ends += [float(np.percentile(low, 10.0)), float(np.percentile(high, 90.0))]
     size = largest(np.array(ends))
     whole = 2.5 * final.whole_error if np.isfinite(final.whole_error) else 0.0
     whole = min(whole, _MOST_MOVED * max(max(ends) - min(ends), _LEAST_SPAN * size))
     ends += [final.value - whole, final.value + whole]
-    low_end, high_end = min(ends), max(ends)
+    low_end = min(ends)
+    high_end = max(ends)
     spread = max(high_end - low_end, _LEAST_SPAN * size, 1e-300)
     middle = 0.5 * (low_end + high_end)
     return middle - 0.6 * spread, middle + 0.6 * spread
@@ -510,7 +524,8 @@ _MOST_CROSSES = 200
 
 def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
     """Draw measured and one-step predicted force over time, and the excluded samples."""
-    contact, theme = result.contact, look.theme
+    contact = result.contact
+    theme = look.theme
     time, label = clock(contact)
     keep = shown(contact)
     low, high = _force_range(result, outliers=True)
@@ -553,12 +568,14 @@ def draw_loop(
     points: int = MOST_POINTS,
 ) -> None:
     """Draw force over penetration, measured and by the final law, without excluded samples."""
-    contact, theme = result.contact, look.theme
+    contact = result.contact
+    theme = look.theme
     keep = shown(contact, points)
     keep = keep[~result.trace.rejected[keep]]
     deepest = largest(np.maximum(contact.penetration[result.trace.taken], 0.0)) or 1.0
     low, high = _force_range(result, outliers=False)
-    depth, force = choose_scale(deepest, "m"), choose_scale(max(abs(low), abs(high)), "N")
+    depth = choose_scale(deepest, "m")
+    force = choose_scale(max(abs(low), abs(high)), "N")
     with np.errstate(over="ignore"):  # of an extreme sample out of contact
         x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
     axes.plot(
@@ -586,14 +603,17 @@ def _force_range(result: Identified, *, outliers: bool) -> tuple[float, float]:
 
     An outlier beyond twice the range is drawn at the edge: it would flatten the rest.
     """
-    force, trace = result.contact.force, result.trace
+    force = result.contact.force
+    trace = result.trace
     known = np.isfinite(force)
     ends = [*np.percentile(force[known], (1.0, 99.0)), *_ends(force[known & trace.taken])]
-    low, high = min(ends), max(ends)
+    low = min(ends)
+    high = max(ends)
     span = (high - low) or abs(high) or 1.0
     excluded = force[known & trace.rejected & outliers]
     excluded = np.clip(excluded, low - 2.0 * span, high + 2.0 * span)
-    low, high = min([low, *_ends(excluded)]), max([high, *_ends(excluded)])
+    low = min([low, *_ends(excluded)])
+    high = max([high, *_ends(excluded)])
     return low - 0.06 * (high - low or span), high + 0.06 * (high - low or span)
 
 

@@ -38,7 +38,8 @@ def draw_payload(log: PayloadLog, *, dark: bool = False, width: float | None = N
     MissingExtraError
         matplotlib is not installed.
     """
-    look, own = choose_look(dark=dark, width=width), log.payload
+    look = choose_look(dark=dark, width=width)
+    own = log.payload
     with drawing(look, 6.0) as figure:
         before, after = figure.subplots(2, 1)
         band = 2.0 * log.error

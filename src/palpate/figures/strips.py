@@ -106,7 +106,8 @@ def _reduce_to_extremes(time: Floats, values: Floats, gap: float) -> tuple[Float
         whole[none] = 0.0
         ends = np.column_stack([np.nanmin(whole, axis=1), np.nanmax(whole, axis=1)])
         ends[none] = np.nan
-        time, values = np.repeat(time[edges[:-1]], 2), ends.reshape(-1)
+        time = np.repeat(time[edges[:-1]], 2)
+        values = ends.reshape(-1)
         gap = math.inf if math.isnan(gap) else max(gap, GAP * float(np.median(np.diff(time[::2]))))
     broken = np.flatnonzero(np.diff(time) > gap) + 1
     return np.insert(time, broken, np.nan), np.insert(values, broken, np.nan)

@@ -57,12 +57,14 @@ def wrap_text(words: str, width: float, size: float, lines: int) -> str:
 
 INCH = 25.4e-3
 #: Limits of the width, m: below, five ticks of an axis touch; no paper is wider.
-NARROWEST, WIDEST = 60e-3, 400e-3
+NARROWEST = 60e-3
+WIDEST = 400e-3
 # A journal's column is 84 to 90 mm wide, its page 170 to 190 mm. In narrower figures than this, the
 # panels stand one below the other.
 _ONE_COLUMN = 140e-3
 # Letters of a figure as wide as a page, and the smallest that journals print, points.
-_LARGEST, _SMALLEST = 9.5, 7.0
+_LARGEST = 9.5
+_SMALLEST = 7.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +134,8 @@ def set_titles(
     figure: Figure, look: Look, title: list[str], caption: str = "", *, lines: int = 2
 ) -> None:
     """Write a title, each sentence on a new line, and a caption below."""
-    large, small = 1.1 * look.font, 0.93 * look.font
+    large = 1.1 * look.font
+    small = 0.93 * look.font
     # Rasterised letters are up to 4 % wider than those of the font.
     width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
     words = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
@@ -196,7 +199,8 @@ def stack(panels: Sequence[Axes]) -> None:
 
 def _room(axes: Axes, size: float) -> float:
     """Return the width of a panel, points, without the ticks and label of its axis."""
-    place, figure = axes.get_subplotspec(), axes.figure
+    place = axes.get_subplotspec()
+    figure = axes.figure
     part = 1.0
     if place is not None:
         grid = place.get_gridspec()
@@ -244,7 +248,8 @@ _INDENT = re.compile(rb">\n\s*<")
 @contextmanager
 def figure_style(look: Look) -> Iterator[type[Figure]]:
     """Apply matplotlib settings for one figure, and restore the previous ones afterwards."""
-    theme, scale = look.theme, look.scale
+    theme = look.theme
+    scale = look.scale
     inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
     settings: dict[Any, Any] = {
         **dict.fromkeys(inked, theme.ink),
@@ -344,7 +349,9 @@ def _render_svg(figure: Figure, dots: float) -> bytes:
 
     Paths are rounded to 0.01 points, which is invisible; matplotlib writes 1e-6.
     """
-    rendered, shown, before = io.BytesIO(), figure.canvas, figure.dpi
+    rendered = io.BytesIO()
+    shown = figure.canvas
+    before = figure.dpi
     try:
         figure.dpi = dots  # of images
         canvas: Any = FigureCanvasSVG(figure)
@@ -353,9 +360,11 @@ def _render_svg(figure: Figure, dots: float) -> bytes:
         figure.dpi = before
         figure.set_canvas(shown)
     text = _INDENT.sub(b"><", rendered.getvalue())
-    fonts, common = set(_FONT.findall(text)), b""
+    fonts = set(_FONT.findall(text))
+    common = b""
     if len(fonts) == 1:  # said once, for all of the text
-        text, common = _FONT.sub(b"", text), fonts.pop().strip()
+        text = _FONT.sub(b"", text)
+        common = fonts.pop().strip()
     text = text.replace(b"<svg ", b'<svg style="' + common + b'" ', 1)
     return re.sub(rb' (?:x|y|d)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
 
@@ -521,7 +530,8 @@ def scatter_over_time(
 def over(place: Floats, values: Floats, keep: NDArray[np.bool_]) -> Scatter:
     """Return the scatter of samples over another quantity, such as depth."""
     known = keep & np.isfinite(place) & np.isfinite(values)
-    x, y = place[known], values[known]
+    x = place[known]
+    y = values[known]
     if not x.size:
         return Scatter(*np.full((4, 1), np.nan))
     count = min(max(x.size // _FEWEST, 1), _BINS)

@@ -103,7 +103,9 @@ class Curves:
         PalpateError
             It cannot be prepared.
         """
-        x, f, t = self.penetration[row], self.force[row], self.clock(row)
+        x = self.penetration[row]
+        f = self.force[row]
+        t = self.clock(row)
         finite = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
         velocity = None if self.velocity is None else self.velocity[row][finite]
         contact = prepare(
@@ -149,7 +151,8 @@ def fit_and_reject(
     threads : int
         Number of threads that share the rows.
     """
-    force, marks = curves.force.copy(), np.zeros(curves.force.shape, dtype=np.bool_)
+    force = curves.force.copy()
+    marks = np.zeros(curves.force.shape, dtype=np.bool_)
     signals: list[Any] = [curves.penetration, curves.velocity, force]
     if rejects:  # single samples that depart from their neighbours
         for values in signals:
@@ -225,7 +228,8 @@ def identify_curves(
     threads : int
         Number of threads of the whole-curve fit. Default: 1.
     """
-    count, begun = len(curves), perf_counter()
+    count = len(curves)
+    begun = perf_counter()
     if settings.tip is None and fits_whole_curves(settings):
         table = _fit_whole_curves(curves, settings, threads)
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
@@ -273,7 +277,8 @@ def identify_each(
         except Exception as error:
             new = [failure(error)]
         rows += [{**row, **known} for row in new]
-        spent, begun = perf_counter() - begun, perf_counter()
+        spent = perf_counter() - begun
+        begun = perf_counter()
         seconds += [spent / len(new)] * len(new)
     return table_of_rows(rows, settings), np.array(seconds)
 
@@ -323,14 +328,16 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
     creating = _energy_creating_rows(curves, fits, columns)
     checked = estimate_checks.check_fits(fits, left_out, creating)
     columns["flags"] = [[*map(finding_cell, findings)] for findings in checked]
-    columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
+    columns["error"] = [None] * len(curves)
+    columns["error_kind"] = [None] * len(curves)
     for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
         for name in ("flags", "fit", "covariance", "law_name"):
             columns[name][k] = None
-        columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
+        columns["error"][k] = error
+        columns["error_kind"][k] = RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
         columns["findings"] = [
@@ -344,7 +351,8 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
 def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
     """Return the curves without load transfer, and the finding of each row that has some."""
     assert curves.velocity is not None
-    force, findings = curves.force.copy(), {}
+    force = curves.force.copy()
+    findings = {}
     segment = np.zeros(force.shape[1], dtype=np.int64)
     for k, channels in enumerate(zip(curves.penetration, curves.velocity, force, strict=True)):
         if (transfer := find_load_transfer(*channels, segment)) is not None:
@@ -420,9 +428,14 @@ def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[s
     depth, largest = depths.T.copy()
     columns = {"depth": depth, "largest_depth": largest}
     with np.errstate(all="ignore"):
-        k, c, n = fits.K, fits.B, fits.n
-        power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
-        force, damping = k * power, c * power
+        k = fits.K
+        c = fits.B
+        n = fits.n
+        power = depth**n
+        log = np.log(depth)
+        none = np.zeros_like(depth)
+        force = k * power
+        damping = c * power
         stiffness = n * force / depth
         bend = (n - 1.0) * stiffness / depth
         slope = [n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend]

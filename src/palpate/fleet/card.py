@@ -118,8 +118,11 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
     errors = table.column("error").to_pylist()
     touched = {each for each, error in zip(whose, errors, strict=True) if error is None}
     in_air = {each for each, none in zip(whose, touches_nothing(table), strict=True) if none}
-    count, touching, free = len({*whose}), len(touched), len(in_air)
-    failed, places = count - touching - free, errors.count(None)
+    count = len({*whose})
+    touching = len(touched)
+    free = len(in_air)
+    failed = count - touching - free
+    places = errors.count(None)
     share = f"{100.0 * touching / max(count, 1):.3g} %"
     others = f"{free} in free air" + f", {failed} that could not be identified" * (failed > 0)
     others += f"; {places} places, since the probe travels" * (places > touching)
@@ -227,7 +230,8 @@ def _lateness(table: Table) -> str:
     touching = int(np.isfinite(maps.numbers(table, "stiffness")).sum())
     if not known.any():
         return f"unknown: the delay was found in none of {touching} contacts"
-    ms, error_ms = 1e3 * delays[known], 1e3 * errors[known]
+    ms = 1e3 * delays[known]
+    error_ms = 1e3 * errors[known]
     groups = find_groups(ms)
     words = []
     for group in groups:

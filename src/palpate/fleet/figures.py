@@ -51,7 +51,8 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
     ]
     if "n" in table.schema.names and _varies(table, "n"):
         shown.append(("exponent", "n", ""))
-    count, narrow = len(shown), look.narrow
+    count = len(shown)
+    narrow = look.narrow
     with figures.drawing(look, 5.2 * count if narrow else 5.6) as figure:
         grid = figure.subplots(2 * count, 1) if narrow else figure.subplots(2, count)
         panels = np.reshape(grid, (count, 2)) if narrow else np.transpose(grid)
@@ -95,7 +96,8 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
             _histogram(lag, 1e3 * delay, "delay [ms]", "delay of the force", look)
         else:
             lag.set_axis_off()
-        stiffness, place = numbers(table, "stiffness"), numbers(table, "index")
+        stiffness = numbers(table, "stiffness")
+        place = numbers(table, "index")
         parts = (numbers(table, f"stiffness_{k}") for k in ("standard_error", "systematic"))
         error = np.sqrt(sum(np.nan_to_num(part) ** 2 for part in parts))
         scale = figures.choose_scale(_usual(stiffness, 90.0), AT_DEPTH["stiffness"])
@@ -176,7 +178,8 @@ def _histogram(
     if known.size:
         low, high = np.percentile(known, _HISTOGRAM_SPAN).tolist()
         if high <= low:
-            low, high = low - 0.5 * abs(low) - 1e-12, high + 0.5 * abs(high) + 1e-12
+            low = low - 0.5 * abs(low) - 1e-12
+            high = high + 0.5 * abs(high) + 1e-12
             low = max(low, 1e-12) if logarithmic else low
         spaced = np.geomspace if logarithmic else np.linspace
         edges = spaced(low, high, _BINS + 1).tolist()
@@ -317,7 +320,8 @@ def _draw_plane(
 
 def _origin(found: Map) -> Floats:
     """Return the origin to subtract: the zero of a stage may be far from the places."""
-    low, high = found.places.min(axis=0), found.places.max(axis=0)
+    low = found.places.min(axis=0)
+    high = found.places.max(axis=0)
     far = np.abs(found.places).max(axis=0) > 20.0 * np.maximum(high - low, 1e-12)
     origin: Floats = np.where(far & (np.array(found.units) == "m"), low, 0.0)
     return origin

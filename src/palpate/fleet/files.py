@@ -62,7 +62,8 @@ def source_stamp(name: str) -> tuple[str, int]:
     except OSError as error:  # the source's row reports it
         return str(error.strerror), 0
     regular = [each for each in status if not stat.S_ISDIR(each.st_mode)]
-    size, latest = sum(each.st_size for each in regular), max(each.st_mtime_ns for each in status)
+    size = sum(each.st_size for each in regular)
+    latest = max(each.st_mtime_ns for each in status)
     return f"{len(regular)} {size} {latest}", size
 
 
@@ -158,7 +159,8 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
     for channel in known & set(_CHANNELS):
-        array, expected = group[channel], shape[:1] if channel in "xyz" else shape
+        array = group[channel]
+        expected = shape[:1] if channel in "xyz" else shape
         if array.dtype.kind not in "fiu":
             raise RecordingError(
                 f"{name}: {channel} has type {array.dtype}; real numbers are required"
@@ -184,7 +186,8 @@ def _read_in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     for missing in ("_FillValue", "missing_value"):
         if isinstance(attributes.get(missing), int | float):
             values = np.where(values == attributes[missing], np.nan, values)
-    factor, offset = attributes.get("scale_factor", 1.0), attributes.get("add_offset", 0.0)
+    factor = attributes.get("scale_factor", 1.0)
+    offset = attributes.get("add_offset", 0.0)
     for kind, value in (("scale_factor", factor), ("add_offset", offset)):
         if not isinstance(value, int | float) or not math.isfinite(value):
             raise RecordingError(f"{name}: its attribute {kind} is not a number: {value!r}")
@@ -202,7 +205,8 @@ TIMES = "_seconds"
 SCHEMA = 2
 REPORT = "report.html"
 #: The data card of a data set of robot learning, and its page.
-CARD, CARD_PAGE = "card.md", "card.html"
+CARD = "card.md"
+CARD_PAGE = "card.html"
 # The name of a file of results contains its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
@@ -456,7 +460,8 @@ def _list_path(
     An unreadable source found in a folder is listed, and its row gets the error; an unreadable
     array that the user named raises it. Folders of results and cyclic links are skipped.
     """
-    name, here = str(path), os.path.realpath(path)
+    name = str(path)
+    here = os.path.realpath(path)
     if datasets.is_dataset(path):
         yield _episodes(name, path)
     elif is_array(name):
@@ -491,7 +496,8 @@ def _episodes(name: str, path: Path) -> ContactSource:
         data = None
     if data is None:
         return ContactSource(name, "file", stamp=stamp, size=size)
-    count, samples = len(data.lengths), sum(data.lengths.values())
+    count = len(data.lengths)
+    samples = sum(data.lengths.values())
     return ContactSource(name, "episodes", count, max(samples // count, 0), stamp=stamp)
 
 

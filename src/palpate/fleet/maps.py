@@ -114,7 +114,8 @@ def verdicts_of(table: Table, of: str) -> list[tuple[str, str]]:
     columns = "source", "error", f"verdict_{of}", "checked", "findings", "flags"
     for source, error, mark, checked, findings, flags in _column_rows(table, *columns):
         reasons = [(mark_by(f, of), describe_finding(f)) for f in problems_of(findings, of)]
-        untrusted, marks = _untrusted_by(of), ("flagged", "do-not-trust")
+        untrusted = _untrusted_by(of)
+        marks = ("flagged", "do-not-trust")
         reasons += [(marks[f["check"] in untrusted], describe_flag(f)) for f in flags or ()]
         if error is not None:
             reasons = [("failed", error.removeprefix(f"{source}: "))]
@@ -319,9 +320,11 @@ def rig_lag_of(table: Table) -> RigLag | None:
     known &= np.array(alone, dtype=bool)
     if len(set(names[known].tolist())) < _LEAST_FILES:
         return None
-    stiffness, frequency = stiffness[known], numbers(table, "frequency")[known]
+    stiffness = stiffness[known]
+    frequency = numbers(table, "frequency")[known]
     ratio = damping[known] / stiffness
-    time, spread = float(np.median(ratio)), float(np.std(ratio, ddof=1))
+    time = float(np.median(ratio))
+    spread = float(np.std(ratio, ddof=1))
     span = float(stiffness.max() / stiffness.min())
     if not (spread <= _SAME * abs(time) and span >= _LEAST_SPAN):
         return None
@@ -396,7 +399,8 @@ def outliers_of(table: Table) -> list[Outlier]:
         if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
         with np.errstate(all="ignore"):
-            size, relative_error = np.log(value), np.where(np.isfinite(error), error / value, 0.0)
+            size = np.log(value)
+            relative_error = np.where(np.isfinite(error), error / value, 0.0)
         middle = float(np.median(size[usable]))
         deviation = 1.4826 * float(np.median(np.abs(size[usable] - middle)))
         with np.errstate(all="ignore"):
@@ -569,7 +573,8 @@ def map_of(
     too_shallow = np.zeros(len(value), dtype=bool)
     if depth is not None and of not in _OF_THE_CONTACT:  # deeper, the law is extrapolated
         too_shallow = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
-        value, error = np.where(too_shallow, np.nan, value), np.where(too_shallow, np.nan, error)
+        value = np.where(too_shallow, np.nan, value)
+        error = np.where(too_shallow, np.nan, error)
     mistrusted = mistrusted_of(results, of)
     if of != "damping":  # a damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
@@ -578,9 +583,14 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, warnings = quantity_unit(of), _warnings(results, placed, of)
-    shallow, mistrusted = int(np.count_nonzero(too_shallow[placed])), mistrusted[placed]
-    value, error, places, rows = value[placed], error[placed], places[placed], results.num_rows
+    unit = quantity_unit(of)
+    warnings = _warnings(results, placed, of)
+    shallow = int(np.count_nonzero(too_shallow[placed]))
+    mistrusted = mistrusted[placed]
+    value = value[placed]
+    error = error[placed]
+    places = places[placed]
+    rows = results.num_rows
     at = depth, span, describe_frequencies(results.filter(placed), of)
     return Map(
         of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, warnings

@@ -26,7 +26,8 @@ _FEWEST = 5
 # Least share of the longest side that a map's axis must span: a smaller span is surface roughness.
 _FLAT = 0.05
 _FINDINGS = "Findings by kind (without notes)"
-_REASONS, _TIMES = ("reason", "rows", "first row"), ("source", "time", "rows")
+_REASONS = ("reason", "rows", "first row")
+_TIMES = ("source", "time", "rows")
 _OWN = """
 .wide td { overflow-wrap: anywhere; }
 .wide td:last-child { overflow-wrap: normal; }
@@ -62,7 +63,8 @@ def save_report(folder: Path) -> Path:
 
 def fleet_page(folder: Path) -> str:
     """Return the report of a fleet as HTML."""
-    table, times = read_results(folder), maps.slowest(read_seconds(folder))
+    table = read_results(folder)
+    times = maps.slowest(read_seconds(folder))
     flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
     notable = [
         [maps.describe_finding(f) for f in row or () if maps.is_problem(f)] for row in findings

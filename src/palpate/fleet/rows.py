@@ -32,8 +32,11 @@ AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 def table_schema(settings: Settings) -> Any:
     """Return the schema of a table: type, unit and description of each column, and the settings."""
     pa = needed("pyarrow", "a table of contacts")
-    whole, text, number = pa.int64(), pa.string(), pa.float64()
-    numbers, found = pa.list_(number), pa.list_(pa.struct([(part, text) for part in _FINDING]))
+    whole = pa.int64()
+    text = pa.string()
+    number = pa.float64()
+    numbers = pa.list_(number)
+    found = pa.list_(pa.struct([(part, text) for part in _FINDING]))
     law = settings.law
     columns = [
         ("source", text, "", "the file, folder or array that the contact is from"),
@@ -241,7 +244,8 @@ def _in_columns(result: Identification, columns: type[ForceLaw]) -> tuple[ForceL
 
 def _sample_columns(result: Identification) -> Row:
     """Return the columns on the samples, their fit and their preparation."""
-    contact, taken = result.contact, result.trace.taken
+    contact = result.contact
+    taken = result.trace.taken
     residual = contact.force[taken] - result.fitted_force[taken]
     count = int(np.count_nonzero(taken))
     row: Row = {
@@ -296,7 +300,8 @@ def finding_cell(finding: Finding) -> dict[str, str | None]:
 
 def indentation_row(found: indentation.Indentation, settings: Settings) -> Row:
     """Return the columns for the approach of a force curve; it has no damping."""
-    depth, law = found.depth, settings.law.names()
+    depth = found.depth
+    law = settings.law.names()
     row: Row = {
         "fit": "approach",
         "law_name": HuntCrossley.kind,

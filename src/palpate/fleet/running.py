@@ -119,8 +119,10 @@ def _identify_rows(
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
         return identify_each(_read_contacts(kind, named, settings), settings, curves=kind == "map")
-    source, numbers = named[0][0], [index or 0 for _, index in named]
-    first, count = min(numbers), max(numbers) - min(numbers) + 1
+    source = named[0][0]
+    numbers = [index or 0 for _, index in named]
+    first = min(numbers)
+    count = max(numbers) - min(numbers) + 1
     try:
         curves = read_curves(source, first, count)
         table, seconds = identify_curves(curves, settings, threads=threads)
@@ -137,7 +139,9 @@ def _name(named: Named) -> Row:
 def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
     """Read the contacts from their files; maps and data sets are opened once for all their rows."""
     for some in [named] if kind in ("map", "episodes") else ([each] for each in named):
-        left, source, most = deque(some), some[0][0], settings.max_size
+        left = deque(some)
+        source = some[0][0]
+        most = settings.max_size
         try:
             path = Path(disk_name(source))
             numbers = [index or 0 for _, index in some]
@@ -293,7 +297,8 @@ def _await_workers(cluster: Any, workers: int) -> None:
     FleetError
         No worker started.
     """
-    begun, started = time.monotonic(), cluster.scheduler.workers
+    begun = time.monotonic()
+    started = cluster.scheduler.workers
     while len(started) < workers:
         if time.monotonic() - begun > (PATIENCE if started else _LONGEST_START):
             break
@@ -345,7 +350,8 @@ def holding_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    held, blocks = False, sys.platform != "win32"
+    held = False
+    blocks = sys.platform != "win32"
 
     def hold(*_: Any) -> None:
         nonlocal held
@@ -491,7 +497,8 @@ def run_fleet(
     needed("distributed", "a fleet")
     listed = list_sources(sources, leave_out=folder)
     results = Results.begin(folder, settings, listed)
-    finished, total = results.done(), results.contacts
+    finished = results.done()
+    total = results.contacts
     done = sum(end - first for first, end in finished)
     fleet = Fleet(folder, total, done)
     progress(done, total)
@@ -534,10 +541,12 @@ def _run_batches(
     left = deque(waiting)
     running: dict[str, Batch] = {}
     coming = distributed.as_completed(loop=client.loop)
-    asked, most = -math.inf, 0
+    asked = -math.inf
+    most = 0
     while left or running:
         if time.monotonic() - asked > _ASK_AGAIN:  # the number of workers may change
-            asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
+            asked = time.monotonic()
+            most = _AHEAD * (sum(client.nthreads().values()) or 1)
         while left and len(running) < most:
             batch = left.popleft()
             future = client.submit(identify_and_time, batch.table, settings, pure=False)

@@ -48,9 +48,12 @@ def cores() -> int:
 _RECURSION = {"none": (3e-3, 1e-6), "input": (5e-3, 1e-6), "full": (25e-3, 12e-6)}
 _WHOLE_CURVE = {"none": (1e-4, 1e-7), "input": (6e-4, 5e-7), "full": (6e-4, 5e-7)}
 # To read and prepare a file: s, s per byte, and bytes per sample (29 in text with four channels).
-_READING, _READING_A_BYTE, _BYTES_A_SAMPLE = 6e-3, 15e-9, 30.0
+_READING = 6e-3
+_READING_A_BYTE = 15e-9
+_BYTES_A_SAMPLE = 30.0
 # Each task costs some 10 ms for scheduling and for writing its results.
-_SHORTEST, _LONGEST = 0.05, 1.0  # s
+_SHORTEST = 0.05
+_LONGEST = 1.0  # s
 # At the end one worker may hold two tasks while another has none: an eighth of its work.
 _TASKS_A_WORKER = 16
 # Samples of arrays in one task: 48 MB of penetration, velocity and force.
@@ -178,7 +181,8 @@ def _cuts(
     sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
 ) -> Iterator[int]:
     """Yield the first contact of each batch; a stored chunk stays in one batch if possible."""
-    position, load = 0, 0.0
+    position = 0
+    load = 0.0
     yield position
     for source, each in zip(sources, seconds, strict=True):
         first = 0
@@ -189,7 +193,9 @@ def _cuts(
             if fit > source.chunk:
                 fit -= (first + fit) % source.chunk
             fit = min(max(fit, load == 0.0), source.contacts - first)
-            first, position, load = first + fit, position + fit, load + fit * each
+            first = first + fit
+            position = position + fit
+            load = load + fit * each
             if first < source.contacts or load >= longest:
                 yield position
                 load = 0.0

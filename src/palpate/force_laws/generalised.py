@@ -198,16 +198,22 @@ class GeneralisedHuntCrossley(CompiledLaw):
         It takes time [s], penetration [m] and velocity [m/s]. Its arrays are allocated once, so a
         call takes a twentieth of the time of :meth:`step` and :meth:`force`.
         """
-        elastic, (times, weights) = self.parameters[:4], self.branches()
-        stiffnesses, last, state = self.M * weights, math.nan, np.empty(0)
+        elastic = self.parameters[:4]
+        (times, weights) = self.branches()
+        stiffnesses = self.M * weights
+        last = math.nan
+        state = np.empty(0)
         step, depth, speed, force = (np.zeros(1) for _ in range(4))
 
         def sample_force(time: float, penetration: float, velocity: float) -> float:
             nonlocal last, state
             if not state.size:
-                rested, last = self.rest(penetration), time
+                rested = self.rest(penetration)
+                last = time
                 state = np.array([rested.elastic, *rested.branches])
-            step[0], depth[0], speed[0] = max(time - last, 0.0), penetration, velocity
+            step[0] = max(time - last, 0.0)
+            depth[0] = penetration
+            speed[0] = velocity
             last = time
             _core.generalised_force_along(
                 elastic, times, stiffnesses, step, depth, speed, state, force
@@ -274,7 +280,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
         InvalidParameterError
             The state belongs to a law with another spectrum, or a number is outside its range.
         """
-        numbers, depth = self._flatten_state(state), np.array([number("penetration", penetration)])
+        numbers = self._flatten_state(state)
+        depth = np.array([number("penetration", penetration)])
         steps = np.array([number_in("dt", dt, 0.0, LONGEST, open_low=True)])
         self._advance(numbers, steps, depth, np.zeros(1))
         return RelaxationState(float(numbers[0]), tuple(numbers[1:].tolist()))

@@ -224,13 +224,15 @@ class ForceLaw:
 
     def at_speed(self, depth: float, velocity: float) -> tuple[float, float, float]:
         """Force [N], stiffness [N/m], damping [N·s/m] at a depth > 0 [m] and a velocity [m/s]."""
-        force, stiffness = self.force(depth, velocity), self.stiffness_at(depth, velocity)
+        force = self.force(depth, velocity)
+        stiffness = self.stiffness_at(depth, velocity)
         return float(force), stiffness, self.damping_at(depth)
 
 
 def _typical_value(unit: str, own: dict[str, float]) -> float:
     """The typical value of a unit, such as ``N·s/m²``; other symbols than N, m, s count as 1."""
-    size, sign = 1.0, 1
+    size = 1.0
+    sign = 1
     for symbol, separator in re.findall(r"([^·/]*)([·/]?)", unit):
         power = re.sub("[^0-9]", "", symbol.translate(_SUPERSCRIPTS)) or "1"
         size *= own.get(symbol.rstrip("⁰¹²³⁴⁵⁶⁷⁸⁹ⁿᵖ⁺⁻"), 1.0) ** (sign * int(power))
@@ -324,11 +326,15 @@ class CompiledLaw(ForceLaw):
 
     def in_a_loop(self) -> Callable[[float, float], float]:
         """Return a faster :meth:`force` for plain floats; it is not thread-safe."""
-        compiled, parameters = type(self)._compiled, self.parameters
-        depth, speed, force = np.empty(1), np.empty(1), np.empty(1)
+        compiled = type(self)._compiled
+        parameters = self.parameters
+        depth = np.empty(1)
+        speed = np.empty(1)
+        force = np.empty(1)
 
         def sample_force(penetration: float, velocity: float) -> float:
-            depth[0], speed[0] = penetration, velocity
+            depth[0] = penetration
+            speed[0] = velocity
             compiled(parameters, depth, speed, force)
             return force.item()
 

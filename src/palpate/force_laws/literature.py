@@ -26,7 +26,8 @@ def half_space(*, K: float, n: float, retardation_time: float) -> GeneralisedHun
     retardation_time : float
         A, s, ≥ 0: viscosity over modulus.
     """
-    k, power = above_zero("K", K), number_in("n", n, 1.0, 10.0)
+    k = above_zero("K", K)
+    power = number_in("n", n, 1.0, 10.0)
     damping = power * k * not_below_zero("retardation_time", retardation_time)
     return GeneralisedHuntCrossley(K=k, n=power, B=damping, p=power - 1.0)
 
@@ -129,7 +130,8 @@ def fung(
     shortest, longest : float
         τ₁ < τ₂, s, > 0.
     """
-    spectrum, whole = FlatSpectrum(shortest, longest), above_zero("instantaneous", instantaneous)
+    spectrum = FlatSpectrum(shortest, longest)
+    whole = above_zero("instantaneous", instantaneous)
     relaxed = whole / (1.0 + above_zero("c", c) * math.log(longest / shortest))
     power = above_zero("n", n)
     return GeneralisedHuntCrossley(
@@ -141,6 +143,7 @@ def _law_from_dissipation(
     K: float, n: float, wanted: float, speed: float
 ) -> GeneralisedHuntCrossley:
     """K xⁿ (1 + b v) with the requested b v₀."""
-    k, power = above_zero("K", K), above_zero("n", n)
+    k = above_zero("K", K)
+    power = above_zero("n", n)
     damping = k * wanted / above_zero("speed", speed)
     return GeneralisedHuntCrossley(K=k, n=power, B=damping, p=power)

@@ -75,13 +75,17 @@ def _render_frame(run: Simulation, width: int, height: int) -> NDArray[Any]:
         context.make_current()
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (0.02, -0.085, -0.02)
-        camera.distance, camera.azimuth, camera.elevation = 0.46, 58.0, -40.0
+        camera.distance = 0.46
+        camera.azimuth = 58.0
+        camera.elevation = -40.0
         scene = mujoco.MjvScene(run.model, maxgeom=200)
-        options, parts = mujoco.MjvOption(), mujoco.mjtCatBit.mjCAT_ALL
+        options = mujoco.MjvOption()
+        parts = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(run.model, run.data, options, None, camera, parts, scene)
         target = mujoco.MjrContext(run.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, target)
-        view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
+        view = mujoco.MjrRect(0, 0, width, height)
+        pixels = np.empty((height, width, 3), np.uint8)
         mujoco.mjr_render(view, scene, target)
         mujoco.mjr_readPixels(pixels, None, view, target)
         target.free()
@@ -137,10 +141,13 @@ def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
 
 
 def _draw_linkage(axes: "Axes", command: Command, look: figures.Look) -> None:
-    geometry, theme = Geometry(), look.theme
-    x, y = command.lateral_position, command.penetration
+    geometry = Geometry()
+    theme = look.theme
+    x = command.lateral_position
+    y = command.penetration
     angles = geometry.motor_angles(x, y)
-    elbows, wrists = 1e3 * geometry.elbows(angles)[0], 1e3 * geometry.wrists(x, y)[0]
+    elbows = 1e3 * geometry.elbows(angles)[0]
+    wrists = 1e3 * geometry.wrists(x, y)[0]
     motors = 1e3 * geometry.motors
     for i in range(4):
         links = np.array([motors[i], elbows[i], wrists[i // 2]])

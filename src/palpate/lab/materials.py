@@ -179,7 +179,8 @@ class Layered(Material):
 
     def touch(self) -> Touch:
         """Return the law as a function of time, lateral position, penetration and velocity."""
-        felt, reach = self.law.in_a_loop(), self.influence * self.depth
+        felt = self.law.in_a_loop()
+        reach = self.influence * self.depth
 
         def force(
             time: float, lateral_position: float, penetration: float, velocity: float
@@ -217,7 +218,8 @@ class _MaxwellBranch:
             kept = math.exp(-rest)
             stretched = self.stiffness * (depth - self._depth)
             self._force = self._force * kept + stretched * (1.0 - kept) / rest
-        self._time, self._depth = time, depth
+        self._time = time
+        self._depth = depth
         return self._force if penetration > 0.0 else 0.0
 
 

@@ -229,7 +229,8 @@ class SplineTrajectory:
         from palpate.recordings import open_recording
 
         recording = open_recording(path)
-        time, penetration = recording.numbers("time_s"), recording.numbers("penetration_m")
+        time = recording.numbers("time_s")
+        penetration = recording.numbers("penetration_m")
         moved = np.flatnonzero(penetration != penetration[0])
         pause = float(time[max(moved[0] - 1, 0)]) if moved.size else 0.0
         try:
@@ -238,7 +239,8 @@ class SplineTrajectory:
             raise RecordingError(f"{recording.source}: {error}") from None
 
     def __repr__(self) -> str:
-        samples, (start, stop) = self._spline.x.size, self._ends
+        samples = self._spline.x.size
+        (start, stop) = self._ends
         span = f"{samples} samples from {start:g} s to {stop:g} s"
         return f"SplineTrajectory({span}, pause={self.pause:g})"
 

@@ -165,7 +165,8 @@ class _Printed:
     """
 
     def __init__(self) -> None:
-        self._before, (self._out, into) = os.dup(2), os.pipe()
+        self._before = os.dup(2)
+        (self._out, into) = os.pipe()
         for end in (self._out, into):
             os.set_blocking(end, False)
         os.dup2(into, 2)
@@ -281,7 +282,8 @@ class DDS(RosTopics):
             for message in reader.take(_AT_ONCE):
                 something = True
                 if (info := message.sample_info).valid_data:  # else a publisher has left
-                    sender, written = info.publication_handle, info.source_timestamp
+                    sender = info.publication_handle
+                    written = info.source_timestamp
                     self.receive(index, message.raw, written, sender=sender, waited=waited)
                     waited = False
         return something

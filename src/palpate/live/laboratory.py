@@ -54,7 +54,8 @@ class _Pressing:
     def __init__(
         self, chosen: dict[str, str], probe: str, step: float, connection: Connection
     ) -> None:
-        self._first, self._connection = chosen, connection
+        self._first = chosen
+        self._connection = connection
         self._bench, self._probe, words = start_bench(**chosen, probe=probe, sample_time=step)
         self._say(words)
         self._began = time.monotonic() + _BLOCK  # the rest of its lead is gained immediately
@@ -95,7 +96,8 @@ class _Pressing:
 # The source in the loop's process, which MuJoCo never blocks.
 
 _STARTING = 60.0  # s: importing MuJoCo takes one or two, more on a busy machine
-_SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
+_SHORTEST = 1e-4
+_LONGEST = 1e-2  # s between samples
 
 
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
@@ -138,7 +140,8 @@ class Laboratory:
                 f"not {1.0 / sample_time:g}"
             )
         self._chosen = {"material": material, "motion": motion}
-        self.sample_time, self.counts = sample_time, Counts()
+        self.sample_time = sample_time
+        self.counts = Counts()
         materials = list(lab.MATERIALS)
         #: Options and their choices. "material" lifts the probe first, "change" does not.
         self.offers = {"material": materials, "motion": list(lab.TRAJECTORIES), "change": materials}
@@ -183,7 +186,8 @@ class Laboratory:
             if not self._listen():
                 raise EndOfSourceError("the laboratory's process has ended unexpectedly")
         row = self._rows[0]
-        due, now = row[3], time.monotonic()
+        due = row[3]
+        now = time.monotonic()
         if due > now:
             time.sleep(max(min(due, until) - now, 0.0))
             if due > until:
@@ -216,7 +220,8 @@ class Laboratory:
         """Return the laboratory's messages since the last call."""
         if self._open:
             self._listen()
-        said, self._said = self._said, []
+        said = self._said
+        self._said = []
         return said
 
     def _listen(self) -> bool:

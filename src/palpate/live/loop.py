@@ -43,7 +43,10 @@ class Histogram:
 
     def __init__(self, limit: float) -> None:
         self._bins = [0] * (len(_ENDS) + 1)
-        self.limit, self.count, self.over, self.largest = limit, 0, 0, 0.0
+        self.limit = limit
+        self.count = 0
+        self.over = 0
+        self.largest = 0.0
 
     def add(self, seconds: float) -> None:
         """Add one duration, s."""
@@ -119,7 +122,8 @@ class LawsInForce:
         if (now := estimator.candidate) is self.now:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
-        self.now, samples = now, estimator.evidence().samples
+        self.now = now
+        samples = estimator.evidence().samples
         self.turns.append((time, None if now is None else str(now), samples))
 
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
@@ -190,9 +194,11 @@ class Watchdog:
 
     def check(self, arrival: Arrival) -> Fault | None:
         """Return the fault in a sample's time; None without one."""
-        step, elapsed = arrival.time - self._time, arrival.there - self._there
+        step = arrival.time - self._time
+        elapsed = arrival.there - self._there
         if 0.0 < step <= self.longest_gap:
-            self._time, self._there = arrival.time, arrival.there
+            self._time = arrival.time
+            self._there = arrival.there
             return None
         return self._find_fault(arrival, step, elapsed * self.pace)
 
@@ -206,7 +212,8 @@ class Watchdog:
         if -self.longest_gap <= step < 0.0:
             counts.disordered += 1
             return Fault.DISORDERED
-        self._time, self._there = arrival.time, arrival.there
+        self._time = arrival.time
+        self._there = arrival.there
         self._numbers = {"back": -step, "ahead": step, "elapsed": elapsed}
         if step < 0.0:
             counts.jumps += 1
@@ -241,7 +248,9 @@ class Watchdog:
 
 #: Part of the samples inside the material; changes of the force over its noise; their share of the
 #: force's variance that depth or time explains. At rest in free air noise explains next to nothing.
-INSIDE, CHANGE, EXPLAINED = 0.1, 10.0, 0.8
+INSIDE = 0.1
+CHANGE = 10.0
+EXPLAINED = 0.8
 FEWEST_OF_TARE = 20  # samples
 _MOST_OF_TARE = 100_000  # samples that are kept
 
@@ -265,8 +274,10 @@ def pressing(depth: Floats, force: Floats, *, below_surface: bool) -> str:
     least = CHANGE * max(_core.noise_of(force), _core.step_of(force) / math.sqrt(12.0))
     time = np.arange(float(len(force)))
     for by, words in ((depth, " as the probe moves"), (time, ", so it is not steady")):
-        offset, apart = by - by.mean(), force - force.mean()
-        square, along = float(offset @ offset), float(offset @ apart)
+        offset = by - by.mean()
+        apart = force - force.mean()
+        square = float(offset @ offset)
+        along = float(offset @ apart)
         if not (square > 0.0 and (by is time or np.ptp(by) > resolution)):
             continue
         changes = abs(along) / square * float(np.ptp(by))
@@ -364,7 +375,8 @@ class Loop:
             The source delivers vectors but no direction is set, or numbers although one is.
         """
         silent = max(SILENT * self.source.sample_time, SILENT_TIME)
-        patience, waited = min(silent, PATIENCE), 0.0
+        patience = min(silent, PATIENCE)
+        waited = 0.0
         while not self.stopped:
             try:
                 arrival = self.source.take(patience)
@@ -386,7 +398,8 @@ class Loop:
 
     def step(self, arrival: Arrival) -> None:
         """Prepare one sample, update the estimator with it, and store the result."""
-        counts, estimator = self.counts, self.estimator
+        counts = self.counts
+        estimator = self.estimator
         if not counts.taken:
             self._check(arrival)
         counts.taken += 1
@@ -408,7 +421,9 @@ class Loop:
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
         if self._resting is not None and self._refuses_tare(arrival, self._resting):
             sample = None
-        status, predicted, prepared = Status.WAITING, math.nan, _NONE
+        status = Status.WAITING
+        predicted = math.nan
+        prepared = _NONE
         began = time.perf_counter()
         if sample is not None:
             prepared = (sample.time, sample[0], sample[1], sample[2])
@@ -427,7 +442,8 @@ class Loop:
         if self.every_sample or moment != self._estimated:
             self._estimated = moment
             took += self._estimate()
-        position, force = self._axes(arrival.position), self._axes(arrival.force)
+        position = self._axes(arrival.position)
+        force = self._axes(arrival.force)
         late = time.monotonic() - arrival.there
         came = prepared[0], arrival.time, position[0], force[0]
         seen = status, preparing, self.state, took, late, self.estimates.count - 1
@@ -445,7 +461,8 @@ class Loop:
         if estimate.samples:  # an initial estimate is not a result
             parameters = estimate.parameters
             size = len(parameters)
-            known[:size], known[MOST_PARAMETERS:] = parameters, 0.0
+            known[:size] = parameters
+            known[MOST_PARAMETERS:] = 0.0
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
         margin = estimate.validity_margin
         self.estimates.write(
@@ -552,7 +569,8 @@ class Loop:
         """Return the component along the direction into the material, then the value itself."""
         if isinstance(value, float):
             return value, value, math.nan, math.nan
-        (x, y, z), (a, b, c) = self._direction, value
+        (x, y, z) = self._direction
+        (a, b, c) = value
         return x * a + y * b + z * c, a, b, c
 
     def say(self, text: str) -> None:
@@ -601,11 +619,13 @@ class Loop:
             on = bool(options["on"])
             # Stays on: the recorder ends a little after the command to end.
             self.every_sample = self.every_sample or on
-            wish, since = self.record["wish"] + 1, self.samples.count
+            wish = self.record["wish"] + 1
+            since = self.samples.count
             self.record = {"wish": wish, "on": on, "since": since}
 
     def _begin(self, estimator: ContactEstimator) -> None:
-        self.estimator, self.laws = estimator, LawsInForce.of(estimator)
+        self.estimator = estimator
+        self.laws = LawsInForce.of(estimator)
 
     def _exchange(self, estimator: ContactEstimator, text: str) -> None:
         self._begin(estimator)
@@ -615,8 +635,11 @@ class Loop:
 
     def status(self) -> dict[str, Any]:
         """Return the loop's status as numbers and text, ready for JSON."""
-        source, estimator, law = self.source, self.estimator, self.estimator.law_type
-        delay, payload = self.preparation.delay, ""
+        source = self.source
+        estimator = self.estimator
+        law = self.estimator.law_type
+        delay = self.preparation.delay
+        payload = ""
         if self.compensation is not None:
             delay += self.compensation.delay
             mass = self.compensation.settings["payload"].mass
@@ -625,7 +648,8 @@ class Loop:
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
         late = self.preparation.removed_delay
-        came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}
+        came = asdict(source.counts)
+        own = {"late": self.lateness.over, **asdict(self.counts)}
         return {
             "source": source.name,
             "sample_time": source.sample_time,

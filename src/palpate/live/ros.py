@@ -87,13 +87,12 @@ class _Places:
     ) -> None:
         self._size = size
         self._checks = [(start, start + len(want), want.tobytes()) for start, want in walked.checks]
-        self._stamped, self._sizes = (
-            isinstance(stamp, layout.TimeAt),
-            [len(each) for each in values],
-        )
+        self._stamped = isinstance(stamp, layout.TimeAt)
+        self._sizes = [len(each) for each in values]
         found = [stamp.seconds, stamp.nanoseconds] if self._stamped else []
         found += [number for each in values for number in each]
-        names, formats = [f"f{k}" for k in range(len(found))], [each.dtype for each in found]
+        names = [f"f{k}" for k in range(len(found))]
+        formats = [each.dtype for each in found]
         offsets = [each.offset for each in found]
         self._numbers = np.dtype({"names": names, "formats": formats, "offsets": offsets})
 
@@ -140,7 +139,9 @@ class MessageReader:
         vectors: bool,
         orientation: bool = False,
     ) -> None:
-        self._paths, self._vectors, self._orientation = tuple(paths), vectors, orientation
+        self._paths = tuple(paths)
+        self._vectors = vectors
+        self._orientation = orientation
         self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
         try:
             self._fields = layout.message_fields(type_name, "ros2msg", "")
@@ -308,7 +309,8 @@ class RosTopics(WireSource):
 
     def news(self) -> list[str]:
         """Return the messages since the last call."""
-        said, self._news = self._news, []
+        said = self._news
+        self._news = []
         return said
 
     def await_topics(self) -> None:
@@ -362,10 +364,12 @@ class RosTopics(WireSource):
         if len(self.topics) == 1:
             self._give(stamp, reading.values[0], reading.values[1], there)
             return
-        sample, anew = Stamped(stamp, reading.values[0], there), verdict is Succession.ANEW
+        sample = Stamped(stamp, reading.values[0], there)
+        anew = verdict is Succession.ANEW
         leads = index == self._leads
         for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
-            first, second = pair.leader, pair.follower
+            first = pair.leader
+            second = pair.follower
             position, force = (second, first) if self._leads else (first, second)
             self._give(pair.stamp, position, force, pair.there)
 
@@ -388,7 +392,8 @@ def dds_type(ros2_name: str) -> str:
 # Estimates as ROS messages.
 
 #: Types of the messages of an estimate and a status.
-ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
+ESTIMATE = "std_msgs/msg/Float64MultiArray"
+STATUS = "diagnostic_msgs/msg/DiagnosticArray"
 # DiagnosticStatus: OK, WARN, ERROR, STALE.
 _LEVELS = {"invalid": 1, "held": 1, "lost": 3}
 
@@ -422,17 +427,20 @@ class RosWire(Wire):
         self.topics = [
             (f"{prefix}/{end}", kind) for end, kind in zip(TOPICS, (ESTIMATE, STATUS), strict=True)
         ]
-        self._names, self._head = tuple[str, ...](), b""
+        self._names = tuple[str, ...]()
+        self._head = b""
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; everything but its numbers is cached."""
         if names != self._names:
-            types, size = typestore().types, len(names)
+            types = typestore().types
+            size = len(names)
             dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
             arrangement = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
             message = types[ESTIMATE](arrangement, np.zeros(size))
             # The message ends with the numbers.
-            self._head, self._names = _encode(message, ESTIMATE)[: -8 * size], names
+            self._head = _encode(message, ESTIMATE)[: -8 * size]
+            self._names = names
         return self._head + np.array(values, dtype="<f8").tobytes()
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:

@@ -138,7 +138,8 @@ class Replay:
     def __init__(self, contact: Contact, *, speed: float = 1.0) -> None:
         if speed != float("inf"):
             speed = number_in("speed", speed, 0.0, 1e6, open_low=True)
-        self.name, self.sample_time = contact.source or "recording", contact.sample_time
+        self.name = contact.source or "recording"
+        self.sample_time = contact.sample_time
         #: Speed of its clock.
         self.pace = speed
         self.counts = Counts()
@@ -147,7 +148,8 @@ class Replay:
         )
         self._news = _hindsight(contact)
         self._waiting: tuple[float, float, float] | None = None
-        self._began, self._first = 0.0, float(contact.time[0]) if len(contact) else 0.0
+        self._began = 0.0
+        self._first = float(contact.time[0]) if len(contact) else 0.0
 
     def open(self) -> None:
         """Start the replay."""
@@ -171,7 +173,8 @@ class Replay:
 
     def news(self) -> list[str]:
         """Return the messages about the recording, once."""
-        news, self._news = self._news, []
+        news = self._news
+        self._news = []
         return news
 
     def close(self) -> None:

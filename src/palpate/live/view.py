@@ -105,7 +105,8 @@ class LiveVerdict:
 
         Empty until the first verdict, and again after a change of material.
         """
-        depth, omega = self.law.depth, self.law.frequency
+        depth = self.law.depth
+        omega = self.law.frequency
         # Depth and frequency are of the samples since a change; an outdated law has no band there.
         if not (self.law.known and self.learned and depth > 0.0 and omega > 0.0):
             return {}
@@ -135,7 +136,8 @@ class LiveVerdict:
 
         ``origin`` is the zero of the loop's times, s.
         """
-        law, numbers = self.law, self.numbers()
+        law = self.law
+        numbers = self.numbers()
         fields: dict[str, float | str] = {
             "law": str(law.candidate) if self.learned else "",
             "standing": self.standing,
@@ -180,7 +182,8 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
             "the residuals of the best law are correlated: either the sensor noise is, or no "
             "compared law holds and the error bars are too small"
         )
-    damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
+    damping = estimate.parameters[_DAMPING]
+    error = estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
         yield Check.NO_DAMPER.finding(
             "B is 0: laws that differ only in their damper are equivalent"
@@ -293,13 +296,16 @@ Words = dict[str, Any]
 
 def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float) -> Words:
     """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
-    law, at = page["loop"]["law"], _describe_depth(page["depth"])
+    law = page["loop"]["law"]
+    at = _describe_depth(page["depth"])
     tiles = []
     panels = [
         [f"{name.capitalize()} {at}", unit, name, f"{name}_error"] for name, unit in _UNITS.items()
     ]
     for k in law.get("shown", ()):
-        symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
+        symbol = law["symbols"][k]
+        unit = law["units"][k]
+        name = law["names"][k]
         words = _parameter(page["now"], name, k, verdict)
         tiles.append([f"{symbol} [{unit}]" if unit else symbol, words])
         panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
@@ -349,12 +355,15 @@ def describe_change(change: Mapping[str, Any]) -> str:
 
 def law_card_texts(verdict: LiveVerdict, now: float) -> Words:
     """Return the texts of the page's card of force laws at time ``now``, s."""
-    certainty, turns, since = verdict.certainty, verdict.turns[: -_TURNS - 1 : -1], ""
+    certainty = verdict.certainty
+    turns = verdict.turns[: -_TURNS - 1 : -1]
+    since = ""
     if verdict.law.known and math.isfinite(verdict.since):
         turned = f"; changed {verdict.changes} times" if verdict.changes else ""
         since = f"Preferred for {_ago(now, verdict.since)}{turned}."
     badge, kind = _BADGES[certainty]
-    numbers, at = verdict.numbers(), ""
+    numbers = verdict.numbers()
+    at = ""
     if numbers:
         at = f"small oscillation {view.describe_place(verdict.law.depth, verdict.law.frequency)}"
     return {
@@ -396,10 +405,12 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
 
     ``contact_force`` is the present force, N, if the probe is in contact.
     """
-    loop, others = page["loop"], page["others"]
+    loop = page["loop"]
+    others = page["others"]
     lamp, title, words = _STATES[state]
     fault = loop.get("fault") or loop.get("tare_refused")
-    recorder, truth = others.get("recorder", {}), loop.get("chosen", {}).get("truth")
+    recorder = others.get("recorder", {})
+    truth = loop.get("chosen", {}).get("truth")
     recorded = recorder.get("said") or ""
     if recorder.get("on"):
         size = rounded(recorder.get("bytes", math.nan) / 1e6, 2)
@@ -446,10 +457,13 @@ _FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
 
 def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator[list[str]]:
     """Yield title, value, class and text of the mark, reason, and estimate now of each number."""
-    now, depth = page["now"], page["depth"]
+    now = page["now"]
+    depth = page["depth"]
     for line in headline(found, page["loop"], now, _describe_depth(depth)):
         title = f"{line.name.capitalize()} {line.at}{' (chosen)' * depth['chosen']}"
-        mark, last = "no verdict", ""
+        mark = "no verdict"
+        last = ""
         if line.mark is not None:
-            mark, last = spoken(line.mark), f"now {_present(now, line.name)}"
+            mark = spoken(line.mark)
+            last = f"now {_present(now, line.name)}"
         yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, line.reason, last]

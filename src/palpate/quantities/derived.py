@@ -190,8 +190,10 @@ def compute_oscillation(
         its range.
     """
     _require_time(result)
-    omega, there = _check_frequency(result, frequency), _evaluate_depth(result, depth)
-    stiffness, damping = there.stiffness, there.damping
+    omega = _check_frequency(result, frequency)
+    there = _evaluate_depth(result, depth)
+    stiffness = there.stiffness
+    damping = there.damping
     if result.law.relaxes and omega != result.frequency:
         law = result.law
         own = complex(law.dynamic_stiffness(there.depth, result.frequency))
@@ -239,7 +241,9 @@ def compute_stiffness_after(result: Derivable, time: float, depth: float | None 
     depth : float, optional
         Depth below the surface, m, > 0. Default: the working depth.
     """
-    there, law, found = _evaluate_depth(result, depth), result.law, result.oscillation
+    there = _evaluate_depth(result, depth)
+    law = result.law
+    found = result.oscillation
     if not (isinstance(law, GeneralisedHuntCrossley) and law.remembers):
         return there.stiffness
     own = there.stiffness
@@ -258,7 +262,8 @@ def compute_relaxation_time(result: Derivable) -> Quantity | None:
 
     Its systematic error is half the distance between the relaxation times that were offered.
     """
-    law, time = result.law, result.law.relaxation_time
+    law = result.law
+    time = result.law.relaxation_time
     return None if time is None else Quantity(time, 0.0, time * law.relaxation.resolution)
 
 
@@ -347,7 +352,9 @@ def build_path(result: Derivable) -> Path:
     Segments without a gap in time, such as approach and retract of a force curve, are joined, so
     the work continues from one to the next.
     """
-    contact, trace, estimate = result.contact, result.trace, result.estimate
+    contact = result.contact
+    trace = result.trace
+    estimate = result.estimate
     channels = contact.penetration, contact.velocity, contact.force
     kept = np.all(np.isfinite(channels), axis=0) & ~trace.rejected
     return Path(
@@ -388,7 +395,8 @@ def restitution_from(result: Derivable, speed: float | None = None) -> "Restitut
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fast_approach_speed(result.contact.velocity[result.trace.taken])
-    found, v0 = result.diagnosis, speed or result.query.impact_speed
+    found = result.diagnosis
+    v0 = speed or result.query.impact_speed
     law = result.law.simplest()
     own = [result.law.names().index(name) for name in law.names()]
     b = compute_dissipation(law, result.covariance[np.ix_(own, own)], found.working_depth)
@@ -400,7 +408,8 @@ def restitution_from(result: Derivable, speed: float | None = None) -> "Restitut
 def energy_from(result: Derivable) -> EnergyLoss:
     """Energy dissipated per touch, or per cycle in lasting contact: measured and from the law."""
     _require_time(result)
-    data, path = result.data or Data(result.contact), build_path(result)
+    data = result.data or Data(result.contact)
+    path = build_path(result)
     going_on = replace(result.contact, segment=_segment_numbers(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
     return compute_energy_loss(
@@ -419,7 +428,8 @@ def energy_from(result: Derivable) -> EnergyLoss:
 def passivity_from(result: Derivable) -> Passivity:
     """Whether the law's force, and the recorded force, become negative in the recorded motion."""
     _require_time(result)
-    data, there = result.data or Data(result.contact), result.diagnosis.working_depth
+    data = result.data or Data(result.contact)
+    there = result.diagnosis.working_depth
     return check_passivity(build_path(result), result.law, there, data.force_noise)
 
 

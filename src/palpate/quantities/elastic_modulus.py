@@ -202,7 +202,8 @@ WIDEST_SPREAD = STOPPED[0]
 # incompressible.
 INCOMPRESSIBLE = 0.5
 # Half the distance to the next shape's exponent, and standard errors for a certain difference.
-NEXT_SHAPE, CERTAIN = 0.25, 3.0
+NEXT_SHAPE = 0.25
+CERTAIN = 3.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -112,10 +112,12 @@ def find_loops(contact: Contact, path: Path) -> Loops:
 
 def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
     """First and last sample of each touch, extended to where the probe leaves the surface."""
-    gate, found = choose_gate(contact), []
+    gate = choose_gate(contact)
+    found = []
     for part in contact.segments():
         first, last = _segment_ends(path, int(contact.segment[part.start]))
-        time, cores = path.time[first : last + 1], []
+        time = path.time[first : last + 1]
+        cores = []
         for touch in find_touches(contact.taken(part), gate):
             start = first + int(np.searchsorted(time, touch.start))
             stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
@@ -137,7 +139,8 @@ def _segment_ends(path: Path, segment: int) -> tuple[int, int]:
 
 
 def _extend_touch(depth: Floats, start: int, stop: int, low: int, high: int) -> tuple[float, float]:
-    before, after = depth[low : start + 1] <= 0.0, depth[stop : high + 1] <= 0.0
+    before = depth[low : start + 1] <= 0.0
+    after = depth[stop : high + 1] <= 0.0
     begin = low + int(np.flatnonzero(before)[-1]) if before.any() else low
     end = stop + int(np.argmax(after)) if after.any() else high
     return begin, end
@@ -184,7 +187,8 @@ def put_in(work: Floats, loops: Loops) -> Floats:
 
     Rises and falls below 5 % of the work's range count as noise of a resting probe.
     """
-    places, sums = np.arange(len(work)), []
+    places = np.arange(len(work))
+    sums = []
     for start, stop in zip(loops.starts, loops.stops, strict=True):
         ends = np.interp([start, stop], places, work)
         within = work[int(np.ceil(start)) : int(np.floor(stop)) + 1]
@@ -420,7 +424,8 @@ class Passivity(Plain):
     fastest_withdrawal: float
 
     def __repr__(self) -> str:
-        share, limit = f"{percent(self.fraction)} of the samples", f"{rounded(self.limit, 3)} m/s"
+        share = f"{percent(self.fraction)} of the samples"
+        limit = f"{rounded(self.limit, 3)} m/s"
         return f"Passivity(negative force at {share} by the model; limit {limit})"
 
 
@@ -441,9 +446,13 @@ def check_passivity(
         Standard deviation of the force's noise, N.
     """
     below = path.depth > 0.0
-    depth, velocity, measured = path.depth[below], path.velocity[below], path.force[below]
-    force, damping = path.law_force(law)[below], there.damping.value
-    size, pulls = force.size, force < 0.0
+    depth = path.depth[below]
+    velocity = path.velocity[below]
+    measured = path.force[below]
+    force = path.law_force(law)[below]
+    damping = there.damping.value
+    size = force.size
+    pulls = force < 0.0
     lowest = int(np.argmin(force)) if pulls.any() else None
     return Passivity(
         fraction=float(np.mean(pulls)) if size else math.nan,

@@ -204,7 +204,9 @@ class _Touch:
 
     def _label_strokes(self) -> tuple[float, float]:
         """Find the strokes, and return the angular frequencies of the slow and the quick ones."""
-        time, depth, velocity = self.contact.time, self.contact.penetration, self.contact.velocity
+        time = self.contact.time
+        depth = self.contact.penetration
+        velocity = self.contact.velocity
         strokes: list[slice] = []
         for part in self.contact.segments():
             turns = part.start + turning_points(depth[part], SWING * self.range)
@@ -334,7 +336,8 @@ class _Touch:
         residual = rows.force - columns @ solution
         forces = float(np.ptp(np.percentile(rows.force, [5.0, 95.0])))
         width = max(int(math.tau / self.omega[1] / WINDOWS_A_PERIOD / self.step), 1)
-        averaged, left = _mean(columns, width), _mean(residual[:, None], width)[:, 0]
+        averaged = _mean(columns, width)
+        left = _mean(residual[:, None], width)[:, 0]
         own = np.linalg.qr(averaged / sizes)[0]
 
         def amount(column: Floats) -> tuple[float, float]:

@@ -95,9 +95,11 @@ def page(
         matplotlib is not installed.
     """
     name = Path(result.contact.source).name or "contact"
-    others, made = list((compared or {}).values()), result.contact.provenance.items()
+    others = list((compared or {}).values())
+    made = result.contact.provenance.items()
     numbers = [view.depth_table(result), view.law_section(result, whole=True)]
-    follows, findings = view.derived_section(result, whole=True), view.findings_section(result)
+    follows = view.derived_section(result, whole=True)
+    findings = view.findings_section(result)
     prepared = [view.preparation_section([result], whole=True)]
     prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
     methods = view.comparison_sections(others) if others else ()
@@ -214,7 +216,8 @@ def _again(circumstances: Circumstances) -> Iterator[str]:
 
 # The result folder: report, numbers, trace and options. Each file is written atomically.
 
-REPORT, OPTIONS = "report.html", "run.toml"
+REPORT = "report.html"
+OPTIONS = "run.toml"
 _PACKAGES = ("numpy", "matplotlib", "pyarrow")
 
 

@@ -51,7 +51,8 @@ def parameter_terms(result: "Identified") -> str:
 
 def law_name(result: "Identified") -> str:
     """Return the name of the selected law, or of the only law that the method identifies."""
-    verdict, kind = result.estimator.verdict(), result.law.kind
+    verdict = result.estimator.verdict()
+    kind = result.law.kind
     return _LAWS.get(kind, kind) if verdict is None else verdict.candidate.title
 
 
@@ -63,15 +64,18 @@ def parameter_rows(result: "Identified") -> list[ParameterRow]:
 
 
 def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterRow:
-    law, name = result.law, result.law.names()[k]
-    fixed, unit = name in result.fixed, law.units[k] if unit is None else unit
+    law = result.law
+    name = result.law.names()[k]
+    fixed = name in result.fixed
+    unit = law.units[k] if unit is None else unit
     words = parameter(float(law.parameters[k]), float(result.standard_errors[k]), fixed=fixed)
     return ParameterRow(k, name, law.symbols[k], unit, words, not fixed)
 
 
 def _relaxing_rows(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing = range(len(law.symbols))
-    verdict, growth = result.estimator.verdict(), _growth(law)
+    verdict = result.estimator.verdict()
+    growth = _growth(law)
     chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
     yield _number(result, stiffness, "N/m" if linear else None)

@@ -223,7 +223,8 @@ def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
-    at_depth, lines = result.diagnosis.working_depth, list[NumberLine]()
+    at_depth = result.diagnosis.working_depth
+    lines = list[NumberLine]()
     for name, unit in _ROWS[:2]:
         quantity: Quantity = getattr(at_depth, name)
         if math.isnan(quantity.value) and lines:
@@ -242,7 +243,8 @@ def verdict_section(result: "Identified") -> ViewSection:
     """Compose a line per number with depth, frequency, mark and reason; then the next step."""
     if result.segments:
         return ViewSection("Verdict", [*_count_verdicts(result.segments)])
-    numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
+    numbers = number_lines(result)
+    rows = list[tuple[Cell, ...]]()
     if result.query.tip is not None or result.query.specimen is not None:  # what was asked
         asked = _describe_modulus(result, whole=False)
         rows.append((asked.name, _fold_sentence("; ".join((asked.text, *asked.remarks)))))
@@ -289,7 +291,8 @@ def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
 
     def badness(part: "Identified") -> tuple[int, float]:
         there = part.diagnosis.working_depth
-        stiffness, marks = there.stiffness, (there.stiffness.mark, there.damping.mark)
+        stiffness = there.stiffness
+        marks = (there.stiffness.mark, there.damping.mark)
         error = stiffness.whole_error / abs(stiffness.value) if stiffness.value else math.inf
         worst = max(MARKS.index(mark) for mark in marks if mark is not None)
         return -worst, -(error if error >= 0.0 else math.inf)
@@ -304,7 +307,8 @@ def _sentence(words: str) -> str:
 
 def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
-    rows, derived = list[tuple[str, str]](), derived_section(result).lines
+    rows = list[tuple[str, str]]()
+    derived = derived_section(result).lines
     if not result.segments:
         # K and M of a law that relaxes depend on times that nobody recorded: under -v.
         # The course says what several relaxation times do to the stiffness.
@@ -342,7 +346,8 @@ def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
 
 def _describe_fit(result: "Identified") -> str:
     """Describe error, samples and contacts; then the settings that fit in the line."""
-    touches, estimate = len(find_touches(result.contact)), result.estimate
+    touches = len(find_touches(result.contact))
+    estimate = result.estimate
     words = (
         f"{format_percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
@@ -392,10 +397,13 @@ def depth_table(result: "Identified") -> ViewSection:
     It includes the truth if the file states it.
     """
     names = ["median" if result.depth is None else "--at", f"{DEEP:.0f}th percentile"]
-    headings, columns, known = [""], [], [_BARS]
+    headings = [""]
+    columns = []
+    known = [_BARS]
     for each, name in zip(result.working_depths, names, strict=False):
         headings.append(f"at {format_quantity(each.depth, 'm', 4)} ({name})")
-        real, cells = stated_truth(result, each.depth), []
+        real = stated_truth(result, each.depth)
+        cells = []
         known = [_BARS, _LEGEND] if real else known
         for quantity, unit in _ROWS:
             found: Quantity = getattr(each, quantity)
@@ -416,7 +424,9 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
     """
     rows: list[list[Cell]] = []
     for part in result.segments:
-        found, time, place = part.diagnosis, part.contact.time, part.place
+        found = part.diagnosis
+        time = part.contact.time
+        place = part.place
         there = found.working_depth
         both_numbers = format_number(there.stiffness), format_number(there.damping)
         if place is None:
@@ -439,11 +449,13 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
 
 def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
     """Compose the law's parameters, with the truth if stated, and the quality of the fit."""
-    headings, rows = ["contact model", ""], []
+    headings = ["contact model", ""]
+    rows = []
     for row, truth in zip(parameter_rows(result), truths(result), strict=True):
         rows.append([str(row), truth])
         if whole:
-            value, error = result.law.parameters[row.index], result.standard_errors[row.index]
+            value = result.law.parameters[row.index]
+            error = result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
     lines = [_describe_course(result), describe_relaxed_stiffness(result)]
     lines += [_describe_correlation(result)]
@@ -471,7 +483,9 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
     Restitution applies if the contact dissipates at least 1 % of an impact's speed, energy if the
     probe moves in and out, passivity if the law is trusted or usable with care.
     """
-    query, lines, timed = result.query, list[Line](), not result.contact.timeless
+    query = result.query
+    lines = list[Line]()
+    timed = not result.contact.timeless
     trusted = result.diagnosis.verdict.overall != "do-not-trust"
     if (whole and timed) or query.impact_speed is not None:
         restitution = result.restitution()
@@ -668,7 +682,9 @@ def _describe_fit_errors(result: "Identified") -> str:
 
 
 def _describe_samples(result: "Identified") -> str:
-    contact, gate, scale = result.contact, result.gate, result.scale
+    contact = result.contact
+    gate = result.gate
+    scale = result.scale
     touches = len(find_touches(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
     if isinstance(result.estimator, VariableProjection) and not gate.make_force:
@@ -690,7 +706,8 @@ def describe_model_selection(result: "Identified") -> str:
 
 
 def _describe_correlation(result: "Identified") -> str:
-    matrix, words = result.correlations, []
+    matrix = result.correlations
+    words = []
     estimated = [row for row in parameter_rows(result) if row.estimated]
     for one, other in itertools.combinations(estimated, 2):
         value = matrix[one.index, other.index]
@@ -725,7 +742,8 @@ def _describe_oscillation(result: "Identified", *, whole: bool) -> list[Line]:
         response = result.dynamic_stiffness(result.query.frequency)
         parts = response.stiffness, response.damping, response.loss_tangent
         k, b, tangent = (each if whole else each.combined for each in parts)
-        frequency, depth = format_hertz(response.frequency), format_quantity(response.depth, "m")
+        frequency = format_hertz(response.frequency)
+        depth = format_quantity(response.depth, "m")
         words = (
             f"at {frequency} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
             f"tan δ = {tangent.format()}"
@@ -757,7 +775,8 @@ def _describe_energy(result: "Identified") -> Line:
 
 
 def _describe_passivity(result: "Identified") -> Line:
-    found, words = result.passivity, "the law is never adhesive (its force is never negative)"
+    found = result.passivity
+    words = "the law is never adhesive (its force is never negative)"
     if found.fraction > 0.0:
         part = rounded(100.0 * found.fraction, 2)
         words = (
@@ -791,7 +810,8 @@ def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Lin
         body = f"{_describe_tip(found.tip)}, {ratio}"
     else:
         found = part.compression_modulus()
-        area, height = rounded(1e6 * found.specimen.area, 4), _plain(found.specimen.height, "m")
+        area = rounded(1e6 * found.specimen.area, 4)
+        height = _plain(found.specimen.height, "m")
         strain = rounded(found.strain, 2)
         body = f"a specimen of {area} mm² and {height} height, at a strain of {strain}"
     if found.refused:

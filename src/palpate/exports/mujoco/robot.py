@@ -48,7 +48,8 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
     Surfaces are massless and static, and collide only through the pairs.
     """
     # Round to a picometre to remove rounding errors.
-    position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
+    position = _numbers(np.round(place.position, 12).tolist())
+    normal = _numbers(place.normal)
     turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
     surfaces = (
         f'    <geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
@@ -110,9 +111,12 @@ class PressableModel:
         self.mujoco = mujoco = engine_here()
         # Inverse dynamics in continuous time, whatever the model's integrator.
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
-        self.model, self.data, self.place = model, mujoco.MjData(model), place
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.place = place
         names = {model.geom(k).name: k for k in range(model.ngeom)}
-        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
+        self.tip = names[geom]
+        self.pads = [names[pad] for pad in PADS if pad in names]
         model.geom_sameframe[self.pads] = 0  # else MuJoCo does not move them
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
@@ -157,7 +161,8 @@ class PressableModel:
 
     def force(self) -> float:
         """Return the force of the surfaces, N, from MuJoCo's contacts."""
-        felt, total = np.zeros(6), 0.0
+        felt = np.zeros(6)
+        total = 0.0
         for pad in self.pads:
             for k in self.contacts(pad):
                 self.mujoco.mj_contactForce(self.model, self.data, k, felt)
@@ -181,7 +186,9 @@ class PressableModel:
         """
         out = self.along()
         force = np.zeros(len(motion))
-        x, v, a = motion.penetration, motion.velocity, motion.acceleration
+        x = motion.penetration
+        v = motion.velocity
+        a = motion.acceleration
         for k in range(len(motion)):
             self.sink(float(x[k]))
             self.data.qvel[:] = -v[k] * out
@@ -303,7 +310,8 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     if not _touches(first, kind):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
-    mass, contacts = first.mass(), max(1, *counts) if len(counts) == 1 else 1
+    mass = first.mass()
+    contacts = max(1, *counts) if len(counts) == 1 else 1
     # With springs and dampers disabled MuJoCo disables every passive force.
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     passive = int(model.opt.disableflags) & both != both
@@ -339,7 +347,8 @@ def _names(spec: Any) -> list[str]:
 
 def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
-    mujoco, spec = engine_here(), _spec(path)
+    mujoco = engine_here()
+    spec = _spec(path)
     if geom not in [each.name for each in spec.geoms]:
         names = _names(spec)
         raise InvalidParameterError(
@@ -374,7 +383,8 @@ def _touches(pressable: PressableModel, kind: str) -> bool:
 
     Return False if the geom can move against no surface.
     """
-    centre, line = np.array(pressable.data.geom_xpos[pressable.tip]), np.zeros(6)
+    centre = np.array(pressable.data.geom_xpos[pressable.tip])
+    line = np.zeros(6)
     for normal in _normals(kind, pressable.data.geom_xmat[pressable.tip].reshape(3, 3)):
         pressable.face(centre - _FAR * normal, normal)
         gap = pressable.mujoco.mj_geomDistance(
@@ -492,7 +502,8 @@ class Scene:
         self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
     ) -> Floats:
         """Return the engine's force [N] along a whole motion, shape (k,); 0 out of contact."""
-        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
+        force = np.zeros_like(time)
+        below = np.flatnonzero(penetration > 0.0)
         if below.size:
             acceleration = np.gradient(velocity, time)
             t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))

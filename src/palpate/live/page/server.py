@@ -286,7 +286,8 @@ class Allowance:
     """Limits the rate of commands: a burst of 20, then ten per second."""
 
     def __init__(self) -> None:
-        self._left, self._filled = float(MOST_COMMANDS), time.monotonic()
+        self._left = float(MOST_COMMANDS)
+        self._filled = time.monotonic()
 
     def spend(self) -> None:
         """Use one command.
@@ -352,9 +353,12 @@ class Server:
     """
 
     def __init__(self, watch: Watch, send: Callable[[LiveCommand], None]) -> None:
-        self.watch, self._send = watch, send
+        self.watch = watch
+        self._send = send
         self.served = Served()
-        self._text, self._version, self._over = "{}", 0, False
+        self._text = "{}"
+        self._version = 0
+        self._over = False
         self._allowance = Allowance()
         known = {"channels": CHANNELS, "methods": default_settings(), "choices": CHOICES}
         self._hello = json.dumps({"kind": "hello", **known})
@@ -388,7 +392,8 @@ class Server:
                 if self.served.browsers or last:
                     page = self.watch.page(asdict(self.served), ended=last)
                     self._text = json.dumps({"kind": "page", **page})
-                    self._version, self._over = self._version + 1, last
+                    self._version = self._version + 1
+                    self._over = last
             self._tick.set()
             self._tick = asyncio.Event()
             if last:
@@ -472,12 +477,15 @@ class Server:
         frame = history.frame(
             first, until, every=client.every, dropped=client.skipped, void=client.void
         )
-        client.next, client.skipped, client.void = until, 0, False
+        client.next = until
+        client.skipped = 0
+        client.void = False
         return frame
 
     async def _receive_all(self, client: Client) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
-            began, count = time.monotonic(), 0
+            began = time.monotonic()
+            count = 0
             while True:
                 message = await client.socket.receive()
                 if message["type"] == "websocket.disconnect":
@@ -486,7 +494,8 @@ class Server:
                 self._answer(client, message.get("text") or message.get("bytes") or "")
                 if count >= MOST_REQUESTS // 10:
                     await asyncio.sleep(max(began + 0.1 - time.monotonic(), 0.0))
-                    began, count = time.monotonic(), 0
+                    began = time.monotonic()
+                    count = 0
 
     def _answer(self, client: Client, text: str | bytes) -> None:
         """Execute a request, or count it and answer why not."""
@@ -521,4 +530,6 @@ class Server:
 
     def _start_again(self, client: Client) -> None:
         history = self.watch.history
-        client.next, client.until, client.void = history.oldest, history.total, True
+        client.next = history.oldest
+        client.until = history.total
+        client.void = True
