@@ -108,7 +108,7 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     """
     lines = [MADE, *(f"{name} = {_toml_value(value)}" for name, value in options.items())]
     lines += [""] if options else []
-    lines += [f"# {_escape_signs(' '.join(each.split()))}" for each in comments]
+    lines += [f"# {_escape_signs(' '.join(comment.split()))}" for comment in comments]
     return "\n".join(lines) + "\n"
 
 
@@ -215,7 +215,7 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     """
     for i, path in enumerate(outputs):
         check_writable(path, inputs)
-        if any(_same_file(path, other) for other in outputs[:i]):
+        if any(_same_file(path, output) for output in outputs[:i]):
             raise RecordingError(f"{path}: two outputs name this file; rename one of them")
 
 

@@ -142,18 +142,18 @@ def run(arguments: Sequence[str]) -> int:
         The arguments do not fit the command, or the file of ``--config`` contains no options.
     """
     # Standard input: cyclopts treats a lone hyphen as an option, and Path converts ./- to - again.
-    words = ["./-" if word == "-" else word for word in arguments]
-    if words and words[0] not in COMMANDS and Path(words[0]).is_file():
+    phrases = ["./-" if word == "-" else word for word in arguments]
+    if phrases and phrases[0] not in COMMANDS and Path(phrases[0]).is_file():
         raise InvalidParameterError(
-            f"{words[0]} is a file, not a command: run palpate identify {' '.join(words)}"
+            f"{phrases[0]} is a file, not a command: run palpate identify {' '.join(phrases)}"
         )
     # --help after a misspelt command would print the help of palpate; the shell calls __complete.
-    if words and words[0] not in COMMANDS and not words[0].startswith(("-", "__")):
-        words = words[:1]
-    if "--no-color" in words:  # before help is printed
+    if phrases and phrases[0] not in COMMANDS and not phrases[0].startswith(("-", "__")):
+        phrases = phrases[:1]
+    if "--no-color" in phrases:  # before help is printed
         os.environ["NO_COLOR"] = "1"
     try:
-        status = application(words).meta(move_common_options_first(words))
+        status = application(phrases).meta(move_common_options_first(phrases))
     except CycloptsError as error:
         raise InvalidParameterError(str(error)) from None
     return status if isinstance(status, int) else 0
@@ -208,9 +208,9 @@ class _Lines(logging.Handler):
     begun = time.perf_counter()
 
     def emit(self, record: logging.LogRecord) -> None:
-        words = " ".join(record.getMessage().split())
+        text = " ".join(record.getMessage().split())
         where = record.name.removeprefix("palpate.")
-        line = printable(f"{time.perf_counter() - self.begun:7.3f} s  {where}: {words}")
+        line = printable(f"{time.perf_counter() - self.begun:7.3f} s  {where}: {text}")
         with suppress(OSError):  # there is nobody left to tell
             print(line, file=sys.stderr)
 

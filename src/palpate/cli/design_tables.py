@@ -17,7 +17,7 @@ def print_design(design: Design, console: Console) -> None:
     """Print how precisely and how soon the planned and a better motion identify the material."""
     law = design.law
     words = (law.K, law.n, law.dissipation)
-    say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
+    say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(number, 4) for number in words)), "bold")
     say(console, _sensor(design))
     _print_precision(design, console)
     console.print()
@@ -75,13 +75,13 @@ def command_line(design: Design) -> str | None:
         "max-depth": (limits.peak_penetration,),
         "max-speed": (limits.speed,),
     }
-    words = [
+    phrases = [
         " ".join([f"--{name}", *(f"{value:.12g}" for value in values)])
         for name, values in options.items()
         if values
     ]
     flags = [*([] if design.offset else ["--no-offset"]), *(["--surface"] * design.surface)]
-    return " ".join(["palpate design", *words, *flags])
+    return " ".join(["palpate design", *phrases, *flags])
 
 
 def _columns(design: Design) -> list[tuple[PredictedPrecision, str]]:
@@ -131,7 +131,9 @@ def _print_motions(design: Design, console: Console) -> None:
             "–" if math.isnan(o.violated_fraction) else f"{o.violated_fraction:.1%} of contact"
         ),
     }
-    rows = [[label, *(word(o) for o, _ in _columns(design))] for label, word in words.items()]
+    rows = [
+        [label, *(describe(o) for o, _ in _columns(design))] for label, describe in words.items()
+    ]
     print_table(console, headings, rows)
 
 

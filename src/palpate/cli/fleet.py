@@ -168,10 +168,10 @@ def _settings(
         if getattr(reading, option) is not None:
             name = "with" if option == "companion" else option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
-    given = reading.choose_default_law(choosing)
-    estimator = {**given.settings, **reading.chosen(given.kind)}
+    chosen = reading.choose_default_law(choosing)
+    estimator = {**chosen.settings, **reading.chosen(chosen.kind)}
     return Settings(
-        method=given.kind.method if given is choosing else AUTO,
+        method=chosen.kind.method if chosen is choosing else AUTO,
         estimator=estimator,
         preparation=reading.changed_preparation,
         diagnosis=diagnosis,
@@ -252,8 +252,8 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
         for of in shown:
             counts = Counter(str(mark) for mark in _marks_of(verdicts[of], free))
             kinds = (spoken(each) for each in (*maps.VERDICTS, _FREE))
-            words = [f"{counts[each]} {each}" for each in kinds if each in counts]
-            say(console, f"{maps.quantity_name(of)}: {', '.join(words)}")
+            phrases = [f"{counts[kind]} {kind}" for kind in kinds if kind in counts]
+            say(console, f"{maps.quantity_name(of)}: {', '.join(phrases)}")
     if (lag := maps.rig_lag_of(table)) is not None:
         say(console, str(lag), "yellow")
     touching = [k for k, none in enumerate(free) if not none]

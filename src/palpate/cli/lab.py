@@ -145,9 +145,9 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
-        words = f"law '{name}' takes exactly {_options(needed)}"
-        words += f", and optionally {_options(law.optional)}" if law.optional else ""
-        raise InvalidParameterError(words)
+        text = f"law '{name}' takes exactly {_options(needed)}"
+        text += f", and optionally {_options(law.optional)}" if law.optional else ""
+        raise InvalidParameterError(text)
     return Homogeneous(law_from({"kind": name, **given}), name)
 
 

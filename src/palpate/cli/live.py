@@ -122,8 +122,8 @@ class StreamOptions:
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):
-                words = "has timestamps" if recording else "is not a recording"
-                raise InvalidParameterError(f"{address} {words}: omit --{name}")
+                text = "has timestamps" if recording else "is not a recording"
+                raise InvalidParameterError(f"{address} {text}: omit --{name}")
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
         """Return the preparation of the source's samples."""

@@ -67,7 +67,7 @@ def names_in(*registries: str, prefix: str = "") -> Callable[[object], Iterable[
     """Return a completion of values: the names in registries such as ``palpate.lab.MATERIALS``."""
 
     def complete(_: object) -> Iterable[str]:
-        for module, _, name in (each.rpartition(".") for each in registries):
+        for module, _, name in (registry.rpartition(".") for registry in registries):
             yield from (f"{prefix}{each}" for each in getattr(import_module(module), name))
 
     return complete
@@ -190,7 +190,11 @@ class VerdictOptions:
 
     def status(self, verdicts: "Iterable[Verdict]", *, damping: bool = False) -> int:
         """Return 3 if a mark of a stiffness, or of a damping if that counts, is a failure."""
-        marks = (mark for each in verdicts for mark in (each.stiffness, *[each.damping] * damping))
+        marks = (
+            mark
+            for verdict in verdicts
+            for mark in (verdict.stiffness, *[verdict.damping] * damping)
+        )
         return mark_status(self.fail_on, marks)
 
 

@@ -148,8 +148,8 @@ def print_table(
             table.add_column(plain[k], justify=justify, no_wrap=not folded, overflow="fold")
         for row in texts:
             table.add_row(*(row[k] for k in shown))
-        for parts in console.render_lines(table, pad=False):
-            line = Text.assemble(*((part.text, part.style or "") for part in parts))
+        for segments in console.render_lines(table, pad=False):
+            line = Text.assemble(*((part.text, part.style or "") for part in segments))
             line.rstrip()
             console.print(line, soft_wrap=True)
         return
@@ -284,9 +284,9 @@ def _cell(cell: "str | Styled") -> Cell:
 def _format_line(line: "Line") -> Text:
     from palpate.findings import spoken  # here: it imports NumPy, which help does not need
 
-    words = Text(f"{line.name}: " if line.name else "")
+    text = Text(f"{line.name}: " if line.name else "")
     if line.mark:
-        words.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
-        words.append(": " if line.text[:1].islower() else ". ")
-    words.append("; ".join((line.text, *line.remarks)))
-    return words.append(f" ({line.remedy})", "dim") if line.remedy else words
+        text.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
+        text.append(": " if line.text[:1].islower() else ". ")
+    text.append("; ".join((line.text, *line.remarks)))
+    return text.append(f" ({line.remedy})", "dim") if line.remedy else text

@@ -282,8 +282,10 @@ class ReadingOptions:
     @property
     def changed_preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare` that are not the default ones."""
-        usual = ReadingOptions().preparation
-        return {name: value for name, value in self.preparation.items() if value != usual[name]}
+        preparation = ReadingOptions().preparation
+        return {
+            name: value for name, value in self.preparation.items() if value != preparation[name]
+        }
 
     @property
     def _surface(self) -> Any:
@@ -292,8 +294,8 @@ class ReadingOptions:
         try:
             return quantity("--surface", str(self.surface), "penetration")
         except InvalidParameterError as error:
-            words = f"{error}; or threshold, baseline, fit or estimate"
-            raise InvalidParameterError(words) from None
+            text = f"{error}; or threshold, baseline, fit or estimate"
+            raise InvalidParameterError(text) from None
 
     @property
     def options(self) -> dict[str, Any]:

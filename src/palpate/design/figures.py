@@ -65,8 +65,8 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
         better = "no better motion" if design.better is None else "better"
         caption = f"{CAPTION} Circles: including the sensor's rounding error."
         parts = zip(design.law.symbols, design.law.parameters, design.law.units, strict=True)
-        words = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
-        title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, words))}"]
+        phrases = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
+        title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, phrases))}"]
         figures.set_titles(figure, look, title, caption if rounds else CAPTION, lines=6)
     return figure
 
@@ -84,8 +84,8 @@ def _shown_time(motions: list[_Shown]) -> Floats:
     """Times to draw motions at, s."""
     frequencies = [
         w
-        for each in motions
-        for a, w in zip(each.of.motion.amplitudes, each.of.motion.frequencies, strict=True)
+        for motion in motions
+        for a, w in zip(motion.of.motion.amplitudes, motion.of.motion.frequencies, strict=True)
         if a > 0.0
     ]
     longest = motions[0].of.durations[-1]
@@ -102,14 +102,15 @@ def _draw_motions(
     """Penetration over time; velocity over penetration, with the better motion's limits."""
     time = _shown_time(motions)
     limits = design.limits
-    depth = figures.choose_scale(max(each.of.peak_penetration for each in motions), "m")
+    depth = figures.choose_scale(max(motion.of.peak_penetration for motion in motions), "m")
     speed = figures.choose_scale(
         max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s"
     )
-    left = limits.least_penetration
+    least_penetration = limits.least_penetration
     right = limits.peak_penetration
     orbits.plot(
-        depth.factor * np.array([left, right, right, left, left]),
+        depth.factor
+        * np.array([least_penetration, right, right, least_penetration, least_penetration]),
         speed.factor * limits.speed * np.array([-1.0, -1.0, 1.0, 1.0, -1.0]),
         ":",
         color=look.theme.ink,

@@ -408,10 +408,10 @@ def find_better(
     return best if gains or not limits.allow(given) else None
 
 
-def _shapes(given: Motion) -> Iterator[Motion]:
+def _shapes(motion: Motion) -> Iterator[Motion]:
     """Motions to be scaled: only the proportions of their sines count."""
-    if given.top_speed > 0.0:
-        yield given
+    if motion.top_speed > 0.0:
+        yield motion
     yield Motion(1.0, (1.0,), (1.0,))
     yield Motion(1.0, (1.0, 0.05), (1.0, 0.5 * (1.0 + math.sqrt(5.0))))
 
@@ -506,7 +506,7 @@ class PredictedPrecision:
             every = zip(values, table.tolist(), strict=True)
             return [{key: value, **dict(zip(names, row, strict=True))} for value, row in every]
 
-        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
         own |= {"motion": asdict(self.motion), "leaves_contact": self.leaves_contact}
         own["relative_errors"] = rows("duration", own.pop("durations"), self.relative_errors)
         own["expected_errors"] = rows("duration", self.durations, self.expected_errors)

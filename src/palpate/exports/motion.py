@@ -78,7 +78,7 @@ class ProbeMotion:
             surface, offset = (float(found.get(name, 0.0)) for name in ("surface", "offset"))
         good = np.isfinite(contact.penetration) & np.isfinite(contact.velocity)
         good &= np.isfinite(contact.force)
-        parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
+        parts = [np.flatnonzero(good[segment]) + segment.start for segment in contact.segments()]
         kept = [part for part in parts if part.size > 1]
         whole = np.concatenate(kept) if kept else np.empty(0, dtype=np.int64)
         time = contact.time[whole]

@@ -157,7 +157,7 @@ class ExportedLaw:
         """The most severe finding and its remedy; empty if the verdict is trust."""
         if self.verdict is None or self.verdict.overall == "trust":
             return ""
-        return next((str(each) for each in self.findings if each.severity != "note"), "")
+        return next((str(finding) for finding in self.findings if finding.severity != "note"), "")
 
     def nearest(self) -> Nearest:
         """Return the nearest law K xⁿ + B xᵖ v: engines have no laws with relaxation.
@@ -409,24 +409,25 @@ class Statement:
 
     def _check_errors(self) -> Iterator[Finding]:
         """Yield what the errors of force and restitution say against the engine."""
-        found = self.compared
+        compared = self.compared
         fastest = self.source.motion.fastest
-        if not found.percent <= MOST_PERCENT:  # also refuses NaN
+        if not compared.percent <= MOST_PERCENT:  # also refuses NaN
+            how = "replayed" if compared.replayed else "predicted"
             yield from make_refusals(
-                f"the force error of the engine is {percent(found.percent)} "
-                f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
+                f"the force error of the engine is {percent(compared.percent)} ({how}), more than "
+                f"{MOST_PERCENT:g} %"
                 f"{self._describe_shares()}"
             )
-        if abs(found.restitution_percent) > REBOUND_PERCENT:
+        if abs(compared.restitution_percent) > REBOUND_PERCENT:
             yield from make_warnings(
                 f"impacts will be wrong: the engine's restitution is "
-                f"{rounded(found.drop_restitution, 3)}, that of the law "
-                f"{rounded(found.drop.restitution, 3)}"
+                f"{rounded(compared.drop_restitution, 3)}, that of the law "
+                f"{rounded(compared.drop.restitution, 3)}"
             )
-        if found.drop.speed > fastest and self.source.verdict is not None:
+        if compared.drop.speed > fastest and self.source.verdict is not None:
             yield from make_warnings(
                 f"the law was identified at speeds up to {length(fastest, 2)}/s; an impact at "
-                f"{rounded(found.drop.speed, 2)} m/s extrapolates it"
+                f"{rounded(compared.drop.speed, 2)} m/s extrapolates it"
             )
 
     def _check_time_step(self) -> Iterator[Finding]:
@@ -448,22 +449,27 @@ class Statement:
 
     def _check_prediction(self) -> Iterator[Finding]:
         """Yield whether a replay differs from the prediction."""
-        found = self.compared
-        if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
+        compared = self.compared
+        if compared.replayed and abs(compared.percent - compared.predicted_percent) > _AS_PREDICTED:
             yield from make_warnings(
-                f"the replayed error is {percent(found.percent)} but the predicted one "
-                f"{percent(found.predicted_percent)}: this version of the engine may be different"
+                f"the replayed error is {percent(compared.percent)} but the predicted one "
+                f"{percent(compared.predicted_percent)}: this version of the engine may be "
+                "different"
             )
 
     @property
     def refusals(self) -> tuple[str, ...]:
         """Reasons to refuse the export; empty if there are none."""
-        return tuple(each.message for each in self.findings if each.severity == "do-not-trust")
+        return tuple(
+            finding.message for finding in self.findings if finding.severity == "do-not-trust"
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the user."""
-        return tuple(each.message for each in self.findings if each.severity != "do-not-trust")
+        return tuple(
+            finding.message for finding in self.findings if finding.severity != "do-not-trust"
+        )
 
     @property
     def refused(self) -> bool:
@@ -484,10 +490,10 @@ class Statement:
         motion = self.source.motion
         depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
         where = f"at depths {depths} and speeds up to {length(motion.fastest, 2)}/s"
-        words = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
+        text = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
         if not self.refusals:
-            return words
-        return f"{words}; allowed by the user although {'; '.join(self.refusals)}"
+            return text
+        return f"{text}; allowed by the user although {'; '.join(self.refusals)}"
 
     def describe(self) -> list[str]:
         """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
@@ -499,21 +505,21 @@ class Statement:
 
     def basis(self) -> list[str]:
         """Return how the errors were obtained, and the three force errors."""
-        found = self.compared
+        compared = self.compared
         title = self.engine.title
-        measured = found.against_measured_percent
-        leaves = found.law_leaves_percent
-        if found.replayed:
-            how = f"Replayed in {title} {self.engine.version() or ''}, {found.how}".rstrip()
-            how += f" (predicted error {percent(found.predicted_percent)})."
+        measured = compared.against_measured_percent
+        leaves = compared.law_leaves_percent
+        if compared.replayed:
+            how = f"Replayed in {title} {self.engine.version() or ''}, {compared.how}".rstrip()
+            how += f" (predicted error {percent(compared.predicted_percent)})."
         else:
             why = f"palpate cannot run {title}"
             if self.engine.distribution is not None:
-                why = f"it does not load: {found.fails}" if found.fails else "not requested"
+                why = f"it does not load: {compared.fails}" if compared.fails else "not requested"
                 if not self.engine.version():
                     why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
             how = f"Not replayed ({why}): the errors of the engine are predicted."
-        three = f"Rms force error: {percent(found.percent)} against {self._reference}"
+        three = f"Rms force error: {percent(compared.percent)} against {self._reference}"
         if measured is not None and leaves is not None:
             three += f", {percent(measured)} against the measured force"
             three += f" (the law itself: {percent(leaves)})"
@@ -524,17 +530,17 @@ class Statement:
         if self.source.response is None:
             return ()
         depth, omega, stiffness, damping = self.source.response
-        own = self.nearest.law
-        given = own.stiffness_at(depth)
-        words = (
+        law = self.nearest.law
+        given = law.stiffness_at(depth)
+        text = (
             "the material relaxes, and engines have no stress relaxation: exported is the "
             f"Hunt–Crossley law nearest to this recording, for {format_hertz(omega)}: stiffness "
-            f"{rounded(given, 3)} N/m and damping {rounded(own.damping_at(depth), 3)} N·s/m at "
+            f"{rounded(given, 3)} N/m and damping {rounded(law.damping_at(depth), 3)} N·s/m at "
             f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
-        return make_refusals(words) if not apart <= STIFFNESS_OFF else make_warnings(words)
+        return make_refusals(text) if not apart <= STIFFNESS_OFF else make_warnings(text)
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
@@ -564,10 +570,10 @@ class Statement:
     def as_dict(self) -> dict[str, Any]:
         """Return the statement as plain numbers and text, SI; None for undefined numbers."""
         source = self.source
-        found = self.compared
+        compared = self.compared
         request = self.fragment.request
         errors = source.standard_errors
-        drop = found.drop
+        drop = compared.drop
         return {
             "palpate_version": __version__,
             "engine": self.engine.name,
@@ -579,13 +585,13 @@ class Statement:
             "refusals": list(self.refusals),
             "allowed": bool(self.refusals) and self.allowed,
             "warnings": list(self.warnings),
-            "replayed": found.replayed,
-            "how": found.how or None,
+            "replayed": compared.replayed,
+            "how": compared.how or None,
             "error_percent": {
-                "against_law": finite_or_none(found.percent),
-                "predicted": finite_or_none(found.predicted_percent),
-                "against_measured": finite_or_none(found.against_measured_percent),
-                "law_leaves": finite_or_none(found.law_leaves_percent),
+                "against_law": finite_or_none(compared.percent),
+                "predicted": finite_or_none(compared.predicted_percent),
+                "against_measured": finite_or_none(compared.against_measured_percent),
+                "law_leaves": finite_or_none(compared.law_leaves_percent),
                 "nearest": finite_or_none(self.nearest.error_percent),
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
@@ -595,9 +601,9 @@ class Statement:
                 "speed": finite_or_none(drop.speed),
                 "depth": drop.depth,
                 "restitution_of_law": finite_or_none(drop.restitution),
-                "restitution": finite_or_none(found.drop_restitution),
-                "error_percent": finite_or_none(found.restitution_percent),
-                "replayed": found.replayed_restitution is not None,
+                "restitution": finite_or_none(compared.drop_restitution),
+                "error_percent": finite_or_none(compared.restitution_percent),
+                "replayed": compared.replayed_restitution is not None,
             },
             "law": source.law.description(),
             "standard_errors": (
@@ -640,28 +646,28 @@ class Statement:
 
     def _describe_shares(self) -> str:
         """Describe what a law without memory leaves of the recording, and what to do."""
-        found = self.compared
-        leaves = found.against_measured_percent
-        left = found.law_leaves_percent
-        if self.source.answer is None or leaves is None or left is None:
+        compared = self.compared
+        leaves = compared.against_measured_percent
+        law_leaves_percent = compared.law_leaves_percent
+        if self.source.answer is None or leaves is None or law_leaves_percent is None:
             return ""
         return (
             ": the material relaxes, and no engine has its memory. The engine leaves "
-            f"{percent(leaves)} of the recorded force, {self._reference} {percent(left)}. Simulate "
-            "it by palpate lab or GeneralisedHuntCrossley.step, which have the memory"
+            f"{percent(leaves)} of the recorded force, {self._reference} "
+            f"{percent(law_leaves_percent)}. Simulate it by palpate lab or GeneralisedHuntCrossley.step, which have the memory"
         )
 
     def _describe_restitution(self) -> str:
-        found = self.compared
-        how = "" if found.replayed_restitution is not None else ", predicted"
-        drop = found.drop
-        mass = rounded(found.drop.mass, 3)
-        if not math.isfinite(found.restitution_percent):
+        compared = self.compared
+        how = "" if compared.replayed_restitution is not None else ", predicted"
+        drop = compared.drop
+        mass = rounded(compared.drop.mass, 3)
+        if not math.isfinite(compared.restitution_percent):
             return "no restitution: a free body does not rebound with this law"
         assumed = "" if self.fragment.request.mass is not None else " (assumed)"
-        numbers = f"{rounded(found.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
+        numbers = f"{rounded(compared.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
         return (
-            f"restitution within {percent(abs(found.restitution_percent))} "
+            f"restitution within {percent(abs(compared.restitution_percent))} "
             f"({numbers}{how}) for an impact of {mass} kg{assumed} at {rounded(drop.speed, 2)} m/s "
             f"to a depth of {length(drop.depth, 3)}"
         )

@@ -188,7 +188,7 @@ PLACES_CAPTION = (
 
 def draw_places(result: Identified) -> "Figure":
     """Draw the stiffness of each place over its position, and next to it the standard error."""
-    places = [part.place for part in result.segments if part.place is not None]
+    places = [segment.place for segment in result.segments if segment.place is not None]
     positions = 1e3 * np.array([place.position for place in places])
     normals = [place.normal.vector for place in places if place.normal is not None]
     # The map is seen along the axis closest to the normals, else along the one of least spread.
@@ -359,21 +359,21 @@ def _format_depths(depths: Sequence[float]) -> str:
 def _draw_dots(
     axes: "Axes", quantities: list[Quantity], words: tuple[str, str], look: Look
 ) -> None:
-    finals = [Final.of(each) for each in quantities]
+    finals = [Final.of(quantity) for quantity in quantities]
     low, high = _limits(finals)
     scale = scale_as_written(max(abs(low), abs(high)), words[1])
     k = scale.factor
     ink = look.theme.ink
     axes.axvline(k * finals[0].value, color=ink, linewidth=look.points(0.7), linestyle=":")
-    for row, final in enumerate(finals):
+    for row, quantity in enumerate(finals):
         colour = look.colour(row)
-        if not low <= final.value <= high:
-            _draw_arrow(axes, row, final.value, (k * low, k * high), colour, look)
+        if not low <= quantity.value <= high:
+            _draw_arrow(axes, row, quantity.value, (k * low, k * high), colour, look)
             continue
-        for error, line, cap in ((final.error, 3.0, 0.0), (final.whole_error, 1.1, 3.0)):
+        for error, line, cap in ((quantity.error, 3.0, 0.0), (quantity.whole_error, 1.1, 3.0)):
             bar = 2.0 * k * error
             dot = look.dot(5.0, line, cap)
-            axes.errorbar(k * final.value, row, xerr=bar, color=colour, **dot)
+            axes.errorbar(k * quantity.value, row, xerr=bar, color=colour, **dot)
     axes.set(xlim=(k * low, k * high), ylim=(len(finals) - 0.4, -0.6), xlabel=f"[{scale.unit}]")
     axes.locator_params(axis="x", nbins=3 if look.narrow else 4)
     axes.grid(visible=False, axis="y")
@@ -403,9 +403,9 @@ def _limits(finals: list[Final]) -> tuple[float, float]:
     best = finals[0]
     most = max(_MOST_APART * abs(best.value), 2.2 * best.whole_error, 1e-300)
     ends = [best.value - 2.2 * best.whole_error, best.value + 2.2 * best.whole_error]
-    for each in finals:
+    for quantity in finals:
         for sign in (-2.2, 2.2):
-            end = each.value + sign * each.whole_error
+            end = quantity.value + sign * quantity.whole_error
             if math.isfinite(end):
                 ends.append(min(max(end, best.value - most), best.value + most))
     spread = max(max(ends) - min(ends), 1e-3 * abs(best.value), 1e-300)
@@ -455,7 +455,7 @@ def draw_comparison(
     ranking = rank(results)
     ordered = [results[name] for name in ranking.order]
     best = ranking.recommended
-    words = "recommended: none" if best is None else f"recommended: {best}"
+    text = "recommended: none" if best is None else f"recommended: {best}"
     count = len(ordered)
     narrow = look.narrow
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
@@ -464,7 +464,7 @@ def draw_comparison(
         _draw_comparison(
             figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1]), ordered, look
         )
-        set_titles(figure, look, [words, file_name(ordered[0])], COMPARED_CAPTION)
+        set_titles(figure, look, [text, file_name(ordered[0])], COMPARED_CAPTION)
     return figure
 
 

@@ -60,13 +60,13 @@ _UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     """Describe force, stiffness and damping at working depth, or those in ``names``."""
-    there = result.diagnosis.working_depth
-    words = []
+    working_depth = result.diagnosis.working_depth
+    phrases = []
     for name in names:
-        found: Quantity = getattr(there, name)
-        words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
+        found: Quantity = getattr(working_depth, name)
+        phrases.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
     often = f", {format_hertz(result.frequency)}" if result.law.remembers else ""
-    return f"at {format_quantity(there.depth, 'm', 4)}{often}: {', '.join(words)}"
+    return f"at {format_quantity(working_depth.depth, 'm', 4)}{often}: {', '.join(phrases)}"
 
 
 def file_name(result: Identified) -> str:
@@ -78,9 +78,10 @@ def file_name(result: Identified) -> str:
 def describe_verdict(result: Identified) -> str:
     """Return both marks, each with its reason."""
     return "; ".join(
-        f"{each.name} {spoken(each.mark)}" + f": {each.reason}" * bool(each.reason)
-        for each in number_lines(result)
-        if each.mark is not None
+        f"{number_line.name} {spoken(number_line.mark)}"
+        + f": {number_line.reason}" * bool(number_line.reason)
+        for number_line in number_lines(result)
+        if number_line.mark is not None
     )
 
 
@@ -141,10 +142,10 @@ def replay_course(result: Identified, depth: float) -> Course:
     samples = []
     rows = []
     laws = []
-    for part in contact.segments():
+    for segment in contact.segments():
         estimator.leave_contact()
-        edges = [*stops[(stops >= part.start) & (stops < part.stop)] + 1, part.stop]
-        start = part.start
+        edges = [*stops[(stops >= segment.start) & (stops < segment.stop)] + 1, segment.stop]
+        start = segment.start
         for edge in edges:
             piece = slice(start, int(edge))
             channels = contact.penetration, contact.velocity, contact.force, steps
@@ -264,29 +265,31 @@ def _noise_band(result: Identified) -> float:
     From the noise of a sample's force, √(σ² + S²σ_x² + C²σ_v²), at working depth.
     """
     data = result.data or Data(result.contact)
-    there = result.diagnosis.working_depth
-    by_position = there.stiffness.value * data.penetration_noise
-    damping = there.damping.value
+    working_depth = result.diagnosis.working_depth
+    by_position = working_depth.stiffness.value * data.penetration_noise
+    damping = working_depth.damping.value
     by_velocity = damping * data.velocity_noise if math.isfinite(damping) else 0.0
     parts = np.array([data.force_noise, by_position, by_velocity])
     return BAND_DEVIATIONS * float(np.linalg.norm(parts[np.isfinite(parts)]))
 
 
-def _reach(seen: Scatter, noise: float) -> float:
-    return max(largest(seen.low), largest(seen.high), noise, 1e-300)
+def _reach(scatter: Scatter, noise: float) -> float:
+    return max(largest(scatter.low), largest(scatter.high), noise, 1e-300)
 
 
 def _draw(
-    axes: "Axes", seen: Scatter, noise: float, unit: AxisScale, look: Look, colour: str
+    axes: "Axes", scatter: Scatter, noise: float, unit: AxisScale, look: Look, colour: str
 ) -> None:
     k = unit.factor
-    axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
-    few = np.isfinite(seen.middle).sum() < 4  # one point makes no line
-    axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour, markersize=3.0)
+    axes.fill_between(
+        scatter.place, k * scatter.low, k * scatter.high, color=colour, alpha=0.3, lw=0
+    )
+    few = np.isfinite(scatter.middle).sum() < 4  # one point makes no line
+    axes.plot(scatter.place, k * scatter.middle, "o-" if few else "-", color=colour, markersize=3.0)
     for level in (-noise, noise) if noise > 0.0 else ():
         axes.axhline(k * level, color=look.theme.ink, linestyle=":", linewidth=look.points(0.9))
     axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
-    reach = 1.15 * k * _reach(seen, noise)
+    reach = 1.15 * k * _reach(scatter, noise)
     axes.set_ylim(-reach, reach)
 
 
@@ -354,8 +357,8 @@ def draw_parameter(
     final = Final(float(result.law.parameters[index]), error, error)
     known = course.parameters[:, index], course.errors[:, index]
     _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
-    words = row.with_unit.replace(" ", JOINED)
-    head(axes, f"{row.symbol}: {words}")
+    text = row.with_unit.replace(" ", JOINED)
+    head(axes, f"{row.symbol}: {text}")
 
 
 def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> None:

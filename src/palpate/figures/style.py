@@ -138,8 +138,8 @@ def set_titles(
     small = 0.93 * look.font
     # Rasterised letters are up to 4 % wider than those of the font.
     width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
-    words = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
-    figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
+    text = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
+    figure.suptitle(text, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
         figure.supxlabel(wrap_text(caption, width, small, 9), fontsize=small)
     # Leaves room for the number of a tick at the right end.
@@ -351,13 +351,13 @@ def _render_svg(figure: Figure, dots: float) -> bytes:
     """
     rendered = io.BytesIO()
     shown = figure.canvas
-    before = figure.dpi
+    dpi = figure.dpi
     try:
         figure.dpi = dots  # of images
         canvas: Any = FigureCanvasSVG(figure)
         canvas.print_svg(rendered, metadata=_FORMATS[".svg"])
     finally:
-        figure.dpi = before
+        figure.dpi = dpi
         figure.set_canvas(shown)
     text = _INDENT.sub(b"><", rendered.getvalue())
     fonts = set(_FONT.findall(text))

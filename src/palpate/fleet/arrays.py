@@ -489,7 +489,7 @@ def _describe_faults(contact: Contact | str, surface: float) -> list[dict[str, s
         return [finding_cell(Finding(Check.FILE, contact, severity="do-not-trust"))]
     if math.isfinite(surface):
         contact = replace(contact, penetration=contact.penetration - surface)
-    return [finding_cell(each) for each in Data(contact).findings]
+    return [finding_cell(finding) for finding in Data(contact).findings]
 
 
 # Many contacts in this process: one row each.

@@ -60,7 +60,7 @@ class Card:
         lines = [f"# Data card: {escape_markdown(self.title)}", "", "| | |", "|---|---|"]
         lines += [f"| {name} | {escape_markdown(words)} |" for name, words in self.numbers]
         lines += ["", "## What cannot be trusted", ""]
-        lines += [f"- {escape_markdown(words)}" for words in self.cautions] or [
+        lines += [f"- {escape_markdown(caution)}" for caution in self.cautions] or [
             "Nothing was found."
         ]
         lines += ["", "## Worst episodes", ""]
@@ -233,7 +233,7 @@ def _lateness(table: Table) -> str:
     ms = 1e3 * delays[known]
     error_ms = 1e3 * errors[known]
     groups = find_groups(ms)
-    words = []
+    phrases = []
     for group in groups:
         middle = float(np.median(ms[group]))
         spread = 1.4826 * float(np.median(np.abs(ms[group] - middle)))
@@ -242,8 +242,8 @@ def _lateness(table: Table) -> str:
         size = with_error(abs(middle), error, unit="ms")
         share = f" in {_percent(count / ms.size)}" * (len(groups) > 1)
         of = f"median of {count} of {touching} contacts, scatter {rounded(spread, 2)} ms"
-        words.append(f"{size} {_late_or_early(middle)}{share} ({of})")
-    return f"{' and '.join(words)}, if the materials follow Hunt–Crossley"
+        phrases.append(f"{size} {_late_or_early(middle)}{share} ({of})")
+    return f"{' and '.join(phrases)}, if the materials follow Hunt–Crossley"
 
 
 def _late_or_early(delay: float) -> str:
@@ -297,7 +297,7 @@ def _cautions(table: Table) -> Iterator[str]:
     for quantity in maps.JUDGED:
         marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
         if doubted := marks["do-not-trust"]:
-            judged = sum(marks[each] for each in _MARKS)
+            judged = sum(marks[mark] for mark in _MARKS)
             yield f"{doubted} of {judged} contacts have a {quantity} marked do not trust."
 
 
@@ -315,11 +315,11 @@ def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
             reason = why or why_damping or "see its findings"
             rows.append((worst, -float(inexact[k]), name, stiffness, damping, reason))
     rows.sort()
-    words = [
+    phrases = [
         (name, spoken(stiffness), spoken(damping), reason)
         for _, _, name, stiffness, damping, reason in rows
     ]
-    return tuple(words[:MOST_NAMED])
+    return tuple(phrases[:MOST_NAMED])
 
 
 # The card as a page.
@@ -355,5 +355,5 @@ def _page(card: Card, table: Table) -> str:
 def _bullets(sentences: Sequence[str]) -> Iterator[str]:
     if sentences:
         yield "<ul>"
-        yield from (f"<li>{escape(words)}</li>" for words in sentences)
+        yield from (f"<li>{escape(sentence)}</li>" for sentence in sentences)
         yield "</ul>"

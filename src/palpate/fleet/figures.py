@@ -113,8 +113,8 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
             elinewidth=look.points(0.8),
         )
         over.set(xlabel="episode", ylabel=scale.label("stiffness"))
-        words = "stiffness at working depth"
-        figures.head(over, words + f", one row of {every.step}" * (every.step > 1), legend=False)
+        text = "stiffness at working depth"
+        figures.head(over, text + f", one row of {every.step}" * (every.step > 1), legend=False)
     return figure
 
 

@@ -132,7 +132,7 @@ def mark_by(finding: Cell, of: str) -> str:
 
 def problems_of(findings: Sequence[Cell] | None, of: str) -> list[Cell]:
     """Return the findings that lower the mark of a quantity."""
-    return [each for each in findings or () if mark_by(each, of) != "trust"]
+    return [finding for finding in findings or () if mark_by(finding, of) != "trust"]
 
 
 def is_problem(finding: Cell) -> bool:
@@ -293,15 +293,15 @@ class RigLag:
     def __str__(self) -> str:
         time = with_error(1e3 * abs(self.time), 1e3 * self.spread, unit="ms")
         way = "early" if self.time > 0.0 else "late"
-        words = (
+        text = (
             f"damping over stiffness is the same in {self.files} files whose stiffness spans a "
             f"factor of {rounded(self.span, 2)}, {time}: the force is probably {way} by as much"
         )
         if not self.frequencies > _ONE_FREQUENCY:
-            words += ", or all materials have one loss tangent"
+            text += ", or all materials have one loss tangent"
         error = max(self.spread, _LEAST_ERROR * abs(self.time))
         option = f"--delay {rounded(-1e3 * self.time, 3)}ms+-{rounded(1e3 * error, 2)}ms"
-        return f"{words}; touch a steel spring (palpate skew), or try {option}"
+        return f"{text}; touch a steel spring (palpate skew), or try {option}"
 
 
 def rig_lag_of(table: Table) -> RigLag | None:
@@ -524,12 +524,12 @@ class Map:
             (self.rows - len(self.value), "row has", "rows have", "no position"),
             (hidden if len(self.axes) > 1 else 0, "place repeats", "places repeat", "a position"),
         )
-        words = [
+        phrases = [
             f"{count} {one if count == 1 else several} {what}"
             for count, one, several, what in counts
             if count
         ]
-        return [*words, *self.warnings]
+        return [*phrases, *self.warnings]
 
 
 def map_of(
@@ -639,12 +639,12 @@ def _warnings(results: Table, placed: NDArray[np.bool_], of: str) -> tuple[str, 
     for findings in inside.column("findings").to_pylist():
         kinds.update({(mark_by(f, of), f["check"] or "") for f in problems_of(findings, of)})
     ordered = sorted(kinds.items(), key=lambda kind: (kind[0][0], -kind[1], kind[0][1]))
-    words = [
+    phrases = [
         f"{spoken(mark)}, {check}: at {count} of {inside.num_rows} places"
         for (mark, check), count in ordered
     ]
     unchecked = "none" in inside.column("checked").to_pylist()
-    return (*words, *(["data not checked"] if unchecked else []))
+    return (*phrases, *(["data not checked"] if unchecked else []))
 
 
 def _numbers(results: Table, name: str) -> Floats:
@@ -675,7 +675,7 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
     quantities = np.full((results.num_rows, 2), np.nan)
     whole: list[str] = [""] * results.num_rows
     if law.relaxes:
-        whole = [each or "" for each in results["law"].to_pylist()]
+        whole = [result or "" for result in results["law"].to_pylist()]
     frequencies = numbers(results, "frequency").tolist()
     for k, (matrix, *row) in enumerate(_column_rows(results, "covariance", *law.names())):
         if matrix is not None and np.isfinite(row).all():

@@ -141,11 +141,11 @@ def _distributions(table: Table) -> Iterator[str]:
     known = np.isfinite(maps.numbers(table, "stiffness"))
     if np.count_nonzero(known) < _FEWEST:
         return
-    words = (
+    text = (
         "Distributions of stiffness and damping at working depth (and of an identified exponent), "
         "and below each its relative standard error."
     )
-    yield from html.drawing("distributions", partial(draw_distributions, table), words)
+    yield from html.drawing("distributions", partial(draw_distributions, table), text)
 
 
 def _map(table: Table) -> Iterator[str]:
@@ -160,8 +160,8 @@ def _map(table: Table) -> Iterator[str]:
     if len(varying) < 2:
         return
     found = map_of(table, varying)
-    words = f"{found.summary[0].upper()}{found.summary[1:]}."
-    yield from html.drawing("over-place", partial(draw_map, found), words)
+    text = f"{found.summary[0].upper()}{found.summary[1:]}."
+    yield from html.drawing("over-place", partial(draw_map, found), text)
 
 
 def _repeats(table: Table) -> Iterator[str]:
@@ -175,20 +175,20 @@ def _repeats(table: Table) -> Iterator[str]:
             "scatter consistently with their standard errors (χ² within 3 σ).</p>"
         )
         if len(found) > 1:
-            words = (
+            text = (
                 f"Scatter of the {quantity} in each group of repeats, relative to the standard "
                 "errors: 1 if the errors are right."
             )
             yield from html.drawing(
-                f"repeats-{quantity}", partial(draw_repeats, found, quantity), words
+                f"repeats-{quantity}", partial(draw_repeats, found, quantity), text
             )
         unit = maps.quantity_unit(quantity)
         header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]
         rows = []
         for each in [*apart, *(e for e in found if e.agree)]:
             count = f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}"
-            words = "agree" if each.agree else f"do not agree, {rounded(each.z, 2)} σ"
-            badge = html.badge("trust" if each.agree else "with-care", words)
+            text = "agree" if each.agree else f"do not agree, {rounded(each.z, 2)} σ"
+            badge = html.badge("trust" if each.agree else "with-care", text)
             mean = escape(with_error(each.mean, each.error, unit=unit))
             rows.append([escape(each.name), count, mean, rounded(each.ratio, 3), badge])
         yield from _list(f"Repeats of the {quantity}", header, rows)

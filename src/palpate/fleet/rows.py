@@ -328,8 +328,11 @@ def indentation_row(found: indentation.Indentation, settings: Settings) -> Row:
     return row | _modulus_columns(found.modulus) | {"verdict_stiffness": mark}
 
 
-def _modulus_columns(found: ElasticModulus) -> Row:
-    return {**_quantity_columns("modulus", found.value), "verdict_modulus": found.mark}
+def _modulus_columns(elastic_modulus: ElasticModulus) -> Row:
+    return {
+        **_quantity_columns("modulus", elastic_modulus.value),
+        "verdict_modulus": elastic_modulus.mark,
+    }
 
 
 def _quantity_columns(name: str, quantity: Quantity) -> Row:

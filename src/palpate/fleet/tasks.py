@@ -204,8 +204,8 @@ def _cuts(
 def sources_digest(sources: Iterable[ContactSource]) -> str:
     """Return a digest that identifies these sources and their present content."""
     digest = hashlib.sha256()
-    for each in sources:
-        parts = (each.name, each.kind, each.count, each.samples, each.chunk, each.stamp)
+    for source in sources:
+        parts = (source.name, source.kind, source.count, source.samples, source.chunk, source.stamp)
         digest.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
     return digest.hexdigest()[:16]
 

@@ -72,10 +72,10 @@ def check_estimate(
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         if count := int(np.count_nonzero(trace.status == refusal)):
-            words = refusal.name.lower().replace("_", " ")
+            text = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
-                words += f": {not_finite(contact)}"
-            yield Check.REJECTED_SAMPLES.finding(f"{count} samples rejected: {words}")
+                text += f": {not_finite(contact)}"
+            yield Check.REJECTED_SAMPLES.finding(f"{count} samples rejected: {text}")
 
 
 def check_fits(

@@ -39,8 +39,8 @@ def check_prediction(
     """
     inside = np.flatnonzero(taken)
     if inside.size < FEWEST:
-        words = f"--hold-out needs {FEWEST} samples in contact, and there are {inside.size}"
-        raise RecordingError.of(contact.source, words)
+        text = f"--hold-out needs {FEWEST} samples in contact, and there are {inside.size}"
+        raise RecordingError.of(contact.source, text)
     second = inside[inside.size // 2 :]
     first = contact.taken(slice(0, int(second[0])))
     force = contact.force[second]

@@ -47,12 +47,12 @@ def not_finite(contact: Contact) -> str:
     penetration = ~np.isfinite(contact.penetration)
     force = ~np.isfinite(contact.force)
     velocity = ~np.isfinite(contact.velocity) & ~penetration  # for another reason
-    words = []
+    phrases = []
     for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
         if wrong.any():
             origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
-            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
-    return f"{', '.join(words)} of {len(contact)} samples"
+            phrases.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
+    return f"{', '.join(phrases)} of {len(contact)} samples"
 
 
 def _largest(values: Floats) -> str:

@@ -80,8 +80,8 @@ def _render_frame(run: Simulation, width: int, height: int) -> NDArray[Any]:
         camera.elevation = -40.0
         scene = mujoco.MjvScene(run.model, maxgeom=200)
         options = mujoco.MjvOption()
-        parts = mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(run.model, run.data, options, None, camera, parts, scene)
+        every_part = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(run.model, run.data, options, None, camera, every_part, scene)
         target = mujoco.MjrContext(run.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, target)
         view = mujoco.MjrRect(0, 0, width, height)

@@ -154,13 +154,13 @@ def describe_depth(
         return "another estimator starts"  # its law is not in the status yet
     if verdict:
         now = verdict.numbers()
-        at = view.describe_place(depth, verdict.law.frequency)
+        place = view.describe_place(depth, verdict.law.frequency)
     else:
         now = read_numbers(row[None], kind, depth)
-        at = view.describe_place(depth)
+        place = view.describe_place(depth)
     if not now:
         return str(verdict or "no estimate yet")
-    return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
+    return f"{answer(headline(found, status, now, place))}, {NOT_DIAGNOSED}"
 
 
 # The status line where the loop was started, and the summary at the end.
@@ -274,7 +274,7 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     yield f"{status.get('source', '')}: {taken} samples, {learned} used, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
     for words, *columns, limit in duration_rows(status):
-        yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
+        yield f"{words:<16}" + "".join(f"{column:>9}" for column in columns) + f"   {limit}"
     faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
     yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])
     if last := counts.get("last_fault"):

@@ -158,6 +158,6 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         ],
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),
-        "working_depths": [each.as_dict() for each in diagnosis.working_depths],
+        "working_depths": [working_depth.as_dict() for working_depth in diagnosis.working_depths],
         "frequency": finite_or_none(result.frequency),
     }

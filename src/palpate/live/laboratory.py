@@ -38,8 +38,8 @@ def start_bench(
         return lab.OngoingBench(bench), wanted.name, ""
     except MissingExtraError as error:
         ideal = lab.IdealProbe()
-        words = f"using an {ideal.name} instead of the {wanted.name}: {error}"
-        return lab.OngoingBench(replace(bench, probe=ideal)), ideal.name, words
+        text = f"using an {ideal.name} instead of the {wanted.name}: {error}"
+        return lab.OngoingBench(replace(bench, probe=ideal)), ideal.name, text
 
 
 def press(chosen: dict[str, str], probe: str, step: float, connection: Connection) -> None:

@@ -470,13 +470,13 @@ class Loop:
         )
         return took
 
-    def _check(self, first: Arrival) -> None:
+    def _check(self, arrival: Arrival) -> None:
         """Raise if the source delivers vectors without a direction, or numbers with one."""
-        if self.compensation is not None and first.orientation is None:
+        if self.compensation is not None and arrival.orientation is None:
             raise InvalidParameterError(
                 f"{self.source.name} delivers no orientation, which --payload needs"
             )
-        vectors = not isinstance(first.position, float)
+        vectors = not isinstance(arrival.position, float)
         if vectors is not (self._direction == (0.0, 0.0, 0.0)):
             return
         advice = "numbers, not vectors: omit --direction"
@@ -544,15 +544,15 @@ class Loop:
             self._bias_tared = self.compensation.finish_tare()
             self.preparation = OnlinePreparation(**{**settings, "tare_time": 0.0})
             return True
-        words = f"tare refused: {why}; lift the probe out of the material"
+        text = f"tare refused: {why}; lift the probe out of the material"
         if before is None:
             if not self.tare_refused:
-                self.say(f"{words}, and palpate tares then")
-            self.tare_refused = words
+                self.say(f"{text}, and palpate tares then")
+            self.tare_refused = text
             self._start_tare()
             before = OnlinePreparation(**settings)
         else:
-            self.say(f"{words} and tare again: the earlier zero holds")
+            self.say(f"{text} and tare again: the earlier zero holds")
         self.preparation = before
         return True
 
@@ -647,7 +647,7 @@ class Loop:
             payload += ", and the bias in free air" * self._bias_tared
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
-        late = self.preparation.removed_delay
+        removed_delay = self.preparation.removed_delay
         came = asdict(source.counts)
         own = {"late": self.lateness.over, **asdict(self.counts)}
         return {
@@ -659,7 +659,7 @@ class Loop:
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
             "payload": payload,
             "velocity_filter": self.preparation.velocity_filter.as_dict(),
-            "force_delay": late and [late.seconds, late.standard_error],
+            "force_delay": removed_delay and [removed_delay.seconds, removed_delay.standard_error],
             "method": estimator.method,
             "settings": main_settings(estimator),
             "exponent": estimator.settings.get("exponent"),

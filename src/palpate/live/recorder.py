@@ -172,8 +172,8 @@ def _begun(path: Path) -> "_Begun":
         file, taken = create_new_file(path)
     except OSError as error:
         return None, f"cannot record to {path}: {error.strerror or error}"
-    words = "" if taken == path else f", because {path} already exists"
-    return RunFile(taken, file), f"recording to {taken}{words}"
+    text = "" if taken == path else f", because {path} already exists"
+    return RunFile(taken, file), f"recording to {taken}{text}"
 
 
 class RunFile:
@@ -216,8 +216,8 @@ class RunFile:
         self.failed = True
         with suppress(OSError):  # the buffer cannot be written either
             self._file.close()
-        words = f"{self.path}: {error.strerror or error}: the recording ends after {self.rows} rows"
-        return f"{words}, of which the last {FLUSHED_EVERY:g} s may be missing"
+        text = f"{self.path}: {error.strerror or error}: the recording ends after {self.rows} rows"
+        return f"{text}, of which the last {FLUSHED_EVERY:g} s may be missing"
 
     def _sync(self) -> None:
         # It may take seconds on a slow disk; meanwhile the ring keeps 16 s of rows at 1 kHz.

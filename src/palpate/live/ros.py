@@ -206,7 +206,7 @@ class MessageReader:
                 )
             return [leaves[path]]
         if not (components := _components(leaves, path, "xyz")):
-            known = ", ".join(each for each in leaves if each != _STAMP)
+            known = ", ".join(leaf for leaf in leaves if leaf != _STAMP)
             raise InvalidParameterError(
                 f"no field {path}; the message has {known[:200] or 'no numbers'}"
             )
@@ -309,9 +309,9 @@ class RosTopics(WireSource):
 
     def news(self) -> list[str]:
         """Return the messages since the last call."""
-        said = self._news
+        news = self._news
         self._news = []
-        return said
+        return news
 
     def await_topics(self) -> None:
         """Report the topics without a publisher."""
@@ -368,9 +368,9 @@ class RosTopics(WireSource):
         anew = verdict is Succession.ANEW
         leads = index == self._leads
         for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
-            first = pair.leader
+            leader = pair.leader
             second = pair.follower
-            position, force = (second, first) if self._leads else (first, second)
+            position, force = (second, leader) if self._leads else (leader, second)
             self._give(pair.stamp, position, force, pair.there)
 
     def _give(self, stamp: int, pose: Any, force: Any, there: float) -> None:

@@ -190,8 +190,8 @@ def _hindsight(contact: Contact) -> list[str]:
         names.append("contact normal")
     if not names:
         return said
-    words = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    return [f"{words} computed from the whole recording, as in palpate identify", *said]
+    text = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+    return [f"{text} computed from the whole recording, as in palpate identify", *said]
 
 
 # From an address, such as ``lab:ball`` or a file's name, to a source.

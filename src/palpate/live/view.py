@@ -175,8 +175,8 @@ def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> I
     late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > verdict.samples]
     # Two changes while the samples doubled. The first law after a restart is no change.
     if (count := min(len(late), page["changes"])) >= 2:
-        words = f"the preferred law is not settled: {count} changes while the samples doubled"
-        yield Check.UNSETTLED_LAW.finding(words)
+        text = f"the preferred law is not settled: {count} changes while the samples doubled"
+        yield Check.UNSETTLED_LAW.finding(text)
     if verdict.effective_samples < _FEW * verdict.samples:
         yield Check.CORRELATED_RESIDUALS.finding(
             "the residuals of the best law are correlated: either the sensor noise is, or no "
@@ -218,7 +218,7 @@ def headline(
 
 def answer(lines: Iterable[view.NumberLine], *, reasons: bool = True) -> str:
     """Return the numbers in one line, each with its mark and what sets that."""
-    return "; ".join(each.text(reasons=reasons) for each in lines)
+    return "; ".join(line.text(reasons=reasons) for line in lines)
 
 
 def _present(now: Numbers, name: str) -> str:
@@ -297,10 +297,11 @@ Words = dict[str, Any]
 def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float) -> Words:
     """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
     law = page["loop"]["law"]
-    at = _describe_depth(page["depth"])
+    depth = _describe_depth(page["depth"])
     tiles = []
     panels = [
-        [f"{name.capitalize()} {at}", unit, name, f"{name}_error"] for name, unit in _UNITS.items()
+        [f"{name.capitalize()} {depth}", unit, name, f"{name}_error"]
+        for name, unit in _UNITS.items()
     ]
     for k in law.get("shown", ()):
         symbol = law["symbols"][k]
@@ -350,7 +351,7 @@ def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
 def describe_change(change: Mapping[str, Any]) -> str:
     """Format the stiffness before and after a change of material."""
     ends = ((change.get(name) or {}).get("stiffness", [math.nan]) for name in ("before", "after"))
-    return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
+    return f"{' → '.join(rounded(end[0], 3) for end in ends)} N/m"
 
 
 def law_card_texts(verdict: LiveVerdict, now: float) -> Words:

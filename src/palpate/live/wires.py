@@ -472,15 +472,15 @@ class Pairing:
         return pairs
 
     def _value_at(
-        self, stamp: int, before: Stamped, after: Stamped
+        self, stamp: int, stamped: Stamped, after: Stamped
     ) -> Value | tuple[float, ...] | None:
         """Interpolate between two neighbours, which may be the same, or take the nearer one."""
-        span = after.stamp - before.stamp
+        span = after.stamp - stamped.stamp
         if 0 < span <= 2 * self._tolerance:
-            part = (stamp - before.stamp) / span
-            between: Value | tuple[float, ...] = _between(before.value, after.value, part)
+            part = (stamp - stamped.stamp) / span
+            between: Value | tuple[float, ...] = _between(stamped.value, after.value, part)
             return between
-        nearest = before if 2 * (stamp - before.stamp) <= span else after
+        nearest = stamped if 2 * (stamp - stamped.stamp) <= span else after
         away = abs(nearest.stamp - stamp)
         if away <= self._tolerance:
             return nearest.value
@@ -670,7 +670,7 @@ class Publisher:
             self._seen = time.monotonic()
             messages = (self._wire.estimate(fields.names, each) for each in values)
             # Messages without room in the queue count as dropped rows.
-            self._watching.dropped += sum(not self._wire.put(0, each) for each in messages)
+            self._watching.dropped += sum(not self._wire.put(0, message) for message in messages)
         return rows[rows[:, GENERATION] > fields.generation]
 
     def _after(self, page: dict[str, Any], rows: Floats) -> Floats:

@@ -320,8 +320,8 @@ def compute_energy_loss(
     start, stop = (np.interp(ends, samples, path.time) for ends in (loops.starts, loops.stops))
     arrays = (start, stop, lost, predicted, each)
     if not len(loops):
-        words = "the recording has no complete touch or cycle"
-        return EnergyLoss("none", UNKNOWN, UNKNOWN, math.nan, UNKNOWN, *arrays, remarks=(words,))
+        text = "the recording has no complete touch or cycle"
+        return EnergyLoss("none", UNKNOWN, UNKNOWN, math.nan, UNKNOWN, *arrays, remarks=(text,))
     # Over a closed loop a law's loss is proportional to its damping.
     by_damping = abs(float(predicted.mean()) / damping.value) if damping.value else math.nan
     noise = float(np.sqrt(variance.sum())) / len(loops)

@@ -414,11 +414,11 @@ class _ApproachFit:
             error = float(errors[4])
             power = with_error(expected + difference, error)
             if max(NEXT_SHAPE, _SURE * error) < abs(difference):
-                words = f"the force grows with depth to the power {power}, but under a "
-                words += f"{self.tip.kind} it has the power {expected:g}"
+                text = f"the force grows with depth to the power {power}, but under a "
+                text += f"{self.tip.kind} it has the power {expected:g}"
                 impossible = expected + difference + _SURE * error < FlatPunch.exponent
                 mark: Mark = "do-not-trust" if impossible else "with-care"
-                yield Check.TIP_SHAPE.finding(words, _UNEVEN, mark=mark)
+                yield Check.TIP_SHAPE.finding(text, _UNEVEN, mark=mark)
 
     def systematic_parts(self, depth: float) -> list[_SystematicPart]:
         """Return the systematic errors of the modulus at a depth, the largest first."""
@@ -479,33 +479,33 @@ class _ApproachFit:
         depth = self.scale * (1.0 - self.solution[1])
         error = self.scale * self.errors[1]
         if contact < _FEWEST or air < _FEWEST or self.x[0] > -1.0:
-            words = f"at an edge of the approach: {air} samples in air, {contact} in contact"
+            text = f"at an edge of the approach: {air} samples in air, {contact} in contact"
             remedy = "start farther above the sample, or record more samples in contact"
             yield Check.CONTACT_POINT.finding(
-                f"the contact point lies {words}", remedy, mark="do-not-trust"
+                f"the contact point lies {text}", remedy, mark="do-not-trust"
             )
         force = self.peak * self.solution[0] * (1.0 - self.solution[1]) ** self.tip.exponent
         if not (force > _SURE * self.noise and depth > _SURE * error):
             deep = with_error(1e9 * depth, 1e9 * error, unit="nm")
             size = with_error(1e9 * force, 1e9 * self.noise, unit="nN")
-            words = f"the indentation is below three times its noise: {deep}, {size}"
+            text = f"the indentation is below three times its noise: {deep}, {size}"
             remedy = "press harder, or average several curves of one place"
-            yield Check.INDENTATION.finding(words, remedy, mark="do-not-trust")
+            yield Check.INDENTATION.finding(text, remedy, mark="do-not-trust")
         bent, errors = self.bent
         bend = 0.25 * self.peak * float(abs(bent[4]))
         z = float(abs(bent[4] / errors[4]))
         if z > _SURE and bend > self.noise:
             moves = 100.0 * self.stiffness_change(self.bent), math.nan
-            words = f"the baseline bends by {format_quantity(bend, 'N')}"
-            yield Check.BASELINE.finding(words, _STRAIGHT, z, moves_percent=moves)
+            text = f"the baseline bends by {format_quantity(bend, 'N')}"
+            yield Check.BASELINE.finding(text, _STRAIGHT, z, moves_percent=moves)
         if self.pull_off or self.pulled_in[0]:
             pull, by_pull = self.pulled_in
             largest = format_quantity(max(self.pull_off, pull), "N")
-            words = f"the sample adheres: it pulls the tip with {largest}"
+            text = f"the sample adheres: it pulls the tip with {largest}"
             if pull:
-                words += f", and with {format_quantity(pull, 'N')} already on approach"
+                text += f", and with {format_quantity(pull, 'N')} already on approach"
             moves = 100.0 * by_pull, math.nan
-            yield Check.PULL_OFF.finding(words, _ADHESION, moves_percent=moves)
+            yield Check.PULL_OFF.finding(text, _ADHESION, moves_percent=moves)
 
 
 def _check_modulus(
@@ -520,5 +520,5 @@ def _check_modulus(
         if parts[0].size < relative:
             cause = "the force scatters"
             remedy = "average several curves of one place"
-        words = f"Young's modulus is known to ± {rough_percent(error)}, since {cause}"
-        yield Check.MODULUS.finding(words, remedy, mark=mark)
+        text = f"Young's modulus is known to ± {rough_percent(error)}, since {cause}"
+        yield Check.MODULUS.finding(text, remedy, mark=mark)

@@ -286,8 +286,8 @@ def compute_restitution(
     """
     v0 = fastest_approach if speed is None else speed
     if not (law.power_law or law.relaxes):
-        words = f"no single value: for the {law.kind} law it depends on the body's mass"
-        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
+        text = f"no single value: for the {law.kind} law it depends on the body's mass"
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(text,))
     if not (math.isfinite(b.value) and v0 > 0.0):
         why = "no approach in contact"
         if v0 > 0.0:

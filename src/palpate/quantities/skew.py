@@ -97,8 +97,8 @@ class Skew(Plain):
         return f"{1e3 * self.delay.value:.{places}f}ms+-{error:.{places}f}ms"
 
     def __str__(self) -> str:
-        words = f"the force is {describe_delay(self.delay)}: --delay {self.option}"
-        return spell_advice(words)
+        text = f"the force is {describe_delay(self.delay)}: --delay {self.option}"
+        return spell_advice(text)
 
 
 def describe_delay(delay: Quantity) -> str:

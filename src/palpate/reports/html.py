@@ -140,14 +140,14 @@ def _cell(cell: "Cell", folds: bool) -> str:
     if not isinstance(cell, str):
         before, after = (escape(part).replace("\n", "<br>") for part in (cell.before, cell.after))
         return f"{before}{badge(cell.mark, cell.text)}{after}"
-    words = escape(cell).replace("\n", "<br>")
-    return f"<p>{words}</p>" if folds else words
+    sentence = escape(cell).replace("\n", "<br>")
+    return f"<p>{sentence}</p>" if folds else sentence
 
 
 def _definition(line: "Line") -> tuple[str, str]:
     remarks = [*line.remarks, *([f"→ {line.remedy}"] if line.remedy else [])]
-    words = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
-    return escape(line.name), f"<p>{escape(line.text)}</p>{words}"
+    sentence = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
+    return escape(line.name), f"<p>{escape(line.text)}</p>{sentence}"
 
 
 def _line(line: "Line") -> str:
@@ -155,8 +155,8 @@ def _line(line: "Line") -> str:
         return f'<p class="{_TONES.get(line.tone, line.tone)}">{escape(str(line))}.</p>'
     name = f"{escape(line.name)}: " if line.name else ""
     remedy = f"<p><strong>What to do:</strong> {escape(line.remedy)}.</p>" if line.remedy else ""
-    words = f"<p>{escape(line.text)}.</p>{remedy}"
-    return f'<div class="verdict {_CLASSES[line.mark]}">{name}{badge(line.mark)}{words}</div>'
+    sentence = f"<p>{escape(line.text)}.</p>{remedy}"
+    return f'<div class="verdict {_CLASSES[line.mark]}">{name}{badge(line.mark)}{sentence}</div>'
 
 
 def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:

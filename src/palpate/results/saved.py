@@ -43,7 +43,7 @@ def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
         made = {name: words for name, words in made.items() if " of " in name} or made
     lines = [f"of {file}" for file in files]
     lines += [f"{channel}: {words}" for channel, words in made.items()]
-    return lines + [f"{each.check}: {each.message}" for each in contact.findings]
+    return lines + [f"{finding.check}: {finding.message}" for finding in contact.findings]
 
 
 # A contact and its trace as named columns, one row for each sample.
@@ -232,14 +232,16 @@ def _episodes(result: "Identified") -> list[dict[str, Any]]:
     ]
 
 
-def _episode(part: "Identified") -> dict[str, Any]:
+def _episode(segment: "Identified") -> dict[str, Any]:
     """Return one segment or place of a longer contact."""
-    found = part.diagnosis
-    time = part.contact.time
-    episode = Episode(float(time[0]), float(time[-1]), part.law, found.working_depth).as_dict()
-    if part.place is not None:
-        episode |= {"kind": "place", "place": part.place.as_dict()}
-    return {**episode, "verdict": found.verdict.as_dict(), **derived_dict(part)}
+    diagnosis = segment.diagnosis
+    time = segment.contact.time
+    episode = Episode(
+        float(time[0]), float(time[-1]), segment.law, diagnosis.working_depth
+    ).as_dict()
+    if segment.place is not None:
+        episode |= {"kind": "place", "place": segment.place.as_dict()}
+    return {**episode, "verdict": diagnosis.verdict.as_dict(), **derived_dict(segment)}
 
 
 def derived_dict(result: "Identified") -> dict[str, Any]:

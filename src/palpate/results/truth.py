@@ -89,10 +89,10 @@ def truths(result: "Identified") -> list[str]:
     same = comparable(law, truth)
     values = law.as_dict()
     real = truth.as_dict()
-    words = []
+    phrases = []
     for row in rows:
         error = float(result.standard_errors[row.index]) if row.name in same else 0.0
         known = row.name in real and row.estimated
         deviation = against_truth(values[row.name], real[row.name], error) if known else ""
-        words.append(deviation and f"truth {deviation}")
-    return words
+        phrases.append(deviation and f"truth {deviation}")
+    return phrases

@@ -335,12 +335,12 @@ def _raise_exponent(request: ExportRequest) -> tuple[ExportRequest, tuple[str, .
     if law.n >= 1.0 or request.form in ("callback", "kelvin-voigt"):
         return request, ()
     p = 1.0 if law.p == law.n else law.p
-    near = fit_with_exponents(law, motion, 1.0, p)
-    off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
+    with_exponents = fit_with_exponents(law, motion, 1.0, p)
+    off = force_error(motion.force_by(with_exponents), motion.force_by(law), motion.judged)
     if off > _NEARLY_ONE:
         return request, ()
-    words = f"exponent {law.n:.4g} is exported as 1: the force changes by {percent(off)}"
-    return replace(request, law=near), (words,)
+    text = f"exponent {law.n:.4g} is exported as 1: the force changes by {percent(off)}"
+    return replace(request, law=with_exponents), (text,)
 
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
@@ -367,35 +367,35 @@ def _numbers(rows: PairRows) -> dict[str, float]:
 
 def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     """Return the warnings of a form."""
-    words = [
+    phrases = [
         f"the parameters are for an effective mass of {1.0 / rows.mobility:.4g} kg (the inverse of "
         "body_invweight0 of both bodies): export again for another body"
     ]
     if form == "kelvin-voigt":
-        return words
+        return phrases
     law = request.law
     motion = request.motion
     widths = (row.solimp[2] + row.inset for row in rows.rows if row.solimp[0] < row.solimp[1])
     if widest := min(widths, default=0.0):
-        words.append(
+        phrases.append(
             f"at depths of more than {length(widest, 3)} the force does not follow the law"
         )
     force = motion.force_by(law)
     pushed = rows.added_mass(motion.penetration) * motion.acceleration
     heavy = force_error(force + pushed, force, motion.judged)
     if heavy > _HEAVY:
-        words.append(
+        phrases.append(
             f"the mass that the contacts add changes the force by {percent(heavy)} on this motion: "
             "a lighter body, a slower motion or --form callback reduces it"
         )
     if form == "pair" and law.B:
-        words += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
+        phrases += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
     if shallow := _shallow(law, rows, motion.deepest):
-        words.append(
+        phrases.append(
             f"at depths of less than {length(shallow, 2)} the force at rest is off by more than "
             f"{100 * _OFF:.0f} %"
         )
-    return words
+    return phrases
 
 
 def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:

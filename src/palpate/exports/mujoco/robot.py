@@ -156,8 +156,8 @@ class PressableModel:
     def contacts(self, pad: int) -> list[int]:
         """Return the indices of the contacts between a surface and the tip."""
         both = {pad, self.tip}
-        found = self.data.contact
-        return [k for k in range(self.data.ncon) if set(found.geom[k].tolist()) == both]
+        contact = self.data.contact
+        return [k for k in range(self.data.ncon) if set(contact.geom[k].tolist()) == both]
 
     def force(self) -> float:
         """Return the force of the surfaces, N, from MuJoCo's contacts."""
@@ -261,7 +261,7 @@ class Robot:
     def scene(self, notes: Sequence[str]) -> str:
         """Return a scene that includes the model by its path, and the fragment in this folder."""
         whole = self.path.absolute()
-        meshes, textures = (str(whole.parent / each) for each in self.asset_folders)
+        meshes, textures = (str(whole.parent / asset_folder) for asset_folder in self.asset_folders)
         folders = {"meshdir": meshes, "texturedir": textures}
         include = ElementTree.Element("include", file=str(whole))
         parts = (include, ElementTree.Element("compiler", folders))

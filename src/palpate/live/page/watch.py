@@ -178,14 +178,14 @@ class History:
         offset = self._end - self.total
         first = first + (-first) % every
         rows = self._rows[offset + first : offset + until : every]
-        found = compute_channels(rows, self._law)
+        channels = compute_channels(rows, self._law)
         wrote = column(rows, "method")
         # Rows of an estimator of another law show only the channels that need no law.
         void_rows = ~np.isin(wrote, self._generations)
         void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line between two estimators
-        found[4:-3, void_rows] = np.nan
+        channels[4:-3, void_rows] = np.nan
         head = HEADER.pack(every, len(rows), first, dropped, void)
-        return head + column(rows, "time").tobytes() + found.tobytes()
+        return head + column(rows, "time").tobytes() + channels.tobytes()
 
 
 # A run as the page shows it: the ring's rows, the statuses, and what follows from them.
@@ -232,11 +232,11 @@ class Watch:
         """Read the rows that the loop wrote since the last call."""
         rows = self.run.take()
         if len(rows):
-            first = self.history.total
+            total = self.history.total
             self.history.response = self._response(rows[-1:])
             self.history.add(rows, float(self.loop.get("delay") or 0.0))
             self._shown.see(rows)
-            self._note_changes(rows, first)
+            self._note_changes(rows, total)
 
     def look(self) -> None:
         """Read the statuses and choose the depth, a few times a second."""
@@ -370,7 +370,7 @@ class Watch:
             "ended": ended,
             "depth": {"value": self.depth, "chosen": chosen, "frequency": frequency},
             "now": now,
-            "changes": [{**each, "words": describe_change(each)} for each in self.changes],
+            "changes": [{**change, "words": describe_change(change)} for change in self.changes],
             "page": {**served, "dropped": self.run.dropped},
         }
         last = float(column(kept, "time")[-1]) if len(kept) else math.nan
