@@ -12,7 +12,6 @@ from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
-from palpate.diagnosis import Where
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand

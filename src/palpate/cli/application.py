@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.config import Toml
 
+from palpate._plugins import SWITCH
 from palpate.cli.options import KEPT, WHAT, OutputFile
 from palpate.cli.printing import Terminal, say, say_path
 from palpate.errors import InvalidParameterError, printable
@@ -28,7 +29,7 @@ COMMANDS = {
 OUTPUTS = {"output", "figure", "picture", "record", "ros_parameters", "save_config"}
 _NAMES_OF_FILES = ("source", "material", "trajectory")  # or of something in palpate
 _RESULTS = ("result", "results")
-_NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
+_NOT_IN_A_FILE = ("config", "save-config", "no-color", "no-plugins", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
 _NARROWEST_HELP = 20  # rich folds frames forever if they have no room for a word
 _ANY = Group("Any command", sort_key=10)
@@ -90,6 +91,7 @@ def application(words: Sequence[str] = ()) -> App:
         *rest: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
         config: Annotated[Path | None, Parameter(group=KEPT)] = None,
         no_color: Annotated[bool, Parameter(negative="", group=_ANY)] = False,
+        no_plugins: Annotated[bool, Parameter(negative="", group=_ANY)] = False,
         verbose: Annotated[int, _VERBOSE] = 0,
     ) -> Any:
         """Identify what a probe touches: contact models from penetration, velocity and force.
@@ -100,9 +102,13 @@ def application(words: Sequence[str] = ()) -> App:
             Take options from this TOML file; the command line overrides them.
         no_color
             Print without colour, like the environment variable NO_COLOR.
+        no_plugins
+            Load no laws and formats of other packages, like the variable PALPATE_NO_PLUGINS.
         verbose
             Print everything, and log each step with its time to standard error; -vv logs more.
         """
+        if no_plugins:
+            os.environ[SWITCH] = "1"
         if config is not None:
             app.config = OptionsFile(config, source=str(config), must_exist=True)
         command, bound, _ = app.parse_args(rest)
@@ -142,18 +148,18 @@ def run(arguments: Sequence[str]) -> int:
         The arguments do not fit the command, or the file of ``--config`` contains no options.
     """
     # Standard input: cyclopts treats a lone hyphen as an option, and Path converts ./- to - again.
-    phrases = ["./-" if word == "-" else word for word in arguments]
-    if phrases and phrases[0] not in COMMANDS and Path(phrases[0]).is_file():
+    typed = ["./-" if word == "-" else word for word in arguments]
+    if typed and typed[0] not in COMMANDS and Path(typed[0]).is_file():
         raise InvalidParameterError(
-            f"{phrases[0]} is a file, not a command: run palpate identify {' '.join(phrases)}"
+            f"{typed[0]} is a file, not a command: run palpate identify {' '.join(typed)}"
         )
     # --help after a misspelt command would print the help of palpate; the shell calls __complete.
-    if phrases and phrases[0] not in COMMANDS and not phrases[0].startswith(("-", "__")):
-        phrases = phrases[:1]
-    if "--no-color" in phrases:  # before help is printed
+    if typed and typed[0] not in COMMANDS and not typed[0].startswith(("-", "__")):
+        typed = typed[:1]
+    if "--no-color" in typed:  # before help is printed
         os.environ["NO_COLOR"] = "1"
     try:
-        status = application(phrases).meta(move_common_options_first(phrases))
+        status = application(typed).meta(move_common_options_first(typed))
     except CycloptsError as error:
         raise InvalidParameterError(str(error)) from None
     return status if isinstance(status, int) else 0
@@ -171,7 +177,9 @@ def move_common_options_first(words: Sequence[str]) -> list[str]:
     k = 0
     while k < end:
         takes_next = words[k] == "--config" and k + 1 < end
-        one_word = words[k] in ("--no-color", "--verbose") or words[k].startswith("--config=")
+        one_word = words[k] in ("--no-color", "--no-plugins", "--verbose") or words[k].startswith(
+            "--config="
+        )
         size = 2 if takes_next else 1
         (common if takes_next or one_word else rest).extend(words[k : k + size])
         k += size

@@ -141,7 +141,8 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
         from palpate.exports.mujoco.robot import Scene
 
         return Scene(name)
-    check_choice("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
+    if name not in FORCE_LAWS:
+        check_choice("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:

@@ -451,6 +451,8 @@ def estimator_by_law(
     requested = None if method is None else estimator_named(method)
     if law is None:
         return requested or VariableProjection, {}
+    if law not in law_names():
+        FORCE_LAWS.get(law)  # loads the laws of other packages
     check_choice("law", law, law_names())
     settings = _SETTINGS.get(law)
     if requested is ViscoelasticContact and law == USUAL:

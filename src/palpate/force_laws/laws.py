@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
+from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.relaxation import steps_over_breaks
 from palpate.validation import broadcast_contact, check_choice, number, shown, together
@@ -247,8 +248,26 @@ Law = TypeVar("Law", bound=type[ForceLaw])
 #: What is felt at a depth, no names of coefficients.
 FELT = frozenset(("force", "stiffness", "damping"))
 
+
+class LawRegistry(dict[str, type[ForceLaw]]):
+    """Laws by ``kind``; those of other packages are loaded when their kind is asked for."""
+
+    def __contains__(self, kind: object) -> bool:
+        if not super().__contains__(kind):
+            load_plugins("palpate.laws", register)
+        return super().__contains__(kind)
+
+    def __missing__(self, kind: str) -> type[ForceLaw]:
+        check_choice("kind", kind, self if kind in self else [*self])
+        return self[kind]
+
+    def get(self, kind: str, default: Any = None) -> Any:
+        """Return the law of a kind; ``default`` if there is none."""
+        return self[kind] if kind in self else default
+
+
 #: All force laws by ``kind``.
-FORCE_LAWS: dict[str, type[ForceLaw]] = {}
+FORCE_LAWS = LawRegistry()
 
 # Callbacks for each registered law; estimators, which may not be imported here, add theirs.
 WATCHERS: list[Callable[[type[ForceLaw]], None]] = []
@@ -295,7 +314,6 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     kind: Any = given.pop("kind", None)
     if kind == Spring.kind:
         return Spring.from_dict(given)
-    check_choice("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
