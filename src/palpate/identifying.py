@@ -10,7 +10,6 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import (
     ESTIMATORS,
     ContactEstimator,
-    VariableProjection,
     ViscoelasticContact,
 )
 from palpate.estimators.by_law import estimator_by_law
@@ -334,7 +333,7 @@ def compare(
         name
         for name, kind in ESTIMATORS.items()
         if (kept is None or kind.exponents[0] <= kept <= kind.exponents[1])
-        and (kind is VariableProjection or not contact.timeless)
+        and (kind.works_without_time or not contact.timeless)
     ]
     for name in watch(able):
         kind = ESTIMATORS[name]

@@ -65,6 +65,8 @@ class ContactEstimator(Configured):
     chooses_law: ClassVar[bool] = False
     #: Whether another registered method of the same law replaces it.
     gives_way: ClassVar[bool] = False
+    #: Whether it identifies the spring of a curve without time.
+    works_without_time: ClassVar[bool] = False
     #: Whether it uses the contact's uncertainty of the force offset and of the surface position.
     knows_offset: ClassVar[bool] = False
 
@@ -108,6 +110,10 @@ class ContactEstimator(Configured):
 
     def verdict(self) -> LawVerdict | None:
         """The verdict on the best law if the method selects one; otherwise None."""
+        return None
+
+    def second_pass(self) -> Self | None:
+        """Return a fresh estimator that knows what this one learned of the sensor; else None."""
         return None
 
     def replay(

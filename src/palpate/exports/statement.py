@@ -654,7 +654,8 @@ class Statement:
         return (
             ": the material relaxes, and no engine has its memory. The engine leaves "
             f"{percent(leaves)} of the recorded force, {self._reference} "
-            f"{percent(law_leaves_percent)}. Simulate it by palpate lab or GeneralisedHuntCrossley.step, which have the memory"
+            f"{percent(law_leaves_percent)}. Simulate it by palpate lab or "
+            "GeneralisedHuntCrossley.step, which have the memory"
         )
 
     def _describe_restitution(self) -> str:

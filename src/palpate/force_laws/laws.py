@@ -263,7 +263,7 @@ class LawRegistry(dict[str, type[ForceLaw]]):
 
     def get(self, kind: str, default: Any = None) -> Any:
         """Return the law of a kind; ``default`` if there is none."""
-        return self[kind] if kind in self else default
+        return super().get(kind, default) if kind in self else default
 
 
 #: All force laws by ``kind``.

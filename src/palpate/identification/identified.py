@@ -131,20 +131,16 @@ class Identified:
         traced = check_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
-        if contact.timeless and type(given) is not VariableProjection:
+        if contact.timeless and not given.works_without_time:
             raise InvalidParameterError(
                 f"without time only variable-projection identifies a stiffness, not {given.method}"
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
         recorded = replay(contact, fresh, traced)
-        if type(fresh) is VariableProjection and not any(
-            fresh.settings[name] for name in ("forgetting", "change_detector")
-        ):
-            again = fresh.replace()
-            if again._unround_as(fresh):
-                fresh = again
-                recorded = replay(contact, again, traced)
+        if (with_known_sensor := fresh.second_pass()) is not None:
+            fresh = with_known_sensor
+            recorded = replay(contact, fresh, traced)
         phrases = (f"{name}={value}" for name, value in chosen.items() if value is not None)
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(phrases) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))

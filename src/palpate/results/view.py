@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
@@ -430,9 +431,7 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
         working_depth = diagnosis.working_depth
         both_numbers = format_number(working_depth.stiffness), format_number(working_depth.damping)
         if place is None:
-            times = (
-                _span(segment).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
-            )
+            times = ("\nto " if whole else " to ").join(_ends(segment))
             terms = parameter_terms(segment) if whole else ""
             fit = format_percent(segment.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
@@ -487,34 +486,44 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
     Restitution applies if the contact dissipates at least 1 % of an impact's speed, energy if the
     probe moves in and out, passivity if the law is trusted or usable with care.
     """
-    query = result.query
-    lines = list[Line]()
-    timed = not result.contact.timeless
-    trusted = result.diagnosis.verdict.overall != "do-not-trust"
-    if (whole and timed) or query.impact_speed is not None:
-        restitution = result.restitution()
-        # Informative neither for a quasi-static press nor for an unknown law.
-        informative = 1.0 - restitution.coefficient.value > _QUASI_STATIC
-        if query.impact_speed is not None or (trusted and informative):
-            lines.append(_describe_restitution(restitution, whole=whole))
-    if query.frequency is not None:
-        lines += _describe_oscillation(result, whole=whole)
-    if whole and timed and result.energy.kind != "none":
-        lines.append(_describe_energy(result))
-    if whole and timed and trusted:
-        lines.append(_describe_passivity(result))
-    if query.tip is not None or query.specimen is not None:
-        parts = [segment for segment in result.segments if segment.place is None]
+    lines = [*_surface_notes(result)] if whole else []
+    lines += _describe_motion_quantities(result, whole=whole)
+    if result.query.tip is not None or result.query.specimen is not None:
         lines.append(_describe_modulus(result, whole=whole))
-        lines += (_describe_modulus(part, f"{_span(part)}: ", whole=whole) for part in parts)
+        segments = [segment for segment in result.segments if segment.place is None]
+        spans = (f"{begin} s to {end} s: " for begin, end in map(_ends, segments))
+        lines += map(partial(_describe_modulus, whole=whole), segments, spans)
     if result.noticed is not None:  # when a control loop would have noticed
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
         alarms = f"an alarm at {times}" if times else "no alarm"
         lines.append(Line(f"the online change detector raises {alarms}", "online"))
-    # An assumption on the surface is not a fault of the stiffness.
-    surface = [f for f in result.diagnosis.findings if f.check == Check.SURFACE]
-    notes = [Line(f.message, "note") for f in surface if f.severity == "note"]
-    return ViewSection("Derived quantities", notes + lines if whole else lines)
+    return ViewSection("Derived quantities", lines)
+
+
+def _surface_notes(result: "Identified") -> Iterator[Line]:
+    """An assumption on the surface is not a fault of the stiffness."""
+    for finding in result.diagnosis.findings:
+        if finding.check == Check.SURFACE and finding.severity == "note":
+            yield Line(finding.message, "note")
+
+
+def _describe_motion_quantities(result: "Identified", *, whole: bool) -> Iterator[Line]:
+    """Describe restitution, oscillation, energy and passivity, which need the time."""
+    query = result.query
+    whole_motion = whole and not result.contact.timeless
+    trusted = result.diagnosis.verdict.overall != "do-not-trust"
+    if whole_motion or query.impact_speed is not None:
+        restitution = result.restitution()
+        # Informative neither for a quasi-static press nor for an unknown law.
+        informative = 1.0 - restitution.coefficient.value > _QUASI_STATIC
+        if query.impact_speed is not None or (trusted and informative):
+            yield _describe_restitution(restitution, whole=whole)
+    if query.frequency is not None:
+        yield from _describe_oscillation(result, whole=whole)
+    if whole_motion and result.energy.kind != "none":
+        yield _describe_energy(result)
+    if whole_motion and trusted:
+        yield _describe_passivity(result)
 
 
 def findings_section(result: "Identified") -> ViewSection:
@@ -658,7 +667,7 @@ def _millimetres(segment: "Identified") -> str:
 
 
 def _hertz(segment: "Identified") -> str:
-    return format_hertz(segment.frequency).removesuffix(" Hz")
+    return rounded(segment.frequency / math.tau, 3)
 
 
 def _both_marks(segment: "Identified") -> tuple[Cell, Cell]:
@@ -669,9 +678,10 @@ def _both_marks(segment: "Identified") -> tuple[Cell, Cell]:
     return first, second
 
 
-def _span(segment: "Identified") -> str:
-    time = segment.contact.time
-    return f"{rounded(float(time[0]), 4)} s to {rounded(float(time[-1]), 4)} s"
+def _ends(segment: "Identified") -> tuple[str, str]:
+    """Return the first and the last time of a segment, s."""
+    first, last = segment.contact.time[[0, -1]].tolist()
+    return rounded(first, 4), rounded(last, 4)
 
 
 def _describe_fit_errors(result: "Identified") -> str:
@@ -800,7 +810,10 @@ def _describe_passivity(result: "Identified") -> Line:
     if passivity.measured_fraction <= _MANY:
         return Line(text, "passivity")
     share = rounded(100.0 * passivity.measured_fraction, 2)
-    remark = f"the recorded force is negative in {share} % of the contact: adhesion, a wrong force offset, or a wrong surface"
+    remark = (
+        f"the recorded force is negative in {share} % of the contact: adhesion, a wrong force "
+        "offset, or a wrong surface"
+    )
     return Line(text, "passivity", remarks=(remark,))
 
 
