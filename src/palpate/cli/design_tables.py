@@ -103,7 +103,7 @@ def _print_precision(design: Design, console: Console) -> None:
     """Standard errors after each duration, and the time to each target."""
     shown = _columns(design)
     headings = [f">{name}\n{symbol}" for _, name in shown for symbol in design.law.symbols]
-    rows: list[list[str]] = []
+    rows = []
     errors, rounding, times = (
         np.hstack([getattr(predicted, name) for predicted, _ in shown])
         for name in ("relative_errors", "expected_errors", "times")

@@ -136,7 +136,7 @@ def fleet(
 
         with bar("writing the report"):
             page = save_report(output)
-    cards: list[Path] = []
+    cards = []
     if any(source.kind == "episodes" for source in listed):
         from palpate.fleet.card import save_card
 

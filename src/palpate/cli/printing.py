@@ -124,7 +124,7 @@ def print_table(
         Headings of the columns whose text may be wrapped; other cells are never wrapped.
     """
     texts = [list(map(as_text, row)) for row in rows]
-    columns = list[_Column]()
+    columns = []
     for k, cells in enumerate(zip(*texts, strict=True)):
         words = set(map(str, cells))
         if words.issubset(_NOTHING):

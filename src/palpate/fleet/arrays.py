@@ -260,8 +260,8 @@ def identify_each(
         Whether these are curves of an array or a force map, for which Hunt–Crossley is the default
         law. Default: False.
     """
-    rows: list[Row] = []
-    seconds: list[float] = []
+    rows = []
+    seconds = []
     begun = perf_counter()
     by = settings.of_curves if curves else settings
     for known, given in contacts:

@@ -390,7 +390,7 @@ def outliers_of(table: Table) -> list[Outlier]:
     deviation over 0.6745, and the row's own error is added in quadrature. Values that are not
     positive are ignored.
     """
-    outliers: list[Outlier] = []
+    outliers = []
     names = names_of(table)
     for quantity in list_quantities(table):
         value = numbers(table, quantity)

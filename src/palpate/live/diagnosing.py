@@ -55,7 +55,7 @@ class Diagnosing:
         lower_priority()
         samples = np.empty((0, len(_SAMPLE)))
         due = time.monotonic() + self._every
-        page = dict[str, Any]()
+        page = {}
         tare = None
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take()[:, _SAMPLE]

@@ -197,8 +197,8 @@ def _start_sinks(
     failed: dict[str, int],
 ) -> Iterator[dict[str, Connection]]:
     """Start the sinks' processes; at the end wait for them and note failures."""
-    processes: list[BaseProcess] = []
-    connections: dict[str, Connection] = {}
+    processes = []
+    connections = {}
     try:
         for sink in sinks:
             if loop.stopped:

@@ -142,7 +142,6 @@ class Derivable(Protocol):
 
 # Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
-_TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True, slots=True)

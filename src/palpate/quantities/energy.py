@@ -153,7 +153,7 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
         return []
     low, level, high = np.percentile(taken, [10.0, 50.0, 90.0])
     some = HYSTERESIS * (high - low)
-    found: list[tuple[float, float]] = []
+    found = []
     for each in np.unique(path.segment):
         first, last = _segment_ends(path, int(each))
         places = _inward_passages(path.depth[first : last + 1], level - some, level, level + some)

@@ -207,7 +207,7 @@ class _Touch:
         time = self.contact.time
         depth = self.contact.penetration
         velocity = self.contact.velocity
-        strokes: list[slice] = []
+        strokes = []
         for part in self.contact.segments():
             turns = part.start + turning_points(depth[part], SWING * self.range)
             # Before the first turning point and after the last the probe comes and goes.

@@ -308,7 +308,7 @@ def _sentence(words: str) -> str:
 
 def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
-    rows = list[tuple[str, str]]()
+    rows = []
     derived = derived_section(result).lines
     if not result.segments:
         # K and M of a law that relaxes depend on times that nobody recorded: under -v.
@@ -423,7 +423,7 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
 
     With the law and the fit of each segment if ``whole``.
     """
-    rows: list[list[Cell]] = []
+    rows = []
     for segment in result.segments:
         diagnosis = segment.diagnosis
         time = segment.contact.time

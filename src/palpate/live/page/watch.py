@@ -283,7 +283,7 @@ class Watch:
         # The status reports a change of material only a little later.
         late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
         law = self._law
-        found = dict[str, tuple[float, float]]()
+        found = {}
         if law is not None and self._knows(float(column(row, "method")[0])) and not late:
             found = self._by_verdict if law.relaxes else read_numbers(row, law, self.depth)
         return np.ravel([found.get(name, _UNKNOWN) for name in ("stiffness", "damping")])
@@ -341,7 +341,7 @@ class Watch:
 
     def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
         """Return the page's text, with the server's counts, and the estimate, ready for JSON."""
-        now: dict[str, Any] = {}
+        now = {}
         row = self.run.reader.now()
         force = math.nan
         if len(row):
