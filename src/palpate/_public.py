@@ -1,6 +1,6 @@
 """The public names, gathered; ``import palpate`` offers them."""
 
-from typing import TYPE_CHECKING
+import typing as _typing
 
 from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
@@ -89,6 +89,6 @@ from palpate.settings import SelfPerturbation as SelfPerturbation
 from palpate.wrench import Payload as Payload
 from palpate.wrench import PayloadCompensation as PayloadCompensation
 
-if TYPE_CHECKING:  # public modules, imported when they are used: they need extras or time
+if _typing.TYPE_CHECKING:  # public modules, imported when they are used: they need extras or time
     from palpate import figures as figures
     from palpate import lab as lab

@@ -594,7 +594,7 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     assert "Outliers" not in page
     assert "<h2>Findings" not in page
     assert "not checked" not in page
-    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.reports.html.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "palpate checked neither the data nor the fits" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37

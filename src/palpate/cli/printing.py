@@ -134,14 +134,14 @@ def print_table(
         most = _NARROWEST_PROSE if folded else math.inf
         widest = int(min(max(map(_width, words)), most))
         least = max(widest, int(min(_width(title), most)))
-        columns.append(_Column(cells, title, title != headings[k], folded, widest, least))
+        columns.append(_TableColumn(cells, title, title != headings[k], folded, widest, least))
     if sum(column.least for column in columns) + _GAP * (len(columns) - 1) <= console.width:
         _print_side_by_side(console, columns)
     else:
         _print_one_below_the_other(console, columns)
 
 
-class _Column(NamedTuple):
+class _TableColumn(NamedTuple):
     cells: Sequence[Text]
     title: str
     numeric: bool
@@ -151,7 +151,7 @@ class _Column(NamedTuple):
     least: int
 
 
-def _print_side_by_side(console: Console, columns: Sequence[_Column]) -> None:
+def _print_side_by_side(console: Console, columns: Sequence[_TableColumn]) -> None:
     from rich.table import Table  # here, because help needs no table and must be fast
 
     table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
@@ -167,7 +167,7 @@ def _print_side_by_side(console: Console, columns: Sequence[_Column]) -> None:
         console.print(line, soft_wrap=True)
 
 
-def _print_one_below_the_other(console: Console, columns: Sequence[_Column]) -> None:
+def _print_one_below_the_other(console: Console, columns: Sequence[_TableColumn]) -> None:
     from rich.table import Table
 
     name, *others = columns

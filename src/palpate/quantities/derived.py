@@ -143,7 +143,6 @@ class Derivable(Protocol):
 # Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
 
-
 @dataclass(frozen=True, slots=True)
 class SmallOscillation(Plain):
     """Dynamic stiffness K′ + iωB′ about a depth.
