@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from time import perf_counter
+from typing import NoReturn
 
 import numpy as np
 from rich.console import Console
@@ -22,6 +23,7 @@ from benchmarks.common.report import Limit, Row, Section, describe_machine, publ
 from palpate import HuntCrossley, KelvinVoigt, exports, lab
 from palpate.exports.replay_errors import drop_to
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.validation import Floats
 from palpate.writing import check_outputs
 
 RECORDINGS = Path(__file__).parents[1] / "examples" / "recordings"
@@ -204,16 +206,21 @@ class SimulatedContact:
         """Return the exported law, SI."""
         return self._law.description()
 
-    def touch(self) -> None:
+    def touch(self) -> NoReturn:
         """Raise: the force depends on the acceleration of the probe."""
         raise NotImplementedError
 
-    def force(self, time, lateral_position, penetration, velocity):
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
         """Return the engine's force [N] along a whole motion; 0 out of contact."""
         force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
-        states = (time, penetration, velocity, np.gradient(velocity, time))
-        motion = exports.ProbeMotion(*(each[below] for each in states), judged=below >= 0)
-        force[below] = self._fragment.replay(motion).force
+        acceleration = np.gradient(velocity, time)
+        t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
+        motion = exports.ProbeMotion(t, x, v, a, below >= 0)
+        replayed = self._fragment.replay(motion)
+        assert replayed is not None
+        force[below] = replayed.force
         return force
 
 

@@ -351,7 +351,9 @@ def compare(
 
 
 def _estimator_for_law(
-    estimator: ContactEstimator | str | None, law: str | None, exponent: float | None = None
+    estimator: ContactEstimator | str | None,
+    law: str | None,
+    exponent: float | None = None,
 ) -> ContactEstimator | str | None:
     """Return the estimator of a law, if one is requested, or that keeps a known exponent."""
     known = {} if exponent is None else {"exponent": exponent}

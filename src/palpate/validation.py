@@ -96,7 +96,13 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
 
 
 def check_field(
-    owner: Any, name: str, low: float, high: float, *, open_low: bool = False, whole: bool = False
+    owner: Any,
+    name: str,
+    low: float,
+    high: float,
+    *,
+    open_low: bool = False,
+    whole: bool = False,
 ) -> float:
     """Check a field of a frozen dataclass by :func:`number_in` and store it as a number."""
     value = getattr(owner, name)

@@ -435,7 +435,9 @@ def begin_table(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
 
 
 def write_formatted(
-    columns: Mapping[str, tuple[Any, str]], path: Path, notes: Mapping[str, str]
+    columns: Mapping[str, tuple[Any, str]],
+    path: Path,
+    notes: Mapping[str, str],
 ) -> None:
     """Write notes and arrays as CSV, each column in a format such as ``"%.9g"``."""
     import numpy as np  # not needed for --help

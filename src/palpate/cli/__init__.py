@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def _end_quietly(
-    kind: type[BaseException], error: BaseException, trace: "TracebackType | None"
+    kind: type[BaseException],
+    error: BaseException,
+    trace: "TracebackType | None",
 ) -> None:
     if issubclass(kind, KeyboardInterrupt):
         os._exit(130)

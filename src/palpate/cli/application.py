@@ -56,7 +56,9 @@ def application(words: Sequence[str] = ()) -> App:
 
     @app.command(name="--install-completion")
     def install_completion(
-        *, shell: _Shell | None = None, output: OutputFile | None = None
+        *,
+        shell: _Shell | None = None,
+        output: OutputFile | None = None,
     ) -> None:
         """Complete commands, options and their values in the shell.
 

@@ -8,9 +8,9 @@ from rich.console import Console
 
 from palpate import __version__
 from palpate.cli.printing import print_table, say, say_command
-from palpate.design.planned import Design
-from palpate.design.precision import HORIZON, PredictedPrecision
 from palpate.digits import rounded
+from palpate.lab.design.planned import Design
+from palpate.lab.design.precision import HORIZON, PredictedPrecision
 
 
 def print_design(design: Design, console: Console) -> None:

@@ -160,7 +160,9 @@ def _status(folder: Path, fail_on: Literal["do-not-trust", "with-care"] | None) 
 
 
 def _settings(
-    choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
+    choosing: MethodOptions,
+    diagnosis: Literal["none", "input", "full"],
+    reading: ReadingOptions,
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import AUTO, Settings
@@ -261,7 +263,10 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
 
 
 def _print_contacts(
-    console: Console, table: "Table", names: Sequence[str], marks: Mapping[str, Sequence[Text]]
+    console: Console,
+    table: "Table",
+    names: Sequence[str],
+    marks: Mapping[str, Sequence[Text]],
 ) -> None:
     """Print each contact with its numbers and their marks."""
     from palpate.fleet import maps

@@ -119,7 +119,9 @@ def identify(
 
 
 def _estimator(
-    contact: "Contact", choosing: MethodOptions, reading: ReadingOptions
+    contact: "Contact",
+    choosing: MethodOptions,
+    reading: ReadingOptions,
 ) -> "tuple[MethodOptions, ContactEstimator]":
     """The estimator that the options request, and the options that name it."""
     choosing = reading.choose_default_law(choosing, timeless=contact.timeless)

@@ -100,7 +100,9 @@ def print_curves(file: Path, max_size: float | None, *, as_json: bool) -> None:
         for curve in curves
     ]
     print_table(
-        console, [">curve", ">x", ">y", ">travel", ">peak force", ">samples", "error"], rows
+        console,
+        [">curve", ">x", ">y", ">travel", ">peak force", ">samples", "error"],
+        rows,
     )
     if count > len(curves):
         say(console, f"and {count - len(curves)} more; see --json")
@@ -143,7 +145,10 @@ def print_episodes(data: DataSet) -> None:
 
 
 def as_dict(
-    file: Path, recording: Recording, surveyed: Survey, data: DataSet | None = None
+    file: Path,
+    recording: Recording,
+    surveyed: Survey,
+    data: DataSet | None = None,
 ) -> dict[str, Any]:
     """Return the contents of a recording as JSON types, with the episodes of a data set."""
     uses, refusal = explain_roles(recording)
@@ -205,7 +210,9 @@ def _clocks_table(surveyed: Survey) -> Section:
 
 
 def _say_channels(
-    console: Terminal, uses: Mapping[str, tuple[str, str]], channels: Sequence[ChannelSurvey]
+    console: Terminal,
+    uses: Mapping[str, tuple[str, str]],
+    channels: Sequence[ChannelSurvey],
 ) -> None:
     """Print one line a channel, cut off at the width of the terminal unless that is narrow."""
     rows: list[tuple[str, ...]] = [

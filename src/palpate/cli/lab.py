@@ -108,7 +108,9 @@ def lab(
             raise InvalidParameterError("--picture needs a robot: use --probe twin-pantograph")
     with bar(f"simulating a touch of {bench.material.name}") as progress:
         measurement = bench.run(
-            seed, seconds=seconds, progress=lambda reached: progress(reached / seconds)
+            seed,
+            seconds=seconds,
+            progress=lambda reached: progress(reached / seconds),
         )
     write_contact(measurement.contact, output, notes=_versions(bench))
     # The summary must not mix with a recording that goes to standard output.

@@ -153,7 +153,9 @@ class FigureOptions:
 
             module, _, name = draw.rpartition(".")
             rendered = getattr(import_module(module), name)(
-                what, dark=self.dark, width=self._metres()
+                what,
+                dark=self.dark,
+                width=self._metres(),
             )
             save(rendered, self.figure)
 
@@ -276,7 +278,10 @@ def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group)
 
 
 def positive(
-    option: str, text: str | None, channel: str | Mapping[str, float], most: float
+    option: str,
+    text: str | None,
+    channel: str | Mapping[str, float],
+    most: float,
 ) -> float | None:
     """Return a quantity in SI, in (0, ``most``]; None if it was not passed."""
     from palpate.validation import number_in

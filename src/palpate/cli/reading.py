@@ -222,7 +222,10 @@ class ReadingOptions:
                 if curve is not None:
                     return curve
             second = self.companion and open_with_progress(
-                self.companion, None, max_size=self.max_size, strict=self.strict
+                self.companion,
+                None,
+                max_size=self.max_size,
+                strict=self.strict,
             )
             return prepare(recording, companion=second, **self.preparation)
         except MissingChannelError as error:
@@ -307,7 +310,10 @@ class ReadingOptions:
         }
 
     def choose_default_law(
-        self, choosing: MethodOptions, *, timeless: bool = False
+        self,
+        choosing: MethodOptions,
+        *,
+        timeless: bool = False,
     ) -> MethodOptions:
         """Return the options, with the default law if neither law nor method is requested.
 

@@ -166,7 +166,9 @@ def fit_curves(
     curves = _check_curves(*(settings.pop(name) for name in _SIGNALS))
     shared = whole_in("threads", settings.pop("threads"), 1, 1024)
     numbers, covariance, taken, codes = _fit_rows(
-        curves, _check_settings(len(curves[0]), settings), shared
+        curves,
+        _check_settings(len(curves[0]), settings),
+        shared,
     )
     *law, sigma, cost = numbers[:, :7].T.copy()
     columns: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]

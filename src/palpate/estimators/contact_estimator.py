@@ -73,7 +73,11 @@ class ContactEstimator(Configured):
     if TYPE_CHECKING:  # the compiled class, or the user's own method, defines these
 
         def update(
-            self, penetration: float, velocity: float, force: float, dt: float | None = None
+            self,
+            penetration: float,
+            velocity: float,
+            force: float,
+            dt: float | None = None,
         ) -> _core.Status:
             """Take one sample and return its status; never raises on data."""
 
@@ -245,7 +249,8 @@ _UNKNOWN_RESPONSE = math.nan, (0.0, 1e100, 0.0, 1e100)
 
 
 def _response_settings(
-    at: float | None, prior: ResponsePrior | None
+    at: float | None,
+    prior: ResponsePrior | None,
 ) -> tuple[float, tuple[float, ...]]:
     """Check the depth and the bounds of a response for the compiled estimate."""
     if at is None and prior is None:
@@ -344,7 +349,9 @@ Rejection = OutlierRejection | Literal[False] | None
 
 
 def loop_settings(
-    settings: dict[str, Any], default_scale: Scale, perturbation: tuple[float, ...] = (0.0, 0.0)
+    settings: dict[str, Any],
+    default_scale: Scale,
+    perturbation: tuple[float, ...] = (0.0, 0.0),
 ) -> tuple[Any, ...]:
     """Check the loop's settings; an absent detector or rejection costs no memory and no time."""
     forgetting = settings.get("forgetting")

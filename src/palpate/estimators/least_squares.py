@@ -19,7 +19,10 @@ POLES = 1.0 - 0.5 ** np.arange(0.0, 4.1, 0.25)
 
 
 def long_run_covariance(
-    scores: Floats, residual: Floats, shared: Sequence[Floats] = (), fitted: int = 0
+    scores: Floats,
+    residual: Floats,
+    shared: Sequence[Floats] = (),
+    fitted: int = 0,
 ) -> Floats:
     """Covariance of Σ u e for a correlated residual e.
 
@@ -45,7 +48,10 @@ def long_run_covariance(
 
 
 def robust_covariance(
-    jacobian: Floats, residual: Floats, shared: Sequence[Floats] = (), others: int = 0
+    jacobian: Floats,
+    residual: Floats,
+    shared: Sequence[Floats] = (),
+    others: int = 0,
 ) -> Floats:
     """Covariance of a least-squares fit from its Jacobian and residual.
 
@@ -164,7 +170,10 @@ def least_squares(
 
 
 def nonnegative(
-    gram: Floats, moment: Floats, free: NDArray[np.bool_], used: NDArray[np.bool_]
+    gram: Floats,
+    moment: Floats,
+    free: NDArray[np.bool_],
+    used: NDArray[np.bool_],
 ) -> Floats:
     """Return the factors c ≥ 0 that minimise ‖A c − y‖², from the normal equations.
 

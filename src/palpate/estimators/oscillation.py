@@ -181,7 +181,10 @@ class _Samples:
         self.force = force[self.rows]
 
     def _air(
-        self, penetration: Floats, force: Floats, taken: NDArray[np.bool_]
+        self,
+        penetration: Floats,
+        force: Floats,
+        taken: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
         """Whether each sample is one of the selected free-air samples, at most as many as taken."""
         touched = np.maximum.accumulate(np.where(self.path > 0.0, self.clock, -np.inf))

@@ -232,7 +232,9 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         return judge_evidence(self.evidence(), self.estimate())
 
     def dynamic_stiffness(
-        self, depth: float | None = None, frequency: float | None = None
+        self,
+        depth: float | None = None,
+        frequency: float | None = None,
     ) -> DynamicStiffness:
         """Return stiffness and damping for small oscillations, with standard errors.
 

@@ -134,7 +134,10 @@ def export(
     _check(engine, request, given_radius=tip_radius is not None)
     fragment = engine.fit(request)
     found = compare_errors(
-        source, nearest, fragment, replay=replay and engine.version() is not None
+        source,
+        nearest,
+        fragment,
+        replay=replay and engine.version() is not None,
     )
     statement = Statement(source, nearest, engine, fragment, found, allow)
     if statement.refused:
@@ -160,7 +163,10 @@ def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> Non
 
 
 def save_statement(
-    statement: Statement, folder: Path, inputs: Sequence[Path], files: Mapping[str, str]
+    statement: Statement,
+    folder: Path,
+    inputs: Sequence[Path],
+    files: Mapping[str, str],
 ) -> list[Path]:
     """Write the statement and the exported files; return their paths."""
     make_folder(folder)
@@ -199,7 +205,10 @@ def _digest(text: str) -> str:
 
 
 def _file_texts(
-    statement: Statement, files: Mapping[str, str], earlier: Mapping[str, str], left: Sequence[str]
+    statement: Statement,
+    files: Mapping[str, str],
+    earlier: Mapping[str, str],
+    left: Sequence[str],
 ) -> dict[str, str]:
     """Return the text of all files, the two of the statement last."""
     name = escape_markdown(statement.source.name or "A law")

@@ -15,7 +15,10 @@ _EXPONENTS = (0.5, 3.0)  # a little beyond x and x²
 
 
 def fit_with_exponents(
-    law: ForceLaw, motion: ProbeMotion, n: float, p: float
+    law: ForceLaw,
+    motion: ProbeMotion,
+    n: float,
+    p: float,
 ) -> GeneralisedHuntCrossley:
     """Return the nearest K xⁿ + B xᵖ v, by least squares over the judged samples, B ≥ 0.
 
@@ -30,7 +33,10 @@ def fit_with_exponents(
 
 
 def _nearest(
-    law: ForceLaw, motion: ProbeMotion, exponents: tuple[float, float], p: float
+    law: ForceLaw,
+    motion: ProbeMotion,
+    exponents: tuple[float, float],
+    p: float,
 ) -> GeneralisedHuntCrossley:
     """Return K, n within these bounds, and B ≥ 0 by least squares over the judged samples."""
     firm = motion.judged
@@ -55,7 +61,9 @@ def _nearest(
 
 
 def fit_with_one_exponent(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, n: float
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    n: float,
 ) -> GeneralisedHuntCrossley:
     """Return the nearest K xⁿ (1 + b v), b ≥ 0.
 
@@ -113,7 +121,11 @@ class Nearest:
 
     @classmethod
     def of(
-        cls, member: GeneralisedHuntCrossley, law: ForceLaw, motion: ProbeMotion, which: str
+        cls,
+        member: GeneralisedHuntCrossley,
+        law: ForceLaw,
+        motion: ProbeMotion,
+        which: str,
     ) -> "Nearest":
         """Return an exported law with its error along a motion."""
         error = force_error(motion.force_by(member), motion.force_by(law), motion.judged)
@@ -145,5 +157,8 @@ def one_power(law: ForceLaw, motion: ProbeMotion) -> Nearest:
     """Return the K xⁿ + B v nearest to the quadratic law K₁ x + K₂ x² + B v."""
     nearest = _nearest(law, motion, _EXPONENTS, 0.0)
     return Nearest.of(
-        nearest, law, motion, "the law with one power of depth nearest along this motion"
+        nearest,
+        law,
+        motion,
+        "the law with one power of depth nearest along this motion",
     )

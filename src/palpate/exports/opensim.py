@@ -68,7 +68,9 @@ def _quiet_opensim() -> Any:
     with warnings.catch_warnings():
         # Python 3.12 warns like this when it imports an extension made by an older SWIG.
         warnings.filterwarnings(
-            "ignore", "builtin type .* has no __module__ attribute", DeprecationWarning
+            "ignore",
+            "builtin type .* has no __module__ attribute",
+            DeprecationWarning,
         )
         import opensim
     # By default OpenSim writes a log to the current folder.

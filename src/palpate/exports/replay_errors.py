@@ -107,7 +107,11 @@ def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
 
 
 def course(
-    force: Pointwise, mass: float, x: float, v: float, step: float
+    force: Pointwise,
+    mass: float,
+    x: float,
+    v: float,
+    step: float,
 ) -> Iterator[tuple[float, float]]:
     """Yield position and velocity of a free body, m ẍ = −F(x, ẋ), until it leaves the surface.
 

@@ -8,7 +8,10 @@ from palpate.writing import MADE, quote
 
 
 def ros_parameters(
-    payload: Payload, *, world_frame: str = "world", sensor_frame: str = "ft_sensor"
+    payload: Payload,
+    *,
+    world_frame: str = "world",
+    sensor_frame: str = "ft_sensor",
 ) -> str:
     """Return the weight as parameters of control_toolbox and of mujoco_ros2_control, in YAML.
 

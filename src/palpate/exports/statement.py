@@ -251,7 +251,11 @@ class Compared:
 
 
 def compare_errors(
-    source: ExportedLaw, nearest: Nearest, fragment: Fragment, *, replay: bool
+    source: ExportedLaw,
+    nearest: Nearest,
+    fragment: Fragment,
+    *,
+    replay: bool,
 ) -> Compared:
     """Return the errors of a fragment along the source's motion.
 
@@ -551,7 +555,11 @@ class Statement:
         shown = [
             f"{symbol} = {rounded(value, 6) if errors is None else parameter(value, error)} {unit}"
             for symbol, value, error, unit in zip(
-                law.symbols, values.values(), known, law.units, strict=True
+                law.symbols,
+                values.values(),
+                known,
+                law.units,
+                strict=True,
             )
         ]
         origin = f"of {self.source.name}" if self.source.name else "without a recording"
@@ -679,7 +687,8 @@ def _list_numbers(numbers: Mapping[str, float], figures: int) -> str:
 
 
 def _response(
-    result: "Identification | SavedResult", judged: "Diagnosis | SavedResult"
+    result: "Identification | SavedResult",
+    judged: "Diagnosis | SavedResult",
 ) -> tuple[float, float, float, float] | None:
     there = judged.working_depths[0]
     omega = getattr(result, "frequency", math.nan)

@@ -1,7 +1,7 @@
 """Figures of an identification, and what all figures are made of. Needs the extra ``figures``.
 
 A figure of your own has palpate's colours, sizes and units by ``look = choose_look()`` and ``with
-drawing(look, height) as figure:``. Other figures are in :mod:`palpate.design.figures`,
+drawing(look, height) as figure:``. Other figures are in :mod:`palpate.lab.design.figures`,
 :mod:`palpate.fleet.figures` and :mod:`palpate.lab.figures`.
 """
 

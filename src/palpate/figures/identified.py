@@ -230,7 +230,10 @@ OSCILLATION_CAPTION = (
 
 
 def draw_oscillations(
-    results: Sequence[Identified], *, dark: bool = False, width: float | None = None
+    results: Sequence[Identified],
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw K′ and B′ over the frequencies of the motion, one line per contact model.
 
@@ -357,7 +360,10 @@ def _format_depths(depths: Sequence[float]) -> str:
 
 
 def _draw_dots(
-    axes: "Axes", quantities: list[Quantity], words: tuple[str, str], look: Look
+    axes: "Axes",
+    quantities: list[Quantity],
+    words: tuple[str, str],
+    look: Look,
 ) -> None:
     finals = [Final.of(quantity) for quantity in quantities]
     low, high = _limits(finals)
@@ -380,7 +386,12 @@ def _draw_dots(
 
 
 def _draw_arrow(
-    axes: "Axes", row: int, value: float, limits: tuple[float, float], colour: str, look: Look
+    axes: "Axes",
+    row: int,
+    value: float,
+    limits: tuple[float, float],
+    colour: str,
+    look: Look,
 ) -> None:
     """Draw an arrow for a value beyond the panel."""
     right = value > limits[1] or not value < limits[0]
@@ -426,7 +437,10 @@ COMPARED_CAPTION = (
 
 @log_stage("figure")
 def draw_comparison(
-    results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
+    results: Mapping[str, Identified],
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw several identifications of one contact, one row per method, the best first.
 
@@ -462,14 +476,20 @@ def draw_comparison(
     with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
         grid = figure.add_gridspec(2, 1, height_ratios=heights)
         _draw_comparison(
-            figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1]), ordered, look
+            figure.add_subfigure(grid[0]),
+            figure.add_subfigure(grid[1]),
+            ordered,
+            look,
         )
         set_titles(figure, look, [text, file_name(ordered[0])], COMPARED_CAPTION)
     return figure
 
 
 def _draw_comparison(
-    above: "SubFigure", below: "SubFigure", ordered: list[Identified], look: Look
+    above: "SubFigure",
+    below: "SubFigure",
+    ordered: list[Identified],
+    look: Look,
 ) -> None:
     """Draw values above and residuals below; on a page also force and loops."""
     count = len(ordered)

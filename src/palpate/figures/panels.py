@@ -191,7 +191,10 @@ CAPTION = (
 
 
 def draw_residuals(
-    identification: Identified, *, dark: bool = False, width: float | None = None
+    identification: Identified,
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw the residual of the final law over time, depth and velocity.
 
@@ -278,11 +281,21 @@ def _reach(scatter: Scatter, noise: float) -> float:
 
 
 def _draw(
-    axes: "Axes", scatter: Scatter, noise: float, unit: AxisScale, look: Look, colour: str
+    axes: "Axes",
+    scatter: Scatter,
+    noise: float,
+    unit: AxisScale,
+    look: Look,
+    colour: str,
 ) -> None:
     k = unit.factor
     axes.fill_between(
-        scatter.place, k * scatter.low, k * scatter.high, color=colour, alpha=0.3, lw=0
+        scatter.place,
+        k * scatter.low,
+        k * scatter.high,
+        color=colour,
+        alpha=0.3,
+        lw=0,
     )
     few = np.isfinite(scatter.middle).sum() < 4  # one point makes no line
     axes.plot(scatter.place, k * scatter.middle, "o-" if few else "-", color=colour, markersize=3.0)
@@ -349,7 +362,11 @@ class Final:
 
 
 def draw_parameter(
-    axes: "Axes", result: Identified, course: Course, row: ParameterRow, look: Look
+    axes: "Axes",
+    result: Identified,
+    course: Course,
+    row: ParameterRow,
+    look: Look,
 ) -> None:
     """Draw one parameter over time, with a band of ±2 standard errors, and the result."""
     index = row.index
@@ -462,7 +479,11 @@ def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: L
 
 
 def _draw_segments(
-    axes: "Axes", result: Identified, finals: list[Final], scale: AxisScale, look: Look
+    axes: "Axes",
+    result: Identified,
+    finals: list[Final],
+    scale: AxisScale,
+    look: Look,
 ) -> None:
     """Draw the result of each segment over its time, with a box of ±2 standard errors."""
     from matplotlib.patches import PathPatch
@@ -536,7 +557,11 @@ def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
     good = keep[~result.trace.rejected[keep]]
     measured = unit.factor * broken(contact.force, contact, good)
     axes.plot(
-        time[good], measured, color=theme.measured, linewidth=look.points(2.4), label="measured"
+        time[good],
+        measured,
+        color=theme.measured,
+        linewidth=look.points(2.4),
+        label="measured",
     )
     inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
     axes.plot(
@@ -664,7 +689,10 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
     stiffness, damping = np.abs(course.parameters[:, :2].T)
     limit = np.full(len(contact), np.nan)
     limit[course.samples] = 0.1 * np.divide(
-        stiffness, damping, out=np.full_like(damping, np.nan), where=damping > 0.0
+        stiffness,
+        damping,
+        out=np.full_like(damping, np.nan),
+        where=damping > 0.0,
     )
     fastest = largest(speed)
     settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else fastest

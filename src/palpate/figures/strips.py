@@ -70,13 +70,19 @@ def _title(recording: Recording, varying: int, shown: int, channels: int) -> str
 
 
 def _draw_strip(
-    axes: "Axes", recording: Recording, clock: ClockSurvey, name: str, theme: Theme
+    axes: "Axes",
+    recording: Recording,
+    clock: ClockSurvey,
+    name: str,
+    theme: Theme,
 ) -> None:
     values = np.asarray(recording.channels[name], dtype=np.float64)
     values = np.where(np.isfinite(values), values, np.nan)
     time = seconds(recording, clock.name) if clock.name else np.arange(len(values), dtype=float)
     axes.plot(
-        *_reduce_to_extremes(time, values, GAP * clock.step), color=theme.lines[0], linewidth=0.9
+        *_reduce_to_extremes(time, values, GAP * clock.step),
+        color=theme.lines[0],
+        linewidth=0.9,
     )
     unit = recording.units.get(name, "")
     axes.set_title(name, loc="left", fontsize=9, pad=2.0, parse_math=False)

@@ -131,7 +131,12 @@ def choose_look(*, dark: bool = False, width: float | None = None) -> Look:
 
 
 def set_titles(
-    figure: Figure, look: Look, title: list[str], caption: str = "", *, lines: int = 2
+    figure: Figure,
+    look: Look,
+    title: list[str],
+    caption: str = "",
+    *,
+    lines: int = 2,
 ) -> None:
     """Write a title, each sentence on a new line, and a caption below."""
     large = 1.1 * look.font
@@ -448,7 +453,9 @@ class Drawn(Figure):
         svg = as_svg(self)
         # At most as wide as the cell.
         return svg[svg.index("<svg") :].replace(
-            '<svg style="', '<svg style="max-width:100%;height:auto;', 1
+            '<svg style="',
+            '<svg style="max-width:100%;height:auto;',
+            1,
         )
 
 
@@ -510,7 +517,10 @@ class Scatter:
 
 
 def scatter_over_time(
-    time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]
+    time: Floats,
+    values: Floats,
+    contact: Contact,
+    keep: NDArray[np.bool_],
 ) -> Scatter:
     """Return the scatter of samples over time, broken between contacts."""
     index = np.flatnonzero(keep & np.isfinite(values))

@@ -131,12 +131,19 @@ class Curves:
         assert settings.tip is not None
         signals = self.penetration[row], self.force[row], None
         return indentation.fit_approach(
-            *signals, settings.tip, settings.poisson_ratio, source=self.source
+            *signals,
+            settings.tip,
+            settings.poisson_ratio,
+            source=self.source,
         )
 
 
 def fit_and_reject(
-    curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
+    curves: Curves,
+    chosen: dict[str, Any],
+    *,
+    rejects: bool,
+    threads: int,
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
     """Fit curves with velocities; return fits, fitted curves, and numbers of excluded samples.
 
@@ -212,7 +219,10 @@ def fits_whole_curves(settings: Settings) -> bool:
 
 
 def identify_curves(
-    curves: Curves, settings: Settings, *, threads: int = 1
+    curves: Curves,
+    settings: Settings,
+    *,
+    threads: int = 1,
 ) -> tuple[Table, Floats]:
     """Identify curves; return a table of one row each, in order, and the time of each row, s.
 
@@ -246,7 +256,10 @@ Given: TypeAlias = tuple[Row, Any]
 
 
 def identify_each(
-    contacts: Iterable[Given], settings: Settings, *, curves: bool = False
+    contacts: Iterable[Given],
+    settings: Settings,
+    *,
+    curves: bool = False,
 ) -> tuple[Table, Floats]:
     """Identify contacts one by one; return a table of one row each, or per place, and their times.
 
@@ -362,7 +375,9 @@ def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
 
 
 def _energy_creating_rows(
-    curves: Curves, fits: CurveFits, columns: Mapping[str, Floats]
+    curves: Curves,
+    fits: CurveFits,
+    columns: Mapping[str, Floats],
 ) -> NDArray[np.bool_]:
     """Mark the rows whose negative damping creates energy, as in :func:`palpate.identify`."""
     creating = np.zeros(len(curves), dtype=np.bool_)

@@ -119,7 +119,11 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
 
 
 def draw_repeats(
-    found: list[Repeats], quantity: str, *, dark: bool = False, width: float | None = None
+    found: list[Repeats],
+    quantity: str,
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw the scatter of repeats relative to their standard errors.
 
@@ -138,7 +142,10 @@ def draw_repeats(
     with figures.drawing(look, 3.2) as figure:
         axes = figure.subplots()
         for agree, words, colour in zip(
-            (True, False), ("agree", "do not agree"), look.theme.lines[:2], strict=True
+            (True, False),
+            ("agree", "do not agree"),
+            look.theme.lines[:2],
+            strict=True,
         ):
             some = [each for each in found if each.agree == agree]
             ratios = [max(each.ratio, 1e-3) for each in some]
@@ -252,7 +259,11 @@ def _usual(values: Floats, percentile: float = _USUAL) -> float:
 
 
 def _draw_line(
-    axes: "Axes", found: Map, what: str, unit: figures.AxisScale, look: figures.Look
+    axes: "Axes",
+    found: Map,
+    what: str,
+    unit: figures.AxisScale,
+    look: figures.Look,
 ) -> None:
     """Draw values with error bars, or the errors alone, over one coordinate."""
     along = figures.choose_scale(figures.largest(found.places[:, 0]), found.units[0])
@@ -295,7 +306,11 @@ def _mark(
 
 
 def _draw_plane(
-    axes: "Axes", found: Map, what: str, unit: figures.AxisScale, look: figures.Look
+    axes: "Axes",
+    found: Map,
+    what: str,
+    unit: figures.AxisScale,
+    look: figures.Look,
 ) -> None:
     """Draw values over two coordinates, as cells of a grid or as dots."""
     places = found.places - _origin(found)

@@ -125,7 +125,9 @@ def disk_name(name: str) -> str:
     if "\\x" not in name or os.path.lexists(name):
         return name
     raw = re.sub(
-        rb"\\x([0-9a-f]{2})", lambda match: bytes.fromhex(match[1].decode()), os.fsencode(name)
+        rb"\\x([0-9a-f]{2})",
+        lambda match: bytes.fromhex(match[1].decode()),
+        os.fsencode(name),
     )
     return os.fsdecode(raw)
 
@@ -407,7 +409,8 @@ _ENDINGS = tuple(end for each in opening.FORMATS for end in each.suffixes if end
 
 
 def list_sources(
-    names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
+    names: Sequence[str | os.PathLike[str]],
+    leave_out: Path | None = None,
 ) -> list[ContactSource]:
     """List the sources to identify, in an order that depends only on the names.
 
@@ -453,7 +456,10 @@ def _local(text: str, results: str) -> Iterator[ContactSource]:
 
 
 def _list_path(
-    path: Path, outside: tuple[str, ...], *, named: bool = False
+    path: Path,
+    outside: tuple[str, ...],
+    *,
+    named: bool = False,
 ) -> Iterator[ContactSource]:
     """Yield the sources at a path; a file that the user named counts whatever its ending.
 

@@ -155,7 +155,8 @@ def _severity(verdict: Sequence[str]) -> int:
 
 
 def reasons_of_verdicts(
-    names: Sequence[str], verdicts: Mapping[str, Sequence[tuple[str, str]]]
+    names: Sequence[str],
+    verdicts: Mapping[str, Sequence[tuple[str, str]]],
 ) -> list[tuple[str, str]]:
     """Return a mark and a line per reason against trust, the most severe and frequent first.
 
@@ -198,7 +199,9 @@ def format_values(table: Table, quantity: str) -> list[str]:
     return [
         with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
         for value, error in zip(
-            numbers(table, quantity), whole_errors(table, quantity), strict=True
+            numbers(table, quantity),
+            whole_errors(table, quantity),
+            strict=True,
         )
     ]
 
@@ -593,7 +596,18 @@ def map_of(
     rows = results.num_rows
     at = depth, span, describe_frequencies(results.filter(placed), of)
     return Map(
-        of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, warnings
+        of,
+        unit,
+        value,
+        error,
+        axes,
+        units,
+        places,
+        *at,
+        rows,
+        shallow,
+        mistrusted,
+        warnings,
     )
 
 

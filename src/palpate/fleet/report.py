@@ -180,7 +180,9 @@ def _repeats(table: Table) -> Iterator[str]:
                 "errors: 1 if the errors are right."
             )
             yield from html.drawing(
-                f"repeats-{quantity}", partial(draw_repeats, found, quantity), text
+                f"repeats-{quantity}",
+                partial(draw_repeats, found, quantity),
+                text,
             )
         unit = maps.quantity_unit(quantity)
         header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]

@@ -149,7 +149,10 @@ def _empty_row(schema: Any, settings: Settings) -> Row:
 
 
 def identify_rows(
-    contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
+    contact: Contact,
+    settings: Settings,
+    *,
+    columns: type[ForceLaw] | None = None,
 ) -> Iterator[Row]:
     """Identify a contact: yield one row, or one per place if the probe travels.
 
@@ -183,7 +186,10 @@ def identify_rows(
 
 
 def identify_row(
-    contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
+    contact: Contact,
+    settings: Settings,
+    *,
+    columns: type[ForceLaw] | None = None,
 ) -> Row:
     """Identify a contact at one place with the recursive estimator; see :func:`identify_rows`.
 
@@ -341,7 +347,10 @@ def _quantity_columns(name: str, quantity: Quantity) -> Row:
 
 
 def values_for_depth(
-    law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan
+    law: ForceLaw,
+    covariance: Floats,
+    depth: float,
+    frequency: float = math.nan,
 ) -> Row:
     """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g).
 

@@ -81,7 +81,10 @@ def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Tab
 
 
 def identify_and_time(
-    batch: Table, settings: Settings, *, threads: int = 1
+    batch: Table,
+    settings: Settings,
+    *,
+    threads: int = 1,
 ) -> tuple[Table, Floats]:
     """Return the table of :func:`identify_batch` and the time that each row took, s."""
     if settings.version != __version__:
@@ -109,13 +112,17 @@ def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
     for (kind, _), group in itertools.groupby(
-        rows, key=lambda row: (row[0], None if row[0] == "file" else row[1])
+        rows,
+        key=lambda row: (row[0], None if row[0] == "file" else row[1]),
     ):
         yield kind, [(source, index) for _, source, index in group]
 
 
 def _identify_rows(
-    kind: str, named: list[Named], settings: Settings, threads: int
+    kind: str,
+    named: list[Named],
+    settings: Settings,
+    threads: int,
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
         return identify_each(_read_contacts(kind, named, settings), settings, curves=kind == "map")
@@ -191,7 +198,10 @@ _NO_WARNINGS = {"PYTHONWARNINGS": "ignore"}
 
 @contextmanager
 def open_client(
-    *, workers: int | None = None, scheduler: str | None = None, dashboard: bool = False
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    dashboard: bool = False,
 ) -> Iterator[Any]:
     """Yield a Dask client of the scheduler, or of local processes that end with the context.
 
@@ -534,7 +544,9 @@ def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
 
 
 def _run_batches(
-    client: Any, waiting: Sequence[Batch], settings: Settings
+    client: Any,
+    waiting: Sequence[Batch],
+    settings: Settings,
 ) -> Iterator[tuple[Batch, Any]]:
     """Yield batches and their results as they finish, with few batches sent ahead per worker."""
     distributed = needed("distributed", "a fleet")
@@ -558,7 +570,12 @@ def _run_batches(
 
 
 def _answer(
-    client: Any, future: Any, table: Table, settings: Settings, *, alone: bool = False
+    client: Any,
+    future: Any,
+    table: Table,
+    settings: Settings,
+    *,
+    alone: bool = False,
 ) -> tuple[Table, Floats]:
     """Return a task's result; if it ended its workers, identify it in ever smaller parts.
 

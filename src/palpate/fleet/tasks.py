@@ -178,7 +178,9 @@ def batches(
 
 
 def _cuts(
-    sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
+    sources: Iterable[ContactSource],
+    seconds: Iterable[float],
+    longest: float,
 ) -> Iterator[int]:
     """Yield the first contact of each batch; a stored chunk stays in one batch if possible."""
     position = 0

@@ -216,7 +216,14 @@ class GeneralisedHuntCrossley(CompiledLaw):
             speed[0] = velocity
             last = time
             _core.generalised_force_along(
-                elastic, times, stiffnesses, step, depth, speed, state, force
+                elastic,
+                times,
+                stiffnesses,
+                step,
+                depth,
+                speed,
+                state,
+                force,
             )
             return float(force[0])
 
@@ -288,14 +295,23 @@ class GeneralisedHuntCrossley(CompiledLaw):
 
     @overload
     def force(
-        self, penetration: float, velocity: float, state: RelaxationState | None = None
+        self,
+        penetration: float,
+        velocity: float,
+        state: RelaxationState | None = None,
     ) -> float: ...
     @overload
     def force(
-        self, penetration: "ArrayLike", velocity: "ArrayLike", state: RelaxationState | None = None
+        self,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        state: RelaxationState | None = None,
     ) -> Floats: ...
     def force(
-        self, penetration: "ArrayLike", velocity: "ArrayLike", state: RelaxationState | None = None
+        self,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        state: RelaxationState | None = None,
     ) -> float | Floats:
         """Force [N] at a penetration [m] and velocity [m/s], scalars or arrays.
 

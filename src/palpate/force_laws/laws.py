@@ -153,7 +153,10 @@ class ForceLaw:
         return self.force
 
     def force_along(
-        self, penetration: "ArrayLike", velocity: "ArrayLike", time_steps: "ArrayLike"
+        self,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        time_steps: "ArrayLike",
     ) -> Floats:
         """Force [N] along a motion, shapes (k,), with the time steps [s].
 
@@ -162,7 +165,11 @@ class ForceLaw:
         return np.asarray(self.force(penetration, velocity))
 
     def force_over(
-        self, time: Floats, penetration: Floats, velocity: Floats, time_step: float
+        self,
+        time: Floats,
+        penetration: Floats,
+        velocity: Floats,
+        time_step: float,
     ) -> Floats:
         """Force [N] along a motion at these times [s], over breaks in it, shape (k,).
 

@@ -33,7 +33,11 @@ def half_space(*, K: float, n: float, retardation_time: float) -> GeneralisedHun
 
 
 def hunt_crossley_1975(
-    *, K: float, n: float, restitution: float, speed: float
+    *,
+    K: float,
+    n: float,
+    restitution: float,
+    speed: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): the dissipation that Hunt & Crossley chose.
 
@@ -54,7 +58,11 @@ def hunt_crossley_1975(
 
 
 def lankarani_nikravesh(
-    *, K: float, n: float, restitution: float, speed: float
+    *,
+    K: float,
+    n: float,
+    restitution: float,
+    speed: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 3 (1 − e²)/(4 v₀) v).
 
@@ -84,7 +92,11 @@ def flores(*, K: float, n: float, restitution: float, speed: float) -> Generalis
 
 
 def standard_linear_solid(
-    *, K: float, branch_stiffness: float, branch_damping: float, n: float = 1.0
+    *,
+    K: float,
+    branch_stiffness: float,
+    branch_damping: float,
+    n: float = 1.0,
 ) -> GeneralisedHuntCrossley:
     """Return the standard linear solid in Maxwell's form: a spring parallel to a Maxwell branch.
 
@@ -113,7 +125,12 @@ def standard_linear_solid(
 
 
 def fung(
-    *, instantaneous: float, n: float, c: float, shortest: float, longest: float
+    *,
+    instantaneous: float,
+    n: float,
+    c: float,
+    shortest: float,
+    longest: float,
 ) -> GeneralisedHuntCrossley:
     """Return quasi-linear viscoelasticity with Fung's box spectrum, common for soft tissue.
 
@@ -135,12 +152,20 @@ def fung(
     relaxed = whole / (1.0 + above_zero("c", c) * math.log(longest / shortest))
     power = above_zero("n", n)
     return GeneralisedHuntCrossley(
-        K=relaxed, n=power, B=0.0, p=power, M=whole - relaxed, relaxation=spectrum
+        K=relaxed,
+        n=power,
+        B=0.0,
+        p=power,
+        M=whole - relaxed,
+        relaxation=spectrum,
     )
 
 
 def _law_from_dissipation(
-    K: float, n: float, wanted: float, speed: float
+    K: float,
+    n: float,
+    wanted: float,
+    speed: float,
 ) -> GeneralisedHuntCrossley:
     """K xⁿ (1 + b v) with the requested b v₀."""
     k = above_zero("K", K)

@@ -43,7 +43,9 @@ _NOT_CONVERGED = Check.CONVERGENCE.finding(
 
 
 def check_estimate(
-    contact: Contact, trace: Trace, estimator: ContactEstimator
+    contact: Contact,
+    trace: Trace,
+    estimator: ContactEstimator,
 ) -> Iterator[Finding]:
     """Yield findings of the last estimate and of the samples."""
     estimate = estimator.estimate()
@@ -79,7 +81,9 @@ def check_estimate(
 
 
 def check_fits(
-    fits: CurveFits, excluded: NDArray[np.int64], creating_energy: Mask
+    fits: CurveFits,
+    excluded: NDArray[np.int64],
+    creating_energy: Mask,
 ) -> list[list[Finding]]:
     """Return for each curve the findings that :func:`check_estimate` has of one estimate.
 

@@ -19,7 +19,10 @@ Predict = Callable[[Contact, Contact], Floats]
 
 
 def check_prediction(
-    contact: Contact, taken: NDArray[np.bool_], law: Predict, plain: Predict
+    contact: Contact,
+    taken: NDArray[np.bool_],
+    law: Predict,
+    plain: Predict,
 ) -> Finding:
     """Report how well a law and plain Hunt–Crossley of the first half predict the second.
 

@@ -73,7 +73,9 @@ def _surface_deviation(contact: Contact) -> float | None:
 
 
 def resolve_estimator(
-    given: ContactEstimator | str | None, *, timeless: bool = False
+    given: ContactEstimator | str | None,
+    *,
+    timeless: bool = False,
 ) -> ContactEstimator:
     """Return an estimator as passed, from its name, or the default, which selects a law."""
     if given is None:
@@ -120,7 +122,8 @@ def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trac
     one = len(traces) == 1
     whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
     return replace(
-        whole, time=contact.time if trace_samples is None else contact.time[trace_samples]
+        whole,
+        time=contact.time if trace_samples is None else contact.time[trace_samples],
     )
 
 

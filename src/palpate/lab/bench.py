@@ -82,7 +82,11 @@ class Bench:
 
     @log_stage("pressed")
     def run(
-        self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
+        self,
+        seed: int = 0,
+        *,
+        seconds: float = 10.0,
+        progress: Progress | None = None,
     ) -> Measurement:
         """Simulate one touch; the same seed gives the same numbers.
 
@@ -112,7 +116,11 @@ class Bench:
         return Measurement(recorded, truth, self.trajectory.at(time))
 
     def _record_contact(
-        self, time: Floats, motion: SimulatedMotion, random: np.random.Generator, seed: int
+        self,
+        time: Floats,
+        motion: SimulatedMotion,
+        random: np.random.Generator,
+        seed: int,
     ) -> Contact:
         force = self.sensors.force(motion.force, random)
         resting = time < self.trajectory.pause
@@ -277,7 +285,10 @@ def _start_touch(material: Material, began: float) -> Touch:
     """The force of an untouched material whose time starts at ``began``."""
     touch = material.touch()
     return lambda time, lateral_position, penetration, velocity: touch(
-        time - began, lateral_position, penetration, velocity
+        time - began,
+        lateral_position,
+        penetration,
+        velocity,
     )
 
 

@@ -18,7 +18,11 @@ Touch = Callable[[float, float, float, float], float]
 
 
 def force_of_touch(
-    touch: Touch, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    touch: Touch,
+    time: Floats,
+    lateral_position: Floats,
+    penetration: Floats,
+    velocity: Floats,
 ) -> Floats:
     """Force [N] along a whole motion, one sample after the other."""
     columns = (array.tolist() for array in (time, lateral_position, penetration, velocity))
@@ -40,7 +44,11 @@ class Material(Protocol):
         """Return the true parameters as plain numbers and text, SI."""
 
     def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+        self,
+        time: Floats,
+        lateral_position: Floats,
+        penetration: Floats,
+        velocity: Floats,
     ) -> Floats:
         """Force [N] along a whole motion, shapes (k,), by :meth:`touch` sample by sample."""
         return force_of_touch(self.touch(), time, lateral_position, penetration, velocity)
@@ -76,7 +84,11 @@ class Homogeneous:
         return lambda time, lateral_position, penetration, velocity: felt(penetration, velocity)
 
     def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+        self,
+        time: Floats,
+        lateral_position: Floats,
+        penetration: Floats,
+        velocity: Floats,
     ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
         if not time.size:
@@ -126,7 +138,10 @@ class Relaxing(Material):
         felt = self.law.in_a_loop()
 
         def force(
-            time: float, lateral_position: float, penetration: float, velocity: float
+            time: float,
+            lateral_position: float,
+            penetration: float,
+            velocity: float,
         ) -> float:
             relaxing = branch.force(time, penetration)
             return max(felt(penetration, velocity) + relaxing, 0.0)
@@ -183,7 +198,10 @@ class Layered(Material):
         reach = self.influence * self.depth
 
         def force(
-            time: float, lateral_position: float, penetration: float, velocity: float
+            time: float,
+            lateral_position: float,
+            penetration: float,
+            velocity: float,
         ) -> float:
             soft = felt(penetration, velocity)
             return soft / -math.expm1(-reach / penetration) if penetration > 0.0 else soft
@@ -286,7 +304,10 @@ class TimeVaryingMaterial(Material):
 
 
 def _select_material(
-    materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool
+    materials: tuple[Material, ...],
+    edges: tuple[float, ...],
+    *,
+    by_time: bool,
 ) -> Touch:
     touches = [material.touch() for material in materials]
 
@@ -330,7 +351,12 @@ RELAXING_SPONGE = Relaxing(HuntCrossley(K=300.0, B=300.0, n=1.0), 150.0, 1.0, "r
 # Half of its stiffness relaxes, equally in each decade of time, as Fung found for tissue.
 TISSUE = Homogeneous(
     GeneralisedHuntCrossley(
-        K=8000.0, n=1.5, B=2000.0, p=1.5, M=8000.0, relaxation=FlatSpectrum(1e-3, 4.0)
+        K=8000.0,
+        n=1.5,
+        B=2000.0,
+        p=1.5,
+        M=8000.0,
+        relaxation=FlatSpectrum(1e-3, 4.0),
     ),
     "tissue",
 )

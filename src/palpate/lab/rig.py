@@ -195,13 +195,20 @@ class IdealProbe:
         return SimulatedMotion(x, v, lateral, material.force(time, lateral, x, v), x)
 
     def start(
-        self, command: Command, sample_time: float, random: np.random.Generator
+        self,
+        command: Command,
+        sample_time: float,
+        random: np.random.Generator,
     ) -> "IdealProbe":
         """Return a tip that follows this command and its continuations; it has no state."""
         return self
 
     def simulate(
-        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+        self,
+        time: Floats,
+        command: Command,
+        touch: Touch,
+        progress: Progress | None = None,
     ) -> SimulatedMotion:
         """Follow a command over its times [s]."""
         x = command.penetration
@@ -336,7 +343,11 @@ def _chain(i: int, geometry: Geometry, home: Floats) -> str:
         half = geometry.handle / 2
         end = geometry.poker - 0.004
         handle = _fill_template(
-            "rig_handle.xml", geometry=geometry, angle=-turned, half=half, end=end
+            "rig_handle.xml",
+            geometry=geometry,
+            angle=-turned,
+            half=half,
+            end=end,
         )
     links = {
         "near": _link(geometry.proximal, level, "0.16 0.38 0.62 1"),
@@ -422,7 +433,10 @@ class TwinPantograph:
         return run.simulate(time, command, material.touch(), progress)
 
     def start(
-        self, command: Command, sample_time: float, random: np.random.Generator
+        self,
+        command: Command,
+        sample_time: float,
+        random: np.random.Generator,
     ) -> "Simulation":
         """Return the rig at rest where a command begins; it follows it and its continuations."""
         return Simulation(self, command, sample_time, random)
@@ -531,7 +545,11 @@ class Simulation:
         self._before = 0.0
 
     def simulate(
-        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+        self,
+        time: Floats,
+        command: Command,
+        touch: Touch,
+        progress: Progress | None = None,
     ) -> SimulatedMotion:
         """Follow a command over its times [s]; the next call continues where this one ends."""
         goals, speeds = self._geometry.motor_motion(command)
@@ -574,7 +592,13 @@ class Simulation:
         self._applied.fill(0.0)
         self._push[1] = -force
         mujoco.mj_applyFT(
-            model, data, self._push, self._twist, self._tip, self._tip_body, self._applied
+            model,
+            data,
+            self._push,
+            self._twist,
+            self._tip,
+            self._tip_body,
+            self._applied,
         )
         mujoco.mj_step2(model, data)
         return depth, velocity, lateral_position, force

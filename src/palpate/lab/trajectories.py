@@ -9,8 +9,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
+from palpate.lab.design.motion import PAPER_MOTION, Motion
 from palpate.validation import Floats, instance, number_in, signals
 
 # Elementary functions of the C library, over arrays.
@@ -210,7 +210,9 @@ class SplineTrajectory:
 
     def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:
         interpolate = import_extra(
-            "scipy.interpolate", "a trajectory from a file or samples", "lab"
+            "scipy.interpolate",
+            "a trajectory from a file or samples",
+            "lab",
         )
         t, x = signals(time=time, penetration=penetration)
         if t.size < 4 or not (np.isfinite(t).all() and np.isfinite(x).all()):

@@ -100,7 +100,10 @@ class ShownDepth:
                 self.value = self._shown.see(float(np.median(self._seen)), times[place])
 
     def verdict(
-        self, status: dict[str, Any], time: float, depth: float = math.nan
+        self,
+        status: dict[str, Any],
+        time: float,
+        depth: float = math.nan,
     ) -> LiveVerdict | None:
         """Return the verdict in a status, with a steady frequency, and depth if none is given."""
         verdict = verdict_on(status)

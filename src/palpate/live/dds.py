@@ -260,7 +260,8 @@ class DDS(RosTopics):
         if offered[Policy.Reliability] == Policy.Reliability.BestEffort:
             qos = Qos(Policy.Reliability.BestEffort, base=qos)
         every = Policy.DataRepresentation(
-            use_cdrv0_representation=True, use_xcdrv2_representation=True
+            use_cdrv0_representation=True,
+            use_xcdrv2_representation=True,
         )
         qos = Qos(every, base=qos)
         topic = Topic(self._participant, f"rt{name}", raw_type(type_name))

@@ -133,7 +133,10 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         step = float(status.get("sample_time", 1e-3))
         late = status.get("force_delay")
         contact = build_contact(
-            samples, step, used and VelocityFilter(**used), late and Delay(*late)
+            samples,
+            step,
+            used and VelocityFilter(**used),
+            late and Delay(*late),
         )
         result = identify(contact, _estimator(status), trace=False)
         if (depth := status.get("depth")) is not None:

@@ -24,7 +24,10 @@ _BEHIND = 1.0  # s late, after which the laboratory's clock is reset
 
 
 def start_bench(
-    material: str, motion: str, probe: str, sample_time: float
+    material: str,
+    motion: str,
+    probe: str,
+    sample_time: float,
 ) -> tuple[lab.OngoingBench, str, str]:
     """Return the bench, its probe's name, and a message if the probe was replaced."""
     wanted = lab.IdealProbe() if probe == "ideal" else lab.TwinPantograph()
@@ -52,7 +55,11 @@ def press(chosen: dict[str, str], probe: str, step: float, connection: Connectio
 
 class _Pressing:
     def __init__(
-        self, chosen: dict[str, str], probe: str, step: float, connection: Connection
+        self,
+        chosen: dict[str, str],
+        probe: str,
+        step: float,
+        connection: Connection,
     ) -> None:
         self._first = chosen
         self._connection = connection

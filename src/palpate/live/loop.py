@@ -466,7 +466,11 @@ class Loop:
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
         margin = estimate.validity_margin
         self.estimates.write(
-            self.generation, estimate.offset, estimate.surface, margin, *known.tolist()
+            self.generation,
+            estimate.offset,
+            estimate.surface,
+            margin,
+            *known.tolist(),
         )
         return took
 

@@ -76,7 +76,11 @@ class Writer(_Shared):
     """
 
     def __init__(
-        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, memory: Memory | None = None
+        self,
+        capacity: int = CAPACITY,
+        width: int = len(SAMPLE),
+        *,
+        memory: Memory | None = None,
     ) -> None:
         super().__init__(memory or RawArray("b", _HEADER + 8 * capacity * width))
         self._row = struct.Struct(f"@{width}d")

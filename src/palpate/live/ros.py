@@ -83,7 +83,11 @@ class _Places:
     """A message layout: bytes to compare, and the offsets of the numbers."""
 
     def __init__(
-        self, size: int, walked: layout.Layout, stamp: Any, values: list[list[Any]]
+        self,
+        size: int,
+        walked: layout.Layout,
+        stamp: Any,
+        values: list[list[Any]],
     ) -> None:
         self._size = size
         self._checks = [(start, start + len(want), want.tobytes()) for start, want in walked.checks]
@@ -186,7 +190,8 @@ class MessageReader:
         return places.read(message)
 
     def _orientation_leaves(
-        self, leaves: dict[str, layout.MessageNumber]
+        self,
+        leaves: dict[str, layout.MessageNumber],
     ) -> list[layout.MessageNumber]:
         parent, _, name = self._paths[0].rpartition(".")
         path = _below(parent, ORIENTATIONS.get(name, "orientation"))
@@ -197,7 +202,9 @@ class MessageReader:
         return components
 
     def _leaves(
-        self, leaves: dict[str, layout.MessageNumber], path: str
+        self,
+        leaves: dict[str, layout.MessageNumber],
+        path: str,
     ) -> list[layout.MessageNumber]:
         if path in leaves:
             if self._vectors:
@@ -223,7 +230,9 @@ def _below(path: str, axis: str) -> str:
 
 
 def _components(
-    leaves: dict[str, layout.MessageNumber], path: str, axes: str
+    leaves: dict[str, layout.MessageNumber],
+    path: str,
+    axes: str,
 ) -> list[layout.MessageNumber]:
     """Return the numbers of a vector; empty if the message has none at this path."""
     names = [_below(path, axis) for axis in axes]
@@ -301,7 +310,11 @@ class RosTopics(WireSource):
             paths.append(role[type_name] if path is None else path)
         posed = self._orientation and topic.read[0][0] == "position"
         topic.reader = MessageReader(
-            topic.name, type_name, paths, vectors=self._vectors, orientation=posed
+            topic.name,
+            type_name,
+            paths,
+            vectors=self._vectors,
+            orientation=posed,
         )
         topic.type_name = type_name
         self._news.append(f"found topic {topic.name} of type {type_name}")
@@ -455,7 +468,11 @@ class RosWire(Wire):
             for name, value in values.items()
         ]
         one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
-            _LEVELS.get(state, 0), "palpate", state, source, pairs
+            _LEVELS.get(state, 0),
+            "palpate",
+            state,
+            source,
+            pairs,
         )
         return _encode(types[STATUS](header, [one]), STATUS)
 

@@ -144,7 +144,10 @@ class Replay:
         self.pace = speed
         self.counts = Counts()
         self._rows = zip(
-            contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
+            contact.time.tolist(),
+            contact.penetration.tolist(),
+            contact.force.tolist(),
+            strict=True,
         )
         self._news = _hindsight(contact)
         self._waiting: tuple[float, float, float] | None = None

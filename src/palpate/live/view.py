@@ -196,7 +196,10 @@ _UNITS = {"stiffness": "N/m", "damping": "N·s/m"}
 
 
 def headline(
-    found: Mapping[str, Any] | None, status: Mapping[str, Any], now: Numbers, at: str
+    found: Mapping[str, Any] | None,
+    status: Mapping[str, Any],
+    now: Numbers,
+    at: str,
 ) -> list[view.NumberLine]:
     """Return the two numbers as diagnosed; while no diagnosis holds, as estimated now at a place.
 
@@ -440,7 +443,9 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
 
 
 def _counts(
-    counts: Mapping[str, Any], others: Mapping[str, Any], own: Mapping[str, Any]
+    counts: Mapping[str, Any],
+    others: Mapping[str, Any],
+    own: Mapping[str, Any],
 ) -> list[list[str]]:
     """Return the rows of counts; a count that should be 0 but is not is marked ``bad``."""
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]

@@ -472,7 +472,10 @@ class Pairing:
         return pairs
 
     def _value_at(
-        self, stamp: int, stamped: Stamped, after: Stamped
+        self,
+        stamp: int,
+        stamped: Stamped,
+        after: Stamped,
     ) -> Value | tuple[float, ...] | None:
         """Interpolate between two neighbours, which may be the same, or take the nearer one."""
         span = after.stamp - stamped.stamp
@@ -709,7 +712,9 @@ def _level(value: str | float) -> float:
 
 
 def describe_status(
-    page: dict[str, Any], fields: Fields, named: dict[str, float]
+    page: dict[str, Any],
+    fields: Fields,
+    named: dict[str, float],
 ) -> dict[str, str | float]:
     """Return the values of the status message: numbers in SI units, and a text with units.
 

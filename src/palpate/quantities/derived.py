@@ -165,7 +165,9 @@ class SmallOscillation(Plain):
 
 
 def compute_oscillation(
-    result: Derivable, frequency: float | None = None, depth: float | None = None
+    result: Derivable,
+    frequency: float | None = None,
+    depth: float | None = None,
 ) -> SmallOscillation:
     """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, for any law.
 
@@ -218,7 +220,9 @@ def compute_instantaneous_stiffness(result: Derivable, depth: float | None = Non
     if not result.law.relaxes:
         return there.stiffness
     found = _evaluate(
-        result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
+        result,
+        there.depth,
+        lambda law, at: float(law.instantaneous().stiffness_at(at)),
     )
     return Quantity(*found, 0.0)
 
@@ -298,7 +302,9 @@ def _check_frequency(result: Derivable, frequency: float | None) -> float:
 
 
 def _evaluate(
-    result: Derivable, depth: float, value: Callable[[Any, float], float]
+    result: Derivable,
+    depth: float,
+    value: Callable[[Any, float], float],
 ) -> tuple[float, float]:
     """A function of the law at a depth, with its standard error including the surface's."""
     found, error = result.estimate.with_error(lambda law: value(law, depth))
@@ -433,7 +439,9 @@ def passivity_from(result: Derivable) -> Passivity:
 
 @_absurd_numbers
 def elastic_modulus_from(
-    result: Derivable, tip: "Tip | None" = None, poisson_ratio: float | None = None
+    result: Derivable,
+    tip: "Tip | None" = None,
+    poisson_ratio: float | None = None,
 ) -> "ElasticModulus":
     """Young's modulus from the force at working depth and the shape of the tip.
 
@@ -474,7 +482,8 @@ def elastic_modulus_from(
 
 
 def compression_modulus_from(
-    result: Derivable, specimen: "Specimen | None" = None
+    result: Derivable,
+    specimen: "Specimen | None" = None,
 ) -> "CompressionModulus":
     """Young's modulus E = S h/A of a specimen that is compressed between plates.
 

@@ -335,7 +335,13 @@ def compute_energy_loss(
     whole = float(each.mean())
     fraction = measured.scaled(1.0 / whole) if whole > 0.0 else UNKNOWN
     return EnergyLoss(
-        loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
+        loops.kind,
+        measured,
+        of_law,
+        whole,
+        fraction,
+        *arrays,
+        remarks=tuple(remarks),
     )
 
 
@@ -430,7 +436,10 @@ class Passivity(Plain):
 
 
 def check_passivity(
-    path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float
+    path: Path,
+    law: ForceLaw,
+    there: WorkingDepth,
+    force_noise: float,
 ) -> Passivity:
     """Return where a law's force is negative along a path.
 

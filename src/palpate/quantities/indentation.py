@@ -126,7 +126,9 @@ def refuse_options(names: Iterable[str]) -> None:
 
 
 def fit_force_curve(
-    recording: Recording, tip: Tip, poisson_ratio: float | None = None
+    recording: Recording,
+    tip: Tip,
+    poisson_ratio: float | None = None,
 ) -> Indentation:
     """Fit the approach of a recorded force curve; see :func:`fit_approach`."""
     channels = recording.channels
@@ -469,7 +471,14 @@ class _ApproachFit:
         samples = self.inside.size
         counts = samples, self.depths.size, tuple(findings)
         return Indentation(
-            modulus, stiffness, contact_point, baseline, depth, largest, residual, *counts
+            modulus,
+            stiffness,
+            contact_point,
+            baseline,
+            depth,
+            largest,
+            residual,
+            *counts,
         )
 
     def check_curve(self) -> Iterator[Finding]:
@@ -482,7 +491,9 @@ class _ApproachFit:
             text = f"at an edge of the approach: {air} samples in air, {contact} in contact"
             remedy = "start farther above the sample, or record more samples in contact"
             yield Check.CONTACT_POINT.finding(
-                f"the contact point lies {text}", remedy, mark="do-not-trust"
+                f"the contact point lies {text}",
+                remedy,
+                mark="do-not-trust",
             )
         force = self.peak * self.solution[0] * (1.0 - self.solution[1]) ** self.tip.exponent
         if not (force > _SURE * self.noise and depth > _SURE * error):
@@ -509,7 +520,9 @@ class _ApproachFit:
 
 
 def _check_modulus(
-    relative: float, parts: Sequence[_SystematicPart], refused: str | None
+    relative: float,
+    parts: Sequence[_SystematicPart],
+    refused: str | None,
 ) -> Iterator[Finding]:
     """Report a modulus that is refused, or whose error bar is too wide to trust."""
     error = math.hypot(relative, *(part.size for part in parts))

@@ -209,7 +209,10 @@ def inline(svg: str, name: str, caption: str) -> str:
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     svg = f'{head} id="{name}" role="img" aria-label="{escape(caption)}">{rest}'
     svg = re.sub(
-        r"<style[^>]*>(.*?)</style>", lambda s: _limit_to_figure(s, name), svg, flags=re.DOTALL
+        r"<style[^>]*>(.*?)</style>",
+        lambda s: _limit_to_figure(s, name),
+        svg,
+        flags=re.DOTALL,
     )
     svg = re.sub(r'\bid="(?!' + re.escape(name) + r'")', f'id="{name}-', svg)
     svg = svg.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")

@@ -89,7 +89,9 @@ def toml_text(columns: Mapping[str, Column]) -> dict[str, Column]:
 
 
 def contact_and_trace(
-    recording: Recording, law: type[ForceLaw], whole: Mapping[str, Any]
+    recording: Recording,
+    law: type[ForceLaw],
+    whole: Mapping[str, Any],
 ) -> tuple[Contact, Trace]:
     """Return contact and trace from columns of :func:`trace_columns` read from a file.
 
@@ -237,7 +239,10 @@ def _episode(segment: "Identified") -> dict[str, Any]:
     diagnosis = segment.diagnosis
     time = segment.contact.time
     episode = Episode(
-        float(time[0]), float(time[-1]), segment.law, diagnosis.working_depth
+        float(time[0]),
+        float(time[-1]),
+        segment.law,
+        diagnosis.working_depth,
     ).as_dict()
     if segment.place is not None:
         episode |= {"kind": "place", "place": segment.place.as_dict()}
@@ -446,7 +451,12 @@ def _quantity(words: Mapping[str, Any]) -> Quantity:
     place = words.get("at")
     at = place and Where(*map(or_nan, (place["depth"], place["frequency"], place["speed"])))
     return Quantity(
-        value, error, moved, mark=words.get("mark"), reason=words.get("reason", ""), at=at
+        value,
+        error,
+        moved,
+        mark=words.get("mark"),
+        reason=words.get("reason", ""),
+        at=at,
     )
 
 

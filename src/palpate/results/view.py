@@ -133,7 +133,9 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
 
 
 def identification_sections(
-    result: "Identified", *, with_findings: bool = False
+    result: "Identified",
+    *,
+    with_findings: bool = False,
 ) -> Iterator[ViewSection]:
     """Compose the output of ``palpate identify -v``, optionally with all findings."""
     yield verdict_section(result)

@@ -376,7 +376,9 @@ def _sap(request: ExportRequest) -> DrakeContact:
 
 
 def _parts(
-    request: ExportRequest, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
+    request: ExportRequest,
+    surface: Mapping[str, float | None],
+    tip: Mapping[str, float | None],
 ) -> Parts:
     """Return a tip of one sphere on a box so large that its top stays the nearest face."""
     radius = request.radius_or_any

@@ -130,7 +130,10 @@ def _spread(x: Floats, exponent: float, count: int) -> Floats:
 
 
 def _springs(
-    x: Floats, weight: Floats, wanted: Floats, gaps: Floats
+    x: Floats,
+    weight: Floats,
+    wanted: Floats,
+    gaps: Floats,
 ) -> tuple[Floats, Floats, float]:
     """Return gaps, stiffnesses, and the error in %, by least squares of the gaps.
 

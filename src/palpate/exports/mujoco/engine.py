@@ -275,7 +275,10 @@ class MuJoCo(Engine):
         )
 
     def _chosen(
-        self, request: ExportRequest, mobility: float, contacts: int
+        self,
+        request: ExportRequest,
+        mobility: float,
+        contacts: int,
     ) -> tuple[str, PairRows]:
         """Return the form and its rows; a callback has no rows."""
         why = _not_in_rows(request.law)

@@ -94,7 +94,11 @@ class PairRow:
         return mass * d / high * self.spring * inside, mass * self.damper
 
     def force(
-        self, penetration: Floats, velocity: Floats, acceleration: Floats, mobility: float
+        self,
+        penetration: Floats,
+        velocity: Floats,
+        acceleration: Floats,
+        mobility: float,
     ) -> Floats:
         """Return the force of the row, N, at least −adhesion."""
         spring, damper = self.springs_and_dampers(penetration, mobility)
@@ -149,7 +153,12 @@ _EVENNESS = 0.25
 
 
 def power_of_depth(
-    depths: Floats, target: Floats, high: float, *, spring: bool, low: bool
+    depths: Floats,
+    target: Floats,
+    high: float,
+    *,
+    spring: bool,
+    low: bool,
 ) -> tuple[Solimp, float, float]:
     """Return solimp and inset [m] that fit a power of depth, and the factor to the target.
 
@@ -174,7 +183,12 @@ def power_of_depth(
         ratio, midpoint, power, width, inset = (column[:, None] for column in tried.T)
         inside = np.maximum(depths - inset * deepest, 0.0)
         d = impedance(
-            inside, np.maximum(ratio * high, LEAST), high, width * deepest, midpoint, power
+            inside,
+            np.maximum(ratio * high, LEAST),
+            high,
+            width * deepest,
+            midpoint,
+            power,
         )
         d = np.where(inside > 0.0, d, 0.0)
         shape = d / (1.0 - d) * (d * inside if spring else 1.0)
@@ -196,7 +210,9 @@ _SEED = 20121
 
 
 def _search_globally(
-    judge: Callable[[Floats], tuple[Floats, Floats]], lowest: Floats, highest: Floats
+    judge: Callable[[Floats], tuple[Floats, Floats]],
+    lowest: Floats,
+    highest: Floats,
 ) -> Floats:
     """Return the candidate of least misfit, by differential evolution around the best."""
     random = np.random.default_rng(_SEED)
@@ -238,7 +254,10 @@ _SETS = [list(each) for size in range(1, 5) for each in combinations(range(4), s
 
 
 def two_contacts(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mobility: float,
+    contacts: int,
 ) -> PairRows:
     """Return two rows that never pull, nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     search = _prepare_search(law, motion, 1.0 / mobility)
@@ -432,7 +451,10 @@ def depths_that_count(motion: ProbeMotion) -> Floats:
 
 
 def single(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mobility: float,
+    contacts: int,
 ) -> PairRows:
     """Return one row for the nearest Kelvin–Voigt law: S = K (1 − d) Â, D = B (1 − d) Â."""
     nearest = kelvin_voigt(law, motion)
@@ -449,7 +471,10 @@ def single(
 
 
 def pair(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mobility: float,
+    contacts: int,
 ) -> PairRows:
     """Return a spring and a damper that can pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     depths = depths_that_count(motion)
@@ -493,7 +518,9 @@ def _level(depths: Floats) -> Solimp:
 
 
 def misfit_to(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mass: float,
 ) -> Callable[[PairRows], float]:
     """Return a function for the error of rows: of force, %, plus a fifth of that of restitution."""
     drops = [drop_to(law, mass, part * motion.deepest) for part in _DROPS]

@@ -388,7 +388,12 @@ def _touches(pressable: PressableModel, kind: str) -> bool:
     for normal in _normals(kind, pressable.data.geom_xmat[pressable.tip].reshape(3, 3)):
         pressable.face(centre - _FAR * normal, normal)
         gap = pressable.mujoco.mj_geomDistance(
-            pressable.model, pressable.data, pressable.pads[0], pressable.tip, 2.0 * _FAR, line
+            pressable.model,
+            pressable.data,
+            pressable.pads[0],
+            pressable.tip,
+            2.0 * _FAR,
+            line,
         )
         pressable.face(centre + (gap - _FAR) * normal, normal)
         out = pressable.along()
@@ -415,7 +420,11 @@ def _turn(normal: Floats) -> Floats:
 
 
 def _warnings(
-    kind: str, geom: str, counts: set[int], mass: float, mobility: float
+    kind: str,
+    geom: str,
+    counts: set[int],
+    mass: float,
+    mobility: float,
 ) -> Iterator[str]:
     if kind == "CAPSULE" and counts == {1}:
         yield (
@@ -499,7 +508,11 @@ class Scene:
         )
 
     def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+        self,
+        time: Floats,
+        lateral_position: Floats,
+        penetration: Floats,
+        velocity: Floats,
     ) -> Floats:
         """Return the engine's force [N] along a whole motion, shape (k,); 0 out of contact."""
         force = np.zeros_like(time)

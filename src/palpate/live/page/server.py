@@ -475,7 +475,11 @@ class Server:
         first = max(client.next, history.oldest)
         until = min(first + MOST_ROWS * client.every, history.total)
         frame = history.frame(
-            first, until, every=client.every, dropped=client.skipped, void=client.void
+            first,
+            until,
+            every=client.every,
+            dropped=client.skipped,
+            void=client.void,
         )
         client.next = until
         client.skipped = 0

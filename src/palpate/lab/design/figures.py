@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from palpate import figures
-from palpate.design import Design, PredictedPrecision
 from palpate.digits import rounded
+from palpate.lab.design import Design, PredictedPrecision
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     Parameters
     ----------
     design : Design
-        As :func:`palpate.design.design` returns it.
+        As :func:`palpate.lab.design.design` returns it.
     dark : bool
         Draw for a dark background. Default: False.
     width : float, optional
@@ -97,7 +97,11 @@ def _shown_time(motions: list[_Shown]) -> Floats:
 
 
 def _draw_motions(
-    depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: figures.Look
+    depths: "Axes",
+    orbits: "Axes",
+    design: Design,
+    motions: list[_Shown],
+    look: figures.Look,
 ) -> None:
     """Penetration over time; velocity over penetration, with the better motion's limits."""
     time = _shown_time(motions)
@@ -128,7 +132,12 @@ def _draw_motions(
 
 
 def _draw_precision(
-    panels: "list[Axes]", design: Design, motions: list[_Shown], look: figures.Look, *, rounds: bool
+    panels: "list[Axes]",
+    design: Design,
+    motions: list[_Shown],
+    look: figures.Look,
+    *,
+    rounds: bool,
 ) -> None:
     """Relative standard error of each parameter over the time in motion, a panel each."""
     durations = design.planned.durations
@@ -150,7 +159,10 @@ def _draw_precision(
 
 
 def _finish_precision(
-    axes: "Axes", symbol: str, targets: tuple[float, ...], look: figures.Look
+    axes: "Axes",
+    symbol: str,
+    targets: tuple[float, ...],
+    look: figures.Look,
 ) -> None:
     """Logarithmic axes with numbers written out, and lines at the targets."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
@@ -158,7 +170,10 @@ def _finish_precision(
     if any(np.isfinite(line.get_ydata()).any() for line in axes.get_lines()):
         for target in targets:
             axes.axhline(
-                100.0 * target, color=look.theme.ink, linestyle=":", linewidth=look.points(0.7)
+                100.0 * target,
+                color=look.theme.ink,
+                linestyle=":",
+                linewidth=look.points(0.7),
             )
         axes.set_yscale("log")
     axes.set_xscale("log")

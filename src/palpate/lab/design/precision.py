@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.design.motion import Motion
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.lab.design.motion import Motion
 from palpate.validation import Floats, number_in, plain
 
 # Harmonics of the rounding error that are treated apart from white noise: 87 % of its power.
@@ -243,7 +243,13 @@ class PlannedMeasurement:
         return times
 
     def _first(
-        self, motion: Motion, before: Floats, index: Floats, stride: int, column: int, target: float
+        self,
+        motion: Motion,
+        before: Floats,
+        index: Floats,
+        stride: int,
+        column: int,
+        target: float,
     ) -> int:
         """Return the least number of a block's samples that meets a target; all of them meet it."""
 
@@ -362,7 +368,10 @@ def limits_around(
 
 
 def find_better(
-    given: Motion, measurement: PlannedMeasurement, limits: Limits, duration: float
+    given: Motion,
+    measurement: PlannedMeasurement,
+    limits: Limits,
+    duration: float,
 ) -> Motion | None:
     """Return a motion within the limits with a smaller worst error of (K, B, n), or None.
 
@@ -516,7 +525,9 @@ class PredictedPrecision:
 
 
 def predict_precision(
-    motion: Motion, measurement: PlannedMeasurement, durations: tuple[float, ...]
+    motion: Motion,
+    measurement: PlannedMeasurement,
+    durations: tuple[float, ...],
 ) -> PredictedPrecision:
     """Predict the precision of a motion after each of the durations, which increase."""
     law = measurement.law
@@ -553,7 +564,10 @@ def predict_precision(
 
 
 def _notes(
-    motion: Motion, measurement: PlannedMeasurement, least_penetration: float, outward: float
+    motion: Motion,
+    measurement: PlannedMeasurement,
+    least_penetration: float,
+    outward: float,
 ) -> list[str]:
     notes = []
     law = measurement.law
