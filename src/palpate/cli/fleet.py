@@ -34,6 +34,7 @@ from palpate.errors import InvalidParameterError
 from palpate.writing import protect
 
 if TYPE_CHECKING:
+    from palpate.fleet.maps import RowVerdict
     from palpate.fleet.running import Fleet
     from palpate.fleet.tasks import Settings, Table
 
@@ -296,11 +297,11 @@ def _print_counts(console: Console, rows: int, marks: Mapping[str, Sequence[Text
         say(console, f"{maps.quantity_name(of)}: {', '.join(listed)}")
 
 
-def _marks_of(verdicts: Sequence[tuple[str, str]], free: Sequence[bool]) -> list[Text]:
+def _marks_of(verdicts: "Sequence[RowVerdict]", free: Sequence[bool]) -> list[Text]:
     """Return the marks of a quantity as cells."""
     from palpate.findings import spoken
 
-    marks = (_FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True))
+    marks = (_FREE if none else mark for none, (mark, _, _) in zip(free, verdicts, strict=True))
     return [Text(spoken(mark), _STYLES.get(mark, "")) for mark in marks]
 
 

@@ -309,7 +309,7 @@ def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
     rows = []
     both = [maps.verdicts_of(table, of) for of in maps.JUDGED]
     for k, (name, free) in enumerate(zip(_names(table), touches_nothing(table), strict=True)):
-        (stiffness, why), (damping, why_damping) = (marks[k] for marks in both)
+        (stiffness, why, _), (damping, why_damping, _) = (marks[k] for marks in both)
         worst = min(map(maps.VERDICTS.index, (stiffness, damping)))
         if worst < maps.VERDICTS.index("flagged") and not free:
             reason = why or why_damping or "see its findings"

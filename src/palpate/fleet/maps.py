@@ -4,10 +4,10 @@ import json
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,23 +105,37 @@ NO_VERDICT = {
 }
 
 
-def verdicts_of(table: Table, of: str) -> list[tuple[str, str]]:
-    """Return the mark of a quantity in each row and its reason: the error, a finding or a flag.
+class RowVerdict(NamedTuple):
+    """Mark of a quantity in a row, and the error, finding or flag that is its reason."""
+
+    mark: str
+    reason: str = ""
+    #: Rows with the same reason have one kind: the id of a check, or an error without its numbers.
+    kind: str = ""
+
+
+def verdicts_of(table: Table, of: str) -> list[RowVerdict]:
+    """Return the mark of a quantity in each row and its reason.
 
     A row without a mark has that of its findings or flags instead.
     """
     verdicts = []
     columns = "source", "error", f"verdict_{of}", "checked", "findings", "flags"
     for source, error, mark, checked, findings, flags in _column_rows(table, *columns):
-        reasons = [(mark_by(f, of), describe_finding(f)) for f in problems_of(findings, of)]
+        reasons = [
+            RowVerdict(mark_by(finding, of), describe_finding(finding), finding["check"] or "")
+            for finding in problems_of(findings, of)
+        ]
         untrusted = _untrusted_by(of)
-        marks = ("flagged", "do-not-trust")
-        reasons += [(marks[f["check"] in untrusted], describe_flag(f)) for f in flags or ()]
+        for flag in flags or ():
+            severity = "do-not-trust" if flag["check"] in untrusted else "flagged"
+            reasons.append(RowVerdict(severity, describe_flag(flag), flag["check"]))
         if error is not None:
-            reasons = [("failed", error.removeprefix(f"{source}: "))]
-        default = "not-checked" if checked == "none" else "no-finding"
-        severity, reason = min(reasons, key=_severity, default=(default, ""))
-        verdicts.append((mark or severity, reason))
+            text = error.removeprefix(f"{source}: ")
+            reasons = [RowVerdict("failed", text, _mask_numbers(text))]
+        default = RowVerdict("not-checked" if checked == "none" else "no-finding")
+        worst = min(reasons, key=_severity, default=default)
+        verdicts.append(worst._replace(mark=mark or worst.mark))
     return verdicts
 
 
@@ -156,26 +170,26 @@ def _severity(verdict: Sequence[str]) -> int:
 
 def reasons_of_verdicts(
     names: Sequence[str],
-    verdicts: Mapping[str, Sequence[tuple[str, str]]],
+    verdicts: Mapping[str, Sequence[RowVerdict]],
 ) -> list[tuple[str, str]]:
     """Return a mark and a line per reason against trust, the most severe and frequent first.
 
     ``verdicts`` has the marks of each quantity; a reason that concerns several is there once.
     """
-    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for name, *marks in zip(names, *verdicts.values(), strict=True):
-        concerned: dict[tuple[str, str], list[str]] = defaultdict(list)
-        for of, each in zip(verdicts, marks, strict=True):
-            concerned[each].append(quantity_name(of))
-        for (mark, reason), quantities in concerned.items():
+    groups: dict[tuple[str, str, str], list[str]] = defaultdict(list)
+    for name, *row in zip(names, *verdicts.values(), strict=True):
+        concerned: dict[RowVerdict, list[str]] = defaultdict(list)
+        for of, verdict in zip(verdicts, row, strict=True):
+            concerned[verdict].append(quantity_name(of))
+        for (mark, reason, kind), quantities in concerned.items():
             if reason and mark in VERDICTS[:4]:
                 whose = "" if mark in ("failed", "flagged") else f"{', '.join(quantities)} "
                 what = f"{whose}{spoken(mark)}"
-                groups[mark, _mask_numbers(f"{what}: {reason}")].append(f"{what}: {name}: {reason}")
+                groups[mark, what, kind].append(f"{what}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
     return [
-        (verdict, each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1))
-        for (verdict, _), each in ordered
+        (mark, lines[0] + f" (and {len(lines) - 1} more)" * (len(lines) > 1))
+        for (mark, _, _), lines in ordered
     ]
 
 
@@ -335,11 +349,17 @@ def rig_lag_of(table: Table) -> RigLag | None:
     return RigLag(time, spread, len(ratio), span, frequencies)
 
 
-def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:
-    """Group sentences that differ only in numbers: kind, number of rows, and an example."""
-    return _count_kinds(
-        kind for row in sentences for kind in {_mask_numbers(w): w for w in row or ()}.items()
+def kinds_of(
+    rows: Iterable[Sequence[Cell] | None],
+    describe: Callable[[Cell], str],
+) -> list[tuple[str, int, str]]:
+    """Group findings or flags by their check: text without numbers, number of rows, an example."""
+    kinds = _count_kinds(
+        (check, describe(finding))
+        for row in rows
+        for check, finding in {each["check"] or "": each for each in reversed(row or ())}.items()
     )
+    return [(_mask_numbers(example), count, example) for _, count, example in kinds]
 
 
 def reasons_of(table: Table) -> list[tuple[str, int, str]]:

@@ -66,10 +66,9 @@ def fleet_page(folder: Path) -> str:
     table = read_results(folder)
     times = maps.slowest(read_seconds(folder))
     flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
-    notable = [
-        [maps.describe_finding(f) for f in row or () if maps.is_problem(f)] for row in findings
-    ]
-    flags = [[maps.describe_flag(f) for f in row or ()] for row in flags]
+    problems = [[f for f in row or () if maps.is_problem(f)] for row in findings]
+    flag_kinds = maps.kinds_of(flags, maps.describe_flag)
+    problem_kinds = maps.kinds_of(problems, maps.describe_finding)
     reasons = [[escape(k), f"{n}", escape(name)] for k, n, name in maps.reasons_of(table)]
     slowest = [[escape(name), f"{rounded(s, 3)} s", f"{count}"] for name, s, count in times]
     slowest = slowest if len(slowest) > 1 else []
@@ -79,8 +78,16 @@ def fleet_page(folder: Path) -> str:
         ("distributions", "Identified values", _distributions(table)),
         ("map", "Map of the material", _map(table)),
         ("repeats", "Repeats", _repeats(table)),
-        ("flags", "Flags", _kinds("Flags by kind", flags, count)),
-        ("findings", "Findings", _kinds(_FINDINGS, notable, count)),
+        (
+            "flags",
+            "Flags",
+            _kinds("Flags by kind", flag_kinds, count),
+        ),
+        (
+            "findings",
+            "Findings",
+            _kinds(_FINDINGS, problem_kinds, count),
+        ),
         ("outliers", "Outliers", _outliers(table)),
         ("failures", "Failures", _list("Errors by kind", _REASONS, reasons)),
         ("slowest", "Run time", _list("Slowest sources", _TIMES, slowest)),
@@ -196,10 +203,10 @@ def _repeats(table: Table) -> Iterator[str]:
         yield from _list(f"Repeats of the {quantity}", header, rows)
 
 
-def _kinds(title: str, sentences: Iterable[Sequence[str] | None], count: int) -> Iterator[str]:
+def _kinds(title: str, kinds: Iterable[tuple[str, int, str]], count: int) -> Iterator[str]:
     rows = [
         [escape(example if number == 1 else kind), f"{number}", _percent(number, count)]
-        for kind, number, example in maps.kinds_of(sentences)
+        for kind, number, example in kinds
     ]
     yield from _list(title, ["message", "rows", "share"], rows)
 
