@@ -97,7 +97,7 @@ def reproduce(
     if recording:
         _compare(recording, output)
         return
-    from palpate.lab.rig import require_mujoco
+    from palpate.errors import require_mujoco
 
     import_module("palpate.figures")  # raises before the work if matplotlib is not installed
     require_mujoco()

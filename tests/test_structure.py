@@ -13,10 +13,10 @@ HOME = Path(palpate.__file__).parent
 #: From the ground up. A package imports from those below it only, at the top of a file, inside a
 #: function and for type checking.
 FLOORS = (
-    "_core spelling", "errors", "validation digits writing stages",
+    "_core spelling _plugins _moved", "errors", "validation digits writing stages",
     "rows settings force_laws findings", "contact", "estimators", "recordings", "channels",
     "wrench", "preparation", "diagnosis", "quantities", "identification", "results", "figures",
-    "reports", "identifying", "design", "lab", "fleet exports", "_public", "palpate", "live", "cli",
+    "reports", "identifying", "lab", "fleet exports", "_public", "palpate", "live", "cli",
     "__main__",
 )  # fmt: skip
 FLOOR = {name: k for k, names in enumerate(FLOORS) for name in names.split()}
@@ -81,6 +81,50 @@ def test_no_imports_go_round_in_a_circle():
         follow(name, [])
 
 
+#: What turns a recording or a sample into laws, numbers and marks, and shows them; and what hangs
+#: on it, with the number of names that each limb takes without their being public. It may fall.
+LIMBS = {"exports": 0, "lab": 0, "live": 9, "fleet": 19}
+TRUNK = {*FLOOR} - {*LIMBS} - {"palpate", "_public", "cli", "__main__"}
+# Formats of numbers and files, errors and findings: the vocabulary of every package.
+VOCABULARY = {"errors", "validation", "digits", "findings", "writing", "stages"}
+
+
+def public_names():
+    nodes = ast.walk(tree(HOME / "_public.py"))
+    return {each.asname for n in nodes if isinstance(n, ast.ImportFrom) for each in n.names}
+
+
+def names_taken(limb):
+    """The names that are not public which a limb takes from other packages."""
+    public, taken = public_names(), set()
+    for path in (HOME / limb).rglob("*.py"):
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.Import):
+                pairs = [(each.name, "") for each in node.names]
+            elif isinstance(node, ast.ImportFrom):
+                pairs = [(node.module, each.name) for each in node.names]
+            else:
+                continue
+            for module, name in pairs:
+                home = name if module == "palpate" else package(module)
+                if module.split(".")[0] == "palpate" and home not in {limb, *VOCABULARY}:
+                    taken |= {(module, name)} if name not in public else set()
+    return taken
+
+
+def test_a_limb_takes_public_names_from_the_trunk_and_few_others():
+    assert {limb: len(names_taken(limb)) for limb in LIMBS} == LIMBS
+
+
+def test_the_trunk_imports_no_limb_and_a_limb_no_other():
+    between = {(package(a), package(b)) for a, b in imports()}
+    assert not {(a, b) for a, b in between if a in TRUNK and b in LIMBS}
+    crossing = {(a, b) for a, b in between if a in LIMBS and b in LIMBS and a != b}
+    assert crossing <= {(limb, "lab") for limb in LIMBS}  # a public module
+    lab = {module for a, module in imports() if package(a) in LIMBS if package(module) == "lab"}
+    assert "palpate.lab" in lab  # they were found at all
+
+
 def test_every_noun_is_one_class():
     nouns = defaultdict(list)
     for name, path in modules():
@@ -94,7 +138,7 @@ def test_every_noun_is_one_class():
 # files written completely or not at all, interrupts held back, and the check for MuJoCo.
 WITHOUT_A_PUBLIC_NAME = {
     "palpate.figures.style", "palpate.reports", "palpate.reports.html", "palpate.writing",
-    "palpate.fleet.running", "palpate.lab.rig",
+    "palpate.fleet.running", "palpate.errors",
 }  # fmt: skip
 
 

@@ -39,10 +39,10 @@ from palpate import (
     VariableProjection,
     identify,
 )
-from palpate.design import Motion
-from palpate.design.precision import cramer_rao_bound, inverse_information, jacobian
 from palpate.diagnosis import Data
 from palpate.diagnosis.fit import Fit, FitInput, standard_errors
+from palpate.lab.design import Motion
+from palpate.lab.design.precision import cramer_rao_bound, inverse_information, jacobian
 from palpate.preparation.velocity import velocity_of
 from palpate.validation import Floats
 

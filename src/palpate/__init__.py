@@ -1,5 +1,9 @@
 """Real-time identification of contact models, from penetration, velocity and force."""
 
+from palpate import _moved
+
+_moved.install()
+
 TYPE_CHECKING = False  # for the type checker; to import typing takes longer than all else here
 
 if TYPE_CHECKING:

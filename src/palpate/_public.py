@@ -1,11 +1,16 @@
 """The public names, gathered; ``import palpate`` offers them."""
 
+import typing as _typing
+
 from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
+from palpate._core import __version__ as __version__
 from palpate.channels import Columns as Columns
 from palpate.contact import Contact as Contact
+from palpate.contact import Delay as Delay
 from palpate.contact import VelocityFilter as VelocityFilter
 from palpate.diagnosis import Diagnosis as Diagnosis
+from palpate.diagnosis import Quantity as Quantity
 from palpate.diagnosis import Verdict as Verdict
 from palpate.diagnosis import WorkingDepth as WorkingDepth
 from palpate.errors import FleetError as FleetError
@@ -29,7 +34,10 @@ from palpate.estimators.batch_fit import CurveFits as CurveFits
 from palpate.estimators.batch_fit import fit_curves as fit_curves
 from palpate.estimators.estimate import Estimate as Estimate
 from palpate.estimators.estimate import Trace as Trace
+from palpate.estimators.law_verdicts import LawVerdict as LawVerdict
 from palpate.estimators.least_squares import LeastSquares as LeastSquares
+from palpate.estimators.least_squares import least_squares as least_squares
+from palpate.estimators.least_squares import nonnegative as nonnegative
 from palpate.findings import Finding as Finding
 from palpate.fleet.arrays import identify_many as identify_many
 from palpate.force_laws import FORCE_LAWS as FORCE_LAWS
@@ -49,6 +57,7 @@ from palpate.identifying import identify as identify
 from palpate.preparation import choose_gate as choose_gate
 from palpate.preparation import prepare as prepare
 from palpate.preparation.online import OnlinePreparation as OnlinePreparation
+from palpate.preparation.resolution import deviation_of_mean as deviation_of_mean
 from palpate.quantities.derived import QueryOptions as QueryOptions
 from palpate.quantities.elastic_modulus import Cone as Cone
 from palpate.quantities.elastic_modulus import ElasticModulus as ElasticModulus
@@ -79,3 +88,7 @@ from palpate.settings import Scale as Scale
 from palpate.settings import SelfPerturbation as SelfPerturbation
 from palpate.wrench import Payload as Payload
 from palpate.wrench import PayloadCompensation as PayloadCompensation
+
+if _typing.TYPE_CHECKING:  # public modules, imported when they are used: they need extras or time
+    from palpate import figures as figures
+    from palpate import lab as lab

@@ -238,8 +238,8 @@ class Contact:
         low = -np.inf if start is None else number("start", start)
         high = np.inf if stop is None else number("stop", stop)
         keep = between(self.time, low, high, self.source)
-        words = f"{low:g} s to {high:g} s"
-        return replace(self.taken(keep), provenance={**self.provenance, "window": words})
+        text = f"{low:g} s to {high:g} s"
+        return replace(self.taken(keep), provenance={**self.provenance, "window": text})
 
     def taken(self, samples: "slice | NDArray[np.bool_]") -> "Contact":
         """Return a contact of the selected samples, otherwise unchanged."""
@@ -251,9 +251,10 @@ def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bo
     """Mask of the samples between two times, s; raise RecordingError if no sample is there."""
     keep = (time >= low) & (time <= high)
     if not keep.any():
-        first, last = time.min(initial=np.inf), time.max(initial=-np.inf)
-        words = f"there is no sample between {low:g} s and {high:g} s; the recording runs from"
-        raise RecordingError.of(source, f"{words} {first:g} s to {last:g} s")
+        first = time.min(initial=np.inf)
+        last = time.max(initial=-np.inf)
+        text = f"there is no sample between {low:g} s and {high:g} s; the recording runs from"
+        raise RecordingError.of(source, f"{text} {first:g} s to {last:g} s")
     return keep
 
 

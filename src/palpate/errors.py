@@ -135,3 +135,15 @@ def import_extra(module: str, what: str, extra: str) -> "Any":
         return import_module(module)
     except ImportError as error:
         raise MissingExtraError.of(error, what, extra) from None
+
+
+def require_mujoco(what: str = "the twin pantograph", extra: str = "lab") -> "Any":
+    """Return MuJoCo, or raise an error with what needs it and how to install it."""
+    try:
+        return import_module("mujoco")
+    except ImportError:
+        raise MissingExtraError.named(what, "MuJoCo", extra) from None
+    except Exception as error:  # MUJOCO_GL may name a graphics library that is missing
+        raise MissingExtraError(
+            f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
+        ) from None

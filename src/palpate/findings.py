@@ -104,7 +104,9 @@ class Remedy(str):
         """Return the step's sentence with its values, and with the second step's."""
         words = spell_advice(step.value.format(*values))
         remedy = super().__new__(cls, words if otherwise is None else f"{words}, or {otherwise}")
-        remedy.step, remedy.otherwise, remedy._given = step, otherwise, (step, *values)
+        remedy.step = step
+        remedy.otherwise = otherwise
+        remedy._given = (step, *values)
         return remedy
 
     def without(self, step: NextStep) -> "Remedy | None":
@@ -263,7 +265,9 @@ class Check(StrEnum):
     def __new__(cls, title: str, subject: str, holds: Holds | None = None) -> "Check":
         """Return the id, which is its title, with its subject."""
         check = str.__new__(cls, title)
-        check._value_, check.subject, check.holds = title, subject, holds or Holds(0)
+        check._value_ = title
+        check.subject = subject
+        check.holds = holds or Holds(0)
         return check
 
     @property

@@ -10,7 +10,6 @@ from palpate.errors import InvalidParameterError
 from palpate.estimators import (
     ESTIMATORS,
     ContactEstimator,
-    VariableProjection,
     ViscoelasticContact,
 )
 from palpate.estimators.by_law import estimator_by_law
@@ -318,7 +317,8 @@ def compare(
     """
     traced = check_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
-    data, rejecting = Data(contact), outlier_rejection is not False
+    data = Data(contact)
+    rejecting = outlier_rejection is not False
     if (
         known is not None
         and known.data is not None
@@ -333,7 +333,7 @@ def compare(
         name
         for name, kind in ESTIMATORS.items()
         if (kept is None or kind.exponents[0] <= kept <= kind.exponents[1])
-        and (kind is VariableProjection or not contact.timeless)
+        and (kind.works_without_time or not contact.timeless)
     ]
     for name in watch(able):
         kind = ESTIMATORS[name]
@@ -351,7 +351,9 @@ def compare(
 
 
 def _estimator_for_law(
-    estimator: ContactEstimator | str | None, law: str | None, exponent: float | None = None
+    estimator: ContactEstimator | str | None,
+    law: str | None,
+    exponent: float | None = None,
 ) -> ContactEstimator | str | None:
     """Return the estimator of a law, if one is requested, or that keeps a known exponent."""
     known = {} if exponent is None else {"exponent": exponent}

@@ -28,7 +28,7 @@ class _Numbers:
 
     def _plain(self) -> tuple[float, ...]:
         own: Any = self  # each subclass is a dataclass
-        return tuple(float(getattr(self, each.name) or 0.0) for each in fields(own))
+        return tuple(float(getattr(self, field.name) or 0.0) for field in fields(own))
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +55,12 @@ class ContactGate(_Numbers):
 
     def __post_init__(self) -> None:
         make = check_field(self, "make_force", 0.0, 1e100)
-        given = self.break_force
-        if given is None:
+        break_force = self.break_force
+        if break_force is None:
             object.__setattr__(self, "break_force", 0.8 * make)
         if check_field(self, "break_force", 0.0, 1e100) > make:
             raise InvalidParameterError(
-                f"break_force must be in [0, make_force = {make:g}], not {shown(given)}"
+                f"break_force must be in [0, make_force = {make:g}], not {shown(break_force)}"
             )
         check_field(self, "minimum_penetration", 0.0, 1e100)
 

@@ -17,7 +17,7 @@ from palpate import (
     KelvinVoigt,
     lab,
 )
-from palpate.design import (
+from palpate.lab.design import (
     PAPER_MOTION,
     Motion,
     MotionCommand,
@@ -25,8 +25,8 @@ from palpate.design import (
     effective_noise,
     write_motion,
 )
-from palpate.design.figures import draw_design
-from palpate.design.precision import cramer_rao_bound, jacobian, mean_rounding_error
+from palpate.lab.design.figures import draw_design
+from palpate.lab.design.precision import cramer_rao_bound, jacobian, mean_rounding_error
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]

@@ -35,7 +35,7 @@ from palpate import (
     identify,
     prepare,
 )
-from palpate.design import Motion as Planned
+from palpate.lab.design import Motion as Planned
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 

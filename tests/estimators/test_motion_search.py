@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate import HuntCrossley, lab
-from palpate.design import Motion, design
+from palpate.lab.design import Motion, design
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]

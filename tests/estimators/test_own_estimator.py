@@ -14,8 +14,8 @@ from scipy import optimize
 
 import palpate
 from palpate import Status, figures, force_laws
-from palpate.design.precision import cramer_rao_bound
 from palpate.estimators import contact_estimator
+from palpate.lab.design.precision import cramer_rao_bound
 from palpate.validation import instance, number_in
 
 

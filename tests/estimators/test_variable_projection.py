@@ -31,7 +31,7 @@ from palpate import (
     VariableProjection,
     design,
 )
-from palpate.design.precision import cramer_rao_bound
+from palpate.lab.design.precision import cramer_rao_bound
 
 LAWS_TRIED = 20
 

@@ -23,6 +23,7 @@ from palpate.estimators.estimate import ADVICE
 from palpate.findings import Check, Finding
 from palpate.fleet.files import Results, list_sources, read_results
 from palpate.fleet.maps import (
+    describe_flag,
     format_values,
     kinds_of,
     map_of,
@@ -443,8 +444,9 @@ def test_outliers_are_named_and_an_uncertain_value_is_none():
 
 
 def test_sentences_are_counted_by_what_they_say_and_the_slowest_sources_come_first():
-    found = kinds_of([["only 12 samples", "a"], ["only 7 samples", "only 8 samples"], None])
-    assert found[0][:2] == ("only … samples", 2)
+    few = [cell("note", Check.EXCITATION, f"only {k} samples") for k in (12, 7, 8)]
+    found = kinds_of([[few[0], cell("note", Check.SPIKES, "a")], few[1:], None], describe_flag)
+    assert found[0] == ("only … samples", 2, "only 12 samples")
     made = [{"source": f"{k}.csv", "error": f"{k}.csv: row {k} is no number"} for k in range(3)]
     [(kind, count, first)] = reasons_of(table_of_rows(made, Settings()))
     assert (kind, count, first) == ("row … is no number", 3, "0.csv")
@@ -594,7 +596,7 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     assert "Outliers" not in page
     assert "<h2>Findings" not in page
     assert "not checked" not in page
-    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.reports.html.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "palpate checked neither the data nor the fits" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37
@@ -660,7 +662,7 @@ def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
     findings = [[], [], [], [cell("note", "a", "b"), cell("with-care", "spikes", "two")], []]
     checked = [*["input"] * 4, "none"]
     table = rows([1.0] * 5, [0.1] * 5, flags=flags, findings=findings, checked=checked)
-    assert verdicts_of(table, "stiffness") == [
+    assert [verdict[:2] for verdict in verdicts_of(table, "stiffness")] == [
         ("no-finding", ""),
         ("flagged", "only 3 samples in contact"),
         ("do-not-trust", str(NEGATIVE_STIFFNESS)),

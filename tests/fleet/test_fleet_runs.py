@@ -40,7 +40,7 @@ def recordings(tmp_path_factory):
 def test_a_folder_of_all_kinds_becomes_a_row_each(
     printed, refused, recordings, tmp_path, monkeypatch, threaded
 ):
-    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.reports.html.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
     out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert "9 contacts in" in out

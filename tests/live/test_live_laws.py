@@ -12,7 +12,6 @@ from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
-from palpate.diagnosis import Where
 from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
@@ -254,7 +253,7 @@ def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
     assert headline(page, status, {}, "") == (lines := number_lines(result))
     assert all(line.mark for line in lines)
     now = {"stiffness": (500.0, 1.0), "damping": (4.0, 0.1)}
-    at = describe_place(Where(9e-3, 2.0))
+    at = describe_place(9e-3, 2.0)
     for found, why in ((None, "--no-diagnosis"), ({}, "first"), (page, "material has changed")):
         first, second = headline(found, {**status, "counts": {"changes": 1}}, now, at)
         assert (first.name, first.value, first.at, first.mark) == (

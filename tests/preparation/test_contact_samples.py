@@ -23,7 +23,7 @@ from scipy.stats import binom
 
 import palpate
 from palpate import Contact, Scale, Status, VariableProjection, identify, lab
-from palpate.design.precision import cramer_rao_bound
+from palpate.lab.design.precision import cramer_rao_bound
 from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)

@@ -79,7 +79,8 @@ def identify(
     from palpate.findings import Check
     from palpate.identifying import identify as run
 
-    query, depth = deriving.query, judging.depth
+    query = deriving.query
+    depth = judging.depth
     drawing.check()
     destination = None
     if output is not None:  # once it is known that it can be written there
@@ -118,7 +119,9 @@ def identify(
 
 
 def _estimator(
-    contact: "Contact", choosing: MethodOptions, reading: ReadingOptions
+    contact: "Contact",
+    choosing: MethodOptions,
+    reading: ReadingOptions,
 ) -> "tuple[MethodOptions, ContactEstimator]":
     """The estimator that the options request, and the options that name it."""
     choosing = reading.choose_default_law(choosing, timeless=contact.timeless)
@@ -183,7 +186,8 @@ def diagnose(
     from palpate.identifying import identify as run
     from palpate.results.saved import describe_contact
 
-    depth, contact = judging.depth, reading.contact(files, choosing.options)
+    depth = judging.depth
+    contact = reading.contact(files, choosing.options)
     result = run(contact, _estimator(contact, choosing, reading)[1], trace=False)
     result = result if depth is None else result.at_depth(depth)
     if as_json:

@@ -122,8 +122,8 @@ class StreamOptions:
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):
-                words = "has timestamps" if recording else "is not a recording"
-                raise InvalidParameterError(f"{address} {words}: omit --{name}")
+                text = "has timestamps" if recording else "is not a recording"
+                raise InvalidParameterError(f"{address} {text}: omit --{name}")
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
         """Return the preparation of the source's samples."""
@@ -231,7 +231,8 @@ def live(
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
         chosen = chosen.replace(exponent=check_fixed_exponent(exponent, type(chosen)))
-    tool, taken = incoming.tool, incoming.source(source)
+    tool = incoming.tool
+    taken = incoming.source(source)
     sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(
         taken,

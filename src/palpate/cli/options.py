@@ -67,7 +67,7 @@ def names_in(*registries: str, prefix: str = "") -> Callable[[object], Iterable[
     """Return a completion of values: the names in registries such as ``palpate.lab.MATERIALS``."""
 
     def complete(_: object) -> Iterable[str]:
-        for module, _, name in (each.rpartition(".") for each in registries):
+        for module, _, name in (registry.rpartition(".") for registry in registries):
             yield from (f"{prefix}{each}" for each in getattr(import_module(module), name))
 
     return complete
@@ -153,7 +153,9 @@ class FigureOptions:
 
             module, _, name = draw.rpartition(".")
             rendered = getattr(import_module(module), name)(
-                what, dark=self.dark, width=self._metres()
+                what,
+                dark=self.dark,
+                width=self._metres(),
             )
             save(rendered, self.figure)
 
@@ -190,7 +192,11 @@ class VerdictOptions:
 
     def status(self, verdicts: "Iterable[Verdict]", *, damping: bool = False) -> int:
         """Return 3 if a mark of a stiffness, or of a damping if that counts, is a failure."""
-        marks = (mark for each in verdicts for mark in (each.stiffness, *[each.damping] * damping))
+        marks = (
+            mark
+            for verdict in verdicts
+            for mark in (verdict.stiffness, *[verdict.damping] * damping)
+        )
         return mark_status(self.fail_on, marks)
 
 
@@ -272,7 +278,10 @@ def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group)
 
 
 def positive(
-    option: str, text: str | None, channel: str | Mapping[str, float], most: float
+    option: str,
+    text: str | None,
+    channel: str | Mapping[str, float],
+    most: float,
 ) -> float | None:
     """Return a quantity in SI, in (0, ``most``]; None if it was not passed."""
     from palpate.validation import number_in
@@ -333,7 +342,8 @@ def parse_tip(text: str) -> "Tip":
 
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))
-    option, round_ = f"--tip {kind}:{name}", {"sphere": Sphere, "punch": FlatPunch}
+    option = f"--tip {kind}:{name}"
+    round_ = {"sphere": Sphere, "punch": FlatPunch}
     pointed: dict[str, type[Cone | Pyramid]] = {"cone": Cone, "pyramid": Pyramid}
     if kind in round_ and name in ("radius", "diameter"):
         length = quantity(option, value, "penetration")

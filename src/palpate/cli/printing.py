@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 from cyclopts import Parameter
 from rich.cells import cell_len
@@ -123,48 +123,72 @@ def print_table(
     prose : sequence of str
         Headings of the columns whose text may be wrapped; other cells are never wrapped.
     """
+    texts = [list(map(as_text, row)) for row in rows]
+    columns = []
+    for k, cells in enumerate(zip(*texts, strict=True)):
+        words = set(map(str, cells))
+        if words.issubset(_NOTHING):
+            continue
+        folded = headings[k] in prose
+        title = headings[k].removeprefix(">")
+        most = _NARROWEST_PROSE if folded else math.inf
+        widest = int(min(max(map(_width, words)), most))
+        least = max(widest, int(min(_width(title), most)))
+        columns.append(_TableColumn(cells, title, title != headings[k], folded, widest, least))
+    if sum(column.least for column in columns) + _GAP * (len(columns) - 1) <= console.width:
+        _print_side_by_side(console, columns)
+    else:
+        _print_one_below_the_other(console, columns)
+
+
+class _TableColumn(NamedTuple):
+    cells: Sequence[Text]
+    title: str
+    numeric: bool
+    folded: bool
+    #: Widths of the widest cell, and of the column at least; prose may be narrower.
+    widest: int
+    least: int
+
+
+def _print_side_by_side(console: Console, columns: Sequence[_TableColumn]) -> None:
     from rich.table import Table  # here, because help needs no table and must be fast
 
-    texts = [list(map(as_text, row)) for row in rows]
-    shown, plain, least, cells = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
-    for k, column in enumerate(zip(*texts, strict=True)):
-        words = list(map(str, column))
-        if set(words).issubset(_NOTHING):
-            continue
-        shown.append(k)
-        plain[k] = headings[k].removeprefix(">")
-        most = _NARROWEST_PROSE if headings[k] in prose else math.inf
-        cells[k] = int(min(max(map(_width, words)), most))
-        least[k] = max(cells[k], int(min(_width(plain[k]), most)))
-    if sum(least.values()) + _GAP * (len(shown) - 1) <= console.width:
-        table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
-        table.show_header = any(plain.values())
-        for k in shown:
-            justify: JustifyMethod = "left" if plain[k] == headings[k] else "right"
-            folded = headings[k] in prose
-            table.add_column(plain[k], justify=justify, no_wrap=not folded, overflow="fold")
-        for row in texts:
-            table.add_row(*(row[k] for k in shown))
-        for parts in console.render_lines(table, pad=False):
-            line = Text.assemble(*((part.text, part.style or "") for part in parts))
-            line.rstrip()
-            console.print(line, soft_wrap=True)
-        return
-    flat = {k: plain[k].replace("\n", ", ").strip() for k in shown}
-    labels = {k: flat[k] for k in shown[1:]}
-    widest = max(cells[k] for k in labels) if labels else 0
+    table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
+    table.show_header = any(column.title for column in columns)
+    for column in columns:
+        justify: JustifyMethod = "right" if column.numeric else "left"
+        table.add_column(column.title, justify=justify, no_wrap=not column.folded, overflow="fold")
+    for row in zip(*(column.cells for column in columns), strict=True):
+        table.add_row(*row)
+    for segments in console.render_lines(table, pad=False):
+        line = Text.assemble(*((segment.text, segment.style or "") for segment in segments))
+        line.rstrip()
+        console.print(line, soft_wrap=True)
+
+
+def _print_one_below_the_other(console: Console, columns: Sequence[_TableColumn]) -> None:
+    from rich.table import Table
+
+    name, *others = columns
+    labels = [_flatten(column.title) for column in others]
+    widest = max((column.widest for column in others), default=0)
     room = max(console.width - widest - 2 * _GAP, _NARROWEST_LABEL)
-    for row in texts:
+    labelled = min(room, max(map(cell_len, labels), default=0))
+    unit = f"{_flatten(name.title)} " if name.numeric else ""
+    for k, title in enumerate(name.cells):
         block = Table(box=None, show_header=False, padding=(0, 0, 0, _GAP))
-        labelled = min(room, max(map(cell_len, labels.values()), default=0))
         block.add_column(width=labelled, overflow="fold")
         block.add_column(overflow="fold")
-        for k, label in labels.items():
-            if row[k].plain not in _NOTHING:
-                block.add_row(Text(label, "dim"), row[k])
-        unit = Text(f"{flat[shown[0]]} " if headings[shown[0]].startswith(">") else "")
-        say(console, unit.append_text(row[shown[0]]), "bold")
+        for label, column in zip(labels, others, strict=True):
+            if column.cells[k].plain not in _NOTHING:
+                block.add_row(Text(label, "dim"), column.cells[k])
+        say(console, Text(unit).append_text(title), "bold")
         console.print(block)
+
+
+def _flatten(title: str) -> str:
+    return title.replace("\n", ", ").strip()
 
 
 def _width(words: str) -> int:
@@ -281,9 +305,9 @@ def _cell(cell: "str | Styled") -> Cell:
 def _format_line(line: "Line") -> Text:
     from palpate.findings import spoken  # here: it imports NumPy, which help does not need
 
-    words = Text(f"{line.name}: " if line.name else "")
+    text = Text(f"{line.name}: " if line.name else "")
     if line.mark:
-        words.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
-        words.append(": " if line.text[:1].islower() else ". ")
-    words.append("; ".join((line.text, *line.remarks)))
-    return words.append(f" ({line.remedy})", "dim") if line.remedy else words
+        text.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
+        text.append(": " if line.text[:1].islower() else ". ")
+    text.append("; ".join((line.text, *line.remarks)))
+    return text.append(f" ({line.remedy})", "dim") if line.remedy else text

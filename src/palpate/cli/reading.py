@@ -222,7 +222,10 @@ class ReadingOptions:
                 if curve is not None:
                     return curve
             second = self.companion and open_with_progress(
-                self.companion, None, max_size=self.max_size, strict=self.strict
+                self.companion,
+                None,
+                max_size=self.max_size,
+                strict=self.strict,
             )
             return prepare(recording, companion=second, **self.preparation)
         except MissingChannelError as error:
@@ -282,8 +285,10 @@ class ReadingOptions:
     @property
     def changed_preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare` that are not the default ones."""
-        usual = ReadingOptions().preparation
-        return {name: value for name, value in self.preparation.items() if value != usual[name]}
+        preparation = ReadingOptions().preparation
+        return {
+            name: value for name, value in self.preparation.items() if value != preparation[name]
+        }
 
     @property
     def _surface(self) -> Any:
@@ -292,8 +297,8 @@ class ReadingOptions:
         try:
             return quantity("--surface", str(self.surface), "penetration")
         except InvalidParameterError as error:
-            words = f"{error}; or threshold, baseline, fit or estimate"
-            raise InvalidParameterError(words) from None
+            text = f"{error}; or threshold, baseline, fit or estimate"
+            raise InvalidParameterError(text) from None
 
     @property
     def options(self) -> dict[str, Any]:
@@ -305,7 +310,10 @@ class ReadingOptions:
         }
 
     def choose_default_law(
-        self, choosing: MethodOptions, *, timeless: bool = False
+        self,
+        choosing: MethodOptions,
+        *,
+        timeless: bool = False,
     ) -> MethodOptions:
         """Return the options, with the default law if neither law nor method is requested.
 

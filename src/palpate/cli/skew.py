@@ -14,7 +14,11 @@ _STYLES = {"trust": "green", "with-care": "yellow"}
 
 
 def skew(
-    files: Files, /, *, as_json: AsJson = False, reading: ReadingOptions = ReadingOptions()
+    files: Files,
+    /,
+    *,
+    as_json: AsJson = False,
+    reading: ReadingOptions = ReadingOptions(),
 ) -> None:
     """Measure how late the force is behind the position, from a touch of a steel spring.
 

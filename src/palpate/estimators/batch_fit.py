@@ -80,6 +80,11 @@ class CurveFits:
         """The name of each curve's status."""
         return [STATUS_WORDS[code] for code in self.status.tolist()]
 
+    def where_status(self, name: str) -> NDArray[np.bool_]:
+        """Mask of the curves with the status of this name, such as ``"no contact"``."""
+        curves: NDArray[np.bool_] = self.status == STATUS_WORDS.index(name)
+        return curves
+
     def law(self, curve: int) -> HuntCrossley:
         """The law of one curve."""
         return HuntCrossley(K=float(self.K[curve]), B=float(self.B[curve]), n=float(self.n[curve]))
@@ -161,7 +166,9 @@ def fit_curves(
     curves = _check_curves(*(settings.pop(name) for name in _SIGNALS))
     shared = whole_in("threads", settings.pop("threads"), 1, 1024)
     numbers, covariance, taken, codes = _fit_rows(
-        curves, _check_settings(len(curves[0]), settings), shared
+        curves,
+        _check_settings(len(curves[0]), settings),
+        shared,
     )
     *law, sigma, cost = numbers[:, :7].T.copy()
     columns: list[Any] = [*law, covariance, sigma, cost, taken, *codes.T.copy()]

@@ -122,7 +122,11 @@ class LeastSquaresOfLaw(PythonEstimator):
             self._status = Status.HELD
 
     def update(
-        self, penetration: float, velocity: float, force: float, dt: float | None = None
+        self,
+        penetration: float,
+        velocity: float,
+        force: float,
+        dt: float | None = None,
     ) -> Status:
         """Take one sample and return its status; never raises on data."""
         size = max(abs(penetration), abs(velocity), abs(force))
@@ -430,7 +434,8 @@ def law_names() -> tuple[str, ...]:
 
 
 def estimator_by_law(
-    law: str | None = None, method: str | None = None
+    law: str | None = None,
+    method: str | None = None,
 ) -> tuple[type[ContactEstimator], dict[str, Any]]:
     """Return the estimator that identifies a law, and its settings.
 
@@ -451,6 +456,8 @@ def estimator_by_law(
     requested = None if method is None else estimator_named(method)
     if law is None:
         return requested or VariableProjection, {}
+    if law not in law_names():
+        FORCE_LAWS.get(law)  # loads the laws of other packages
     check_choice("law", law, law_names())
     settings = _SETTINGS.get(law)
     if requested is ViscoelasticContact and law == USUAL:

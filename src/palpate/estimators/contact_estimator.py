@@ -65,13 +65,19 @@ class ContactEstimator(Configured):
     chooses_law: ClassVar[bool] = False
     #: Whether another registered method of the same law replaces it.
     gives_way: ClassVar[bool] = False
+    #: Whether it identifies the spring of a curve without time.
+    works_without_time: ClassVar[bool] = False
     #: Whether it uses the contact's uncertainty of the force offset and of the surface position.
     knows_offset: ClassVar[bool] = False
 
     if TYPE_CHECKING:  # the compiled class, or the user's own method, defines these
 
         def update(
-            self, penetration: float, velocity: float, force: float, dt: float | None = None
+            self,
+            penetration: float,
+            velocity: float,
+            force: float,
+            dt: float | None = None,
         ) -> _core.Status:
             """Take one sample and return its status; never raises on data."""
 
@@ -93,6 +99,9 @@ class ContactEstimator(Configured):
         def evidence(self) -> Evidence:
             """The numbers from which a verdict is computed; only if the method selects a law."""
 
+        def pack_verdict(self, *, with_estimate: bool = True) -> dict[str, Any]:
+            """The same, and the estimate, as JSON types; only if the method selects a law."""
+
     @property
     def offered(self) -> tuple[Candidate, ...]:
         """The competing laws if the method selects one; otherwise none."""
@@ -105,6 +114,10 @@ class ContactEstimator(Configured):
 
     def verdict(self) -> LawVerdict | None:
         """The verdict on the best law if the method selects one; otherwise None."""
+        return None
+
+    def second_pass(self) -> Self | None:
+        """Return a fresh estimator that knows what this one learned of the sensor; else None."""
         return None
 
     def replay(
@@ -242,7 +255,8 @@ _UNKNOWN_RESPONSE = math.nan, (0.0, 1e100, 0.0, 1e100)
 
 
 def _response_settings(
-    at: float | None, prior: ResponsePrior | None
+    at: float | None,
+    prior: ResponsePrior | None,
 ) -> tuple[float, tuple[float, ...]]:
     """Check the depth and the bounds of a response for the compiled estimate."""
     if at is None and prior is None:
@@ -341,7 +355,9 @@ Rejection = OutlierRejection | Literal[False] | None
 
 
 def loop_settings(
-    settings: dict[str, Any], default_scale: Scale, perturbation: tuple[float, ...] = (0.0, 0.0)
+    settings: dict[str, Any],
+    default_scale: Scale,
+    perturbation: tuple[float, ...] = (0.0, 0.0),
 ) -> tuple[Any, ...]:
     """Check the loop's settings; an absent detector or rejection costs no memory and no time."""
     forgetting = settings.get("forgetting")

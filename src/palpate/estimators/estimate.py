@@ -124,7 +124,10 @@ class Estimate(EstimateValue):
     __slots__ = ("_law", "_law_type", "fixed")
 
     def __init__(
-        self, value: EstimateValue, law_type: type[ForceLaw], fixed: tuple[str, ...] = ()
+        self,
+        value: EstimateValue,
+        law_type: type[ForceLaw],
+        fixed: tuple[str, ...] = (),
     ) -> None:
         super().__init__(value)
         self._law_type = law_type
@@ -431,7 +434,9 @@ def check_trace(trace: Any) -> Traced:
 
 
 def choose_trace_samples(
-    trace: Traced, time: Floats, segments: "Sequence[slice]"
+    trace: Traced,
+    time: Floats,
+    segments: "Sequence[slice]",
 ) -> NDArray[np.int64] | None:
     """Return the samples after which a contact's trace contains the estimate; None: all samples.
 

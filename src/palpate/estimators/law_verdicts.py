@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import palpate._core as _core
 from palpate.digits import format_quantity, rounded
@@ -102,6 +102,7 @@ class RankedModel:
         }
 
 
+Certainty: TypeAlias = Literal["alone", "open", "weak", "strong"]
 _NUMBERS = ("samples", "effective_samples", "depth", "frequency")
 
 
@@ -160,6 +161,21 @@ class LawVerdict(Plain):
         """The best other law without memory; None if none competes."""
         others = (each for each in self.model_ranking[1:] if each.candidate.memory == "none")
         return next(others, None)
+
+    @property
+    def lead(self) -> float:
+        """ΔBIC of the law over the best other law without memory; NaN without one."""
+        rival = self.rival
+        return math.nan if rival is None else rival.score
+
+    @property
+    def certainty(self) -> Certainty:
+        """How strong the evidence is against that other law."""
+        if math.isnan(self.lead):
+            return "alone"
+        if self.lead < UNDECIDED:
+            return "open"
+        return "weak" if self.lead < STRONG else "strong"
 
     @property
     def comparison(self) -> str:

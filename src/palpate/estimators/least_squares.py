@@ -20,7 +20,10 @@ POLES = 1.0 - 0.5 ** np.arange(0.0, 4.1, 0.25)
 
 
 def long_run_covariance(
-    scores: Floats, residual: Floats, shared: Sequence[Floats] = (), fitted: int = 0
+    scores: Floats,
+    residual: Floats,
+    shared: Sequence[Floats] = (),
+    fitted: int = 0,
 ) -> Floats:
     """Covariance of Σ u e for a correlated residual e.
 
@@ -46,7 +49,10 @@ def long_run_covariance(
 
 
 def robust_covariance(
-    jacobian: Floats, residual: Floats, shared: Sequence[Floats] = (), others: int = 0
+    jacobian: Floats,
+    residual: Floats,
+    shared: Sequence[Floats] = (),
+    others: int = 0,
 ) -> Floats:
     """Covariance of a least-squares fit from its Jacobian and residual.
 
@@ -115,6 +121,9 @@ def least_squares(
 ) -> Fitted:
     """Fit any law by Levenberg–Marquardt from a start; a linear model takes one step.
 
+    For example y = exp(−a t): ``least_squares(lambda a: (y - np.exp(-a * t), -t[:, None] *
+    np.exp(-a * t)[:, None]), np.array([1.0])).parameters``.
+
     For the Hunt–Crossley law on raw samples ``_core.fit_samples`` finds the same minimum three to
     fifteen times faster; this function takes any law, and window averages of its gradient.
 
@@ -162,11 +171,26 @@ def least_squares(
 
 
 def nonnegative(
-    gram: Floats, moment: Floats, free: NDArray[np.bool_], used: NDArray[np.bool_]
+    gram: Floats,
+    moment: Floats,
+    free: NDArray[np.bool_],
+    used: NDArray[np.bool_],
 ) -> Floats:
-    """Return the factors ≥ 0, or of any sign where free, of a least squares; 0 where not used.
+    """Return the factors c ≥ 0 that minimise ‖A c − y‖², from the normal equations.
 
-    Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23, on the normal equations.
+    Lawson & Hanson, Solving Least Squares Problems, 1974, chapter 23. For example the stiffnesses
+    of a spectrum of relaxation times: ``nonnegative(a.T @ a, a.T @ y, none, ~none)``.
+
+    Parameters
+    ----------
+    gram : numpy.ndarray, shape (p, p)
+        AᵀA.
+    moment : numpy.ndarray, shape (p,)
+        Aᵀy.
+    free : numpy.ndarray of bool, shape (p,)
+        Factors that may have any sign.
+    used : numpy.ndarray of bool, shape (p,)
+        Factors to fit; the others are 0.
     """
     gram = gram + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
     active = free & used

@@ -181,7 +181,10 @@ class _Samples:
         self.force = force[self.rows]
 
     def _air(
-        self, penetration: Floats, force: Floats, taken: NDArray[np.bool_]
+        self,
+        penetration: Floats,
+        force: Floats,
+        taken: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
         """Whether each sample is one of the selected free-air samples, at most as many as taken."""
         touched = np.maximum.accumulate(np.where(self.path > 0.0, self.clock, -np.inf))
@@ -286,9 +289,11 @@ class _Columns:
     def error_after(self, depth: float, time: float) -> float:
         """Standard error of n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)] by the delta method."""
         stiffness, n = self.numbers[:2]
-        slope, left = n * depth ** (n - 1.0), np.exp(-time / self.times)
+        slope = n * depth ** (n - 1.0)
+        left = np.exp(-time / self.times)
         gradient = np.zeros((1, len(self.numbers)))
-        gradient[0, 0], gradient[0, 4:] = slope, slope * left
+        gradient[0, 0] = slope
+        gradient[0, 4:] = slope * left
         whole = slope * (stiffness + float(self.numbers[4:] @ left))
         gradient[0, 1] = whole * (1.0 / n + math.log(depth))
         return float(self.errors(gradient)[0])

@@ -101,7 +101,9 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
         perturbation = given["perturbation"] or SelfPerturbation(gain=0.0, sensitivity=0.0)
         start = given["initial"].parameters.tolist()
         covariance = covariance_matrix(
-            "initial_covariance", given["initial_covariance"], len(start)
+            "initial_covariance",
+            given["initial_covariance"],
+            len(start),
         )
         exponent = check_exponent(given.get("exponent"))  # only Hunt–Crossley estimators have it
         if exponent is not None:

@@ -1,7 +1,7 @@
 """Variable projection: no starting values, no logarithm, a standard error for every number."""
 
 import math
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 import numpy as np
 
@@ -104,6 +104,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     law_type = HuntCrossley
     chooses_samples = True
     knows_offset = True
+    works_without_time = True
 
     def __init__(
         self,
@@ -132,6 +133,17 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         surfaces = surfaces_in(surface, surface_range, (least * unit, most * unit), 5.0 * unit)
         deviation = positive_or_none("surface_deviation", surface_deviation)
         super().__init__(projection_settings(self._settings), (surfaces, deviation), loop)
+
+    def second_pass(self) -> Self | None:
+        """Return a fresh estimator that corrects the sensor's rounding as this one learned it.
+
+        None if the force is not rounded, or if old samples count less, whose correction would then
+        differ.
+        """
+        if self._settings["forgetting"] or self._settings["change_detector"]:
+            return None
+        fresh = self.replace()
+        return fresh if fresh._unround_as(self) else None
 
 
 def projection_settings(

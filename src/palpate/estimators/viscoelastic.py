@@ -1,11 +1,13 @@
 """A generalised Hunt–Crossley law, with a spectrum of relaxation times if there is memory."""
 
-from collections.abc import Callable
+from base64 import b64decode, b64encode
+from collections.abc import Callable, Mapping
 from typing import Any, Literal
 
 import numpy as np
 
 import palpate._core as _core
+from palpate._core import Status
 from palpate.errors import InvalidParameterError
 from palpate.estimators.contact_estimator import CompiledEstimator, Rejection, loop_settings
 from palpate.estimators.estimate import Estimate
@@ -214,12 +216,27 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         longest = float(self._spectrum().numbers()[3][-1][1])
         return Evidence(*self._evidence(), offered, longest)
 
+    def pack_verdict(self, *, with_estimate: bool = True) -> dict[str, Any]:
+        """Return the numbers of a verdict and an estimate as JSON types, for another process.
+
+        :func:`unpack_verdict` reads them. The estimate has some 350 numbers: as decimal digits they
+        would take ten times as long.
+        """
+        packed: dict[str, Any] = {"evidence": self.evidence()}
+        if not with_estimate:
+            return packed | dict.fromkeys(("fixed", "covariance", "spectrum"))
+        estimate: Any = self.estimate()
+        packed |= {"fixed": estimate.fixed, "covariance": _pack_numbers(estimate.covariance)}
+        return packed | {"spectrum": [*map(_pack_numbers, estimate.spectrum[:3])]}
+
     def verdict(self) -> LawVerdict:
         """Return the selected law, with the evidence for all competing laws."""
         return judge_evidence(self.evidence(), self.estimate())
 
     def dynamic_stiffness(
-        self, depth: float | None = None, frequency: float | None = None
+        self,
+        depth: float | None = None,
+        frequency: float | None = None,
     ) -> DynamicStiffness:
         """Return stiffness and damping for small oscillations, with standard errors.
 
@@ -261,6 +278,29 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     def _step(self) -> float:
         given = self._settings["sample_time"]
         return SAMPLE_TIME if given is None else given
+
+
+def _pack_numbers(values: Floats) -> str:
+    return b64encode(values.tobytes()).decode()
+
+
+def unpack_verdict(packed: Mapping[str, Any]) -> tuple[LawVerdict, Estimate]:
+    """Return verdict and estimate from :meth:`ViscoelasticContact.pack_verdict`.
+
+    Without an estimate the law is one of zero force.
+    """
+    if packed["spectrum"] is None:
+        law = GeneralisedHuntCrossley(K=0.0, n=1.0, B=0.0, p=1.0)
+        covariance = np.zeros((law.parameters.size,) * 2)
+        estimate = Estimate.from_law(law, covariance, status=Status.WAITING, samples=0)
+    else:
+        arrays = (packed["covariance"], *packed["spectrum"])
+        covariance, times, numbers, joint = (np.frombuffer(b64decode(each)) for each in arrays)
+        law = build_law(times, numbers)
+        value = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
+        spectrum: Any = times, numbers, joint.reshape(len(numbers) + 1, -1), []
+        estimate = RelaxingEstimate(value, tuple(packed["fixed"]), spectrum)
+    return judge_evidence(Evidence(*packed["evidence"]), estimate), estimate
 
 
 def _candidate_bits(damping: str, memory: str) -> int:

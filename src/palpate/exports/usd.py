@@ -30,7 +30,9 @@ class _Material(Fragment):
     """A material with a stiffness and a damping."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        law, request, comment = self.engine_law, self.request, hash_comment(notes)
+        law = self.engine_law
+        request = self.request
+        comment = hash_comment(notes)
         scene = {"radius": request.radius_or_any, "mass": request.mass_or_one}
         return {
             "material.usda": template("usd_material.usda", comment=comment, law=law),

@@ -1,12 +1,25 @@
-"""Figures of an identification, and the style of all figures. Needs the extra ``figures``.
+"""Figures of an identification, and what all figures are made of. Needs the extra ``figures``.
 
-Other figures are in :mod:`palpate.design.figures`, :mod:`palpate.fleet.figures` and
-:mod:`palpate.lab.figures`.
+A figure of your own has palpate's colours, sizes and units by ``look = choose_look()`` and ``with
+drawing(look, height) as figure:``. Other figures are in :mod:`palpate.lab.design.figures`,
+:mod:`palpate.fleet.figures` and :mod:`palpate.lab.figures`.
 """
 
+from palpate.figures.field import ERRORS as ERRORS
+from palpate.figures.field import VALUES as VALUES
+from palpate.figures.field import draw_field as draw_field
 from palpate.figures.identified import draw as draw
 from palpate.figures.identified import draw_comparison as draw_comparison
 from palpate.figures.identified import draw_oscillations as draw_oscillations
 from palpate.figures.panels import draw_residuals as draw_residuals
+from palpate.figures.style import AxisScale as AxisScale
+from palpate.figures.style import Look as Look
 from palpate.figures.style import check_figure as check_figure
+from palpate.figures.style import choose_look as choose_look
+from palpate.figures.style import choose_scale as choose_scale
+from palpate.figures.style import drawing as drawing
+from palpate.figures.style import figure_style as figure_style
+from palpate.figures.style import head as head
+from palpate.figures.style import largest as largest
 from palpate.figures.style import save as save
+from palpate.figures.style import set_titles as set_titles

@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 Mask: TypeAlias = NDArray[np.bool_]
 Indices: TypeAlias = NDArray[np.intp]
 #: Colours of values and of their errors.
-VALUES, ERRORS = "viridis", "cividis"
+VALUES = "viridis"
+ERRORS = "cividis"
 # The values are drawn as cells if at least this share of the grid's cells has a place.
 _FILLED = 0.6
 
@@ -79,9 +80,11 @@ def colour_range(values: Floats, *, zero: bool) -> tuple[float, float]:
     """Return the ends of the colours for values; the lower end is 0 if ``zero`` is set."""
     if not values.size:
         return 0.0, 1.0
-    low, high = float(values.min()), float(values.max())
+    low = float(values.min())
+    high = float(values.max())
     if high <= low:
-        low, high = low - 0.5 * abs(low) - 1e-30, high + 0.5 * abs(high) + 1e-30
+        low = low - 0.5 * abs(low) - 1e-30
+        high = high + 0.5 * abs(high) + 1e-30
     return (0.0 if zero else low), high
 
 

@@ -86,12 +86,14 @@ def draw(identification: Identified, *, dark: bool = False, width: float | None 
     MissingExtraError
         matplotlib is not installed.
     """
-    look, result = choose_look(dark=dark, width=width), identification
+    look = choose_look(dark=dark, width=width)
+    result = identification
     condition = result.estimator.needs_condition_10
     law: Any = result.law
     spectrum = law.remembers and isinstance(law.relaxation, RelaxationSpectrum)
     if look.narrow:
-        rendered, heights = [], [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * (condition + spectrum))]
+        rendered = []
+        heights = [1.1, 1.3, 1.0, 1.0, 1.0, *([1.0] * (condition + spectrum))]
         height = 1.7 * sum(heights) + 1.8
     else:
         # Parameters that a selected model keeps fixed have no course over time.
@@ -186,7 +188,7 @@ PLACES_CAPTION = (
 
 def draw_places(result: Identified) -> "Figure":
     """Draw the stiffness of each place over its position, and next to it the standard error."""
-    places = [part.place for part in result.segments if part.place is not None]
+    places = [segment.place for segment in result.segments if segment.place is not None]
     positions = 1e3 * np.array([place.position for place in places])
     normals = [place.normal.vector for place in places if place.normal is not None]
     # The map is seen along the axis closest to the normals, else along the one of least spread.
@@ -205,7 +207,8 @@ def draw_places(result: Identified) -> "Figure":
         ):
             size = np.array(numbers)
             unit = choose_scale(largest(size[trusted] if trusted.any() else size), "N/m")
-            at, label = positions[:, across], f"[{unit.unit}]"
+            at = positions[:, across]
+            label = f"[{unit.unit}]"
             size *= unit.factor
             draw_field(axes, at, size, trusted, label, look, colours=colours, markers=shapes)
             axes.set(xlabel=f"{'xyz'[across[0]]} [mm]", ylabel=f"{'xyz'[across[1]]} [mm]")
@@ -227,7 +230,10 @@ OSCILLATION_CAPTION = (
 
 
 def draw_oscillations(
-    results: Sequence[Identified], *, dark: bool = False, width: float | None = None
+    results: Sequence[Identified],
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw K′ and B′ over the frequencies of the motion, one line per contact model.
 
@@ -305,7 +311,8 @@ def _mark_frequencies(axes: "Axes", rendered: Sequence[float]) -> None:
     """Set ticks at the ends and the middle of the band, where decades may have none."""
     from matplotlib.ticker import FixedLocator, NullLocator
 
-    low, high = min(rendered) / (2.0 * math.pi), max(rendered) / (2.0 * math.pi)
+    low = min(rendered) / (2.0 * math.pi)
+    high = max(rendered) / (2.0 * math.pi)
     hertz = [low, math.sqrt(low * high), high]
     axes.xaxis.set_major_locator(FixedLocator(hertz))
     axes.xaxis.set_minor_locator(NullLocator())
@@ -353,29 +360,38 @@ def _format_depths(depths: Sequence[float]) -> str:
 
 
 def _draw_dots(
-    axes: "Axes", quantities: list[Quantity], words: tuple[str, str], look: Look
+    axes: "Axes",
+    quantities: list[Quantity],
+    words: tuple[str, str],
+    look: Look,
 ) -> None:
-    finals = [Final.of(each) for each in quantities]
+    finals = [Final.of(quantity) for quantity in quantities]
     low, high = _limits(finals)
     scale = scale_as_written(max(abs(low), abs(high)), words[1])
-    k, ink = scale.factor, look.theme.ink
+    k = scale.factor
+    ink = look.theme.ink
     axes.axvline(k * finals[0].value, color=ink, linewidth=look.points(0.7), linestyle=":")
-    for row, final in enumerate(finals):
+    for row, quantity in enumerate(finals):
         colour = look.colour(row)
-        if not low <= final.value <= high:
-            _draw_arrow(axes, row, final.value, (k * low, k * high), colour, look)
+        if not low <= quantity.value <= high:
+            _draw_arrow(axes, row, quantity.value, (k * low, k * high), colour, look)
             continue
-        for error, line, cap in ((final.error, 3.0, 0.0), (final.whole_error, 1.1, 3.0)):
+        for error, line, cap in ((quantity.error, 3.0, 0.0), (quantity.whole_error, 1.1, 3.0)):
             bar = 2.0 * k * error
             dot = look.dot(5.0, line, cap)
-            axes.errorbar(k * final.value, row, xerr=bar, color=colour, **dot)
+            axes.errorbar(k * quantity.value, row, xerr=bar, color=colour, **dot)
     axes.set(xlim=(k * low, k * high), ylim=(len(finals) - 0.4, -0.6), xlabel=f"[{scale.unit}]")
     axes.locator_params(axis="x", nbins=3 if look.narrow else 4)
     axes.grid(visible=False, axis="y")
 
 
 def _draw_arrow(
-    axes: "Axes", row: int, value: float, limits: tuple[float, float], colour: str, look: Look
+    axes: "Axes",
+    row: int,
+    value: float,
+    limits: tuple[float, float],
+    colour: str,
+    look: Look,
 ) -> None:
     """Draw an arrow for a value beyond the panel."""
     right = value > limits[1] or not value < limits[0]
@@ -398,9 +414,9 @@ def _limits(finals: list[Final]) -> tuple[float, float]:
     best = finals[0]
     most = max(_MOST_APART * abs(best.value), 2.2 * best.whole_error, 1e-300)
     ends = [best.value - 2.2 * best.whole_error, best.value + 2.2 * best.whole_error]
-    for each in finals:
+    for quantity in finals:
         for sign in (-2.2, 2.2):
-            end = each.value + sign * each.whole_error
+            end = quantity.value + sign * quantity.whole_error
             if math.isfinite(end):
                 ends.append(min(max(end, best.value - most), best.value + most))
     spread = max(max(ends) - min(ends), 1e-3 * abs(best.value), 1e-300)
@@ -421,7 +437,10 @@ COMPARED_CAPTION = (
 
 @log_stage("figure")
 def draw_comparison(
-    results: Mapping[str, Identified], *, dark: bool = False, width: float | None = None
+    results: Mapping[str, Identified],
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw several identifications of one contact, one row per method, the best first.
 
@@ -450,23 +469,31 @@ def draw_comparison(
     ranking = rank(results)
     ordered = [results[name] for name in ranking.order]
     best = ranking.recommended
-    words = "recommended: none" if best is None else f"recommended: {best}"
-    count, narrow = len(ordered), look.narrow
+    text = "recommended: none" if best is None else f"recommended: {best}"
+    count = len(ordered)
+    narrow = look.narrow
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
     with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
         grid = figure.add_gridspec(2, 1, height_ratios=heights)
         _draw_comparison(
-            figure.add_subfigure(grid[0]), figure.add_subfigure(grid[1]), ordered, look
+            figure.add_subfigure(grid[0]),
+            figure.add_subfigure(grid[1]),
+            ordered,
+            look,
         )
-        set_titles(figure, look, [words, file_name(ordered[0])], COMPARED_CAPTION)
+        set_titles(figure, look, [text, file_name(ordered[0])], COMPARED_CAPTION)
     return figure
 
 
 def _draw_comparison(
-    above: "SubFigure", below: "SubFigure", ordered: list[Identified], look: Look
+    above: "SubFigure",
+    below: "SubFigure",
+    ordered: list[Identified],
+    look: Look,
 ) -> None:
     """Draw values above and residuals below; on a page also force and loops."""
-    count, narrow = len(ordered), look.narrow
+    count = len(ordered)
+    narrow = look.narrow
     names = [f"{row + 1}" for row in range(count)]
     if narrow:
         stiffness, damping = above.subplots(1, 2)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.diagnosis import Data, Quantity
-from palpate.digits import percent
+from palpate.digits import format_hertz, format_quantity, percent
 from palpate.estimators.estimate import Estimate
 from palpate.estimators.viscoelastic import dynamic_response
 from palpate.figures.style import (
@@ -37,9 +37,8 @@ from palpate.figures.style import (
 from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.identified import Identified
-from palpate.quantities.derived import format_hertz
-from palpate.results.parameters import RELAXATION, ParameterRow, describe_relaxation, parameter_rows
-from palpate.results.view import format_depth, number_lines
+from palpate.results.parameters import RELAXATION, ParameterRow, parameter_rows
+from palpate.results.view import number_lines
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -61,12 +60,13 @@ _UNITS = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 
 def describe_working_depth(result: Identified, names: Iterable[str] = _UNITS) -> str:
     """Describe force, stiffness and damping at working depth, or those in ``names``."""
-    there, words = result.diagnosis.working_depth, []
+    working_depth = result.diagnosis.working_depth
+    phrases = []
     for name in names:
-        found: Quantity = getattr(there, name)
-        words.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
+        found: Quantity = getattr(working_depth, name)
+        phrases.append(f"{name} {found.format(_UNITS[name]).replace(' ', JOINED)}")
     often = f", {format_hertz(result.frequency)}" if result.law.remembers else ""
-    return f"at {format_depth(there.depth)}{often}: {', '.join(words)}"
+    return f"at {format_quantity(working_depth.depth, 'm', 4)}{often}: {', '.join(phrases)}"
 
 
 def file_name(result: Identified) -> str:
@@ -78,9 +78,10 @@ def file_name(result: Identified) -> str:
 def describe_verdict(result: Identified) -> str:
     """Return both marks, each with its reason."""
     return "; ".join(
-        f"{each.name} {spoken(each.mark)}" + f": {each.reason}" * bool(each.reason)
-        for each in number_lines(result)
-        if each.mark is not None
+        f"{number_line.name} {spoken(number_line.mark)}"
+        + f": {number_line.reason}" * bool(number_line.reason)
+        for number_line in number_lines(result)
+        if number_line.mark is not None
     )
 
 
@@ -133,15 +134,18 @@ def replay_course(result: Identified, depth: float) -> Course:
     depth : float
         Penetration for stiffness and damping, m, > 0.
     """
-    contact, estimator = result.contact, result.estimator.replace()
+    contact = result.contact
+    estimator = result.estimator.replace()
     steps = contact.time_steps
     taken = np.flatnonzero(result.trace.taken)
     stops = np.unique(taken[np.linspace(0, taken.size - 1, _STOPS).astype(np.intp)])
-    samples, rows, laws = [], [], []
-    for part in contact.segments():
+    samples = []
+    rows = []
+    laws = []
+    for segment in contact.segments():
         estimator.leave_contact()
-        edges = [*stops[(stops >= part.start) & (stops < part.stop)] + 1, part.stop]
-        start = part.start
+        edges = [*stops[(stops >= segment.start) & (stops < segment.stop)] + 1, segment.stop]
+        start = segment.start
         for edge in edges:
             piece = slice(start, int(edge))
             channels = contact.penetration, contact.velocity, contact.force, steps
@@ -187,7 +191,10 @@ CAPTION = (
 
 
 def draw_residuals(
-    identification: Identified, *, dark: bool = False, width: float | None = None
+    identification: Identified,
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw the residual of the final law over time, depth and velocity.
 
@@ -260,35 +267,49 @@ def _noise_band(result: Identified) -> float:
 
     From the noise of a sample's force, √(σ² + S²σ_x² + C²σ_v²), at working depth.
     """
-    data, there = result.data or Data(result.contact), result.diagnosis.working_depth
-    by_position = there.stiffness.value * data.penetration_noise
-    damping = there.damping.value
+    data = result.data or Data(result.contact)
+    working_depth = result.diagnosis.working_depth
+    by_position = working_depth.stiffness.value * data.penetration_noise
+    damping = working_depth.damping.value
     by_velocity = damping * data.velocity_noise if math.isfinite(damping) else 0.0
     parts = np.array([data.force_noise, by_position, by_velocity])
     return BAND_DEVIATIONS * float(np.linalg.norm(parts[np.isfinite(parts)]))
 
 
-def _reach(seen: Scatter, noise: float) -> float:
-    return max(largest(seen.low), largest(seen.high), noise, 1e-300)
+def _reach(scatter: Scatter, noise: float) -> float:
+    return max(largest(scatter.low), largest(scatter.high), noise, 1e-300)
 
 
 def _draw(
-    axes: "Axes", seen: Scatter, noise: float, unit: AxisScale, look: Look, colour: str
+    axes: "Axes",
+    scatter: Scatter,
+    noise: float,
+    unit: AxisScale,
+    look: Look,
+    colour: str,
 ) -> None:
     k = unit.factor
-    axes.fill_between(seen.place, k * seen.low, k * seen.high, color=colour, alpha=0.3, lw=0)
-    few = np.isfinite(seen.middle).sum() < 4  # one point makes no line
-    axes.plot(seen.place, k * seen.middle, "o-" if few else "-", color=colour, markersize=3.0)
+    axes.fill_between(
+        scatter.place,
+        k * scatter.low,
+        k * scatter.high,
+        color=colour,
+        alpha=0.3,
+        lw=0,
+    )
+    few = np.isfinite(scatter.middle).sum() < 4  # one point makes no line
+    axes.plot(scatter.place, k * scatter.middle, "o-" if few else "-", color=colour, markersize=3.0)
     for level in (-noise, noise) if noise > 0.0 else ():
         axes.axhline(k * level, color=look.theme.ink, linestyle=":", linewidth=look.points(0.9))
     axes.axhline(0.0, color=look.theme.ink, linewidth=look.points(0.6))
-    reach = 1.15 * k * _reach(seen, noise)
+    reach = 1.15 * k * _reach(scatter, noise)
     axes.set_ylim(-reach, reach)
 
 
 def _scatter(result: Identified, against: Against) -> tuple[str, Scatter]:
     """Return the label of the abscissa and the residual over it."""
-    contact, taken = result.contact, result.trace.taken
+    contact = result.contact
+    taken = result.trace.taken
     with np.errstate(all="ignore"):  # absurd samples overflow
         residual = contact.force - result.fitted_force
     if against == "time":
@@ -341,7 +362,11 @@ class Final:
 
 
 def draw_parameter(
-    axes: "Axes", result: Identified, course: Course, row: ParameterRow, look: Look
+    axes: "Axes",
+    result: Identified,
+    course: Course,
+    row: ParameterRow,
+    look: Look,
 ) -> None:
     """Draw one parameter over time, with a band of ±2 standard errors, and the result."""
     index = row.index
@@ -349,8 +374,8 @@ def draw_parameter(
     final = Final(float(result.law.parameters[index]), error, error)
     known = course.parameters[:, index], course.errors[:, index]
     _draw_line(axes, result, course.samples, known, final, row.unit, row.symbol, look)
-    words = row.with_unit.replace(" ", JOINED)
-    head(axes, f"{row.symbol}: {words}")
+    text = row.with_unit.replace(" ", JOINED)
+    head(axes, f"{row.symbol}: {text}")
 
 
 def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> None:
@@ -367,7 +392,7 @@ def draw_spectrum(axes: "Axes", law: GeneralisedHuntCrossley, look: Look) -> Non
     axes.set_ylim(0.0, 1.15 * stems[1].max())
     axes.locator_params(axis="y", nbins=5)
     axes.set(xlabel="relaxation time τ [s]", ylabel=scale.label("m"))
-    head(axes, f"Relaxation: {describe_relaxation(law).replace(' ', JOINED)}")
+    head(axes, f"Relaxation: {law.describe_relaxation().replace(' ', JOINED)}")
 
 
 # Units and axis labels.
@@ -417,7 +442,9 @@ def _draw_line(
     values, errors = known
     limits = _limits(values, errors, final)
     scale = scale_as_written(max(abs(limits[0]), abs(limits[1])), unit)
-    k, colour, ink = scale.factor, look.theme.lines[0], look.theme.ink
+    k = scale.factor
+    colour = look.theme.lines[0]
+    ink = look.theme.ink
     # Limit values far outside the panel: coordinates of 1e200 make no line.
     far = 10.0 * (limits[1] - limits[0])
     within = (limits[0] - far, limits[1] + far)
@@ -452,15 +479,23 @@ def _draw_final(axes: "Axes", time: Floats, final: Final, factor: float, look: L
 
 
 def _draw_segments(
-    axes: "Axes", result: Identified, finals: list[Final], scale: AxisScale, look: Look
+    axes: "Axes",
+    result: Identified,
+    finals: list[Final],
+    scale: AxisScale,
+    look: Look,
 ) -> None:
     """Draw the result of each segment over its time, with a box of ±2 standard errors."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path
 
     clock_time, _ = clock(result.contact)
-    time, colour, k = result.contact.time, look.theme.lines[1], scale.factor
-    corners, middles, ends = [], [], []
+    time = result.contact.time
+    colour = look.theme.lines[1]
+    k = scale.factor
+    corners = []
+    middles = []
+    ends = []
     for part, final in zip(result.segments, finals, strict=True):
         start, stop = clock_time[(time >= part.contact.time[0]) & (time <= part.contact.time[-1])][
             [0, -1]
@@ -491,13 +526,15 @@ def _limits(values: Floats, errors: Floats, final: Final) -> tuple[float, float]
     error = 2.5 * final.error if np.isfinite(final.error) else 0.0
     ends = [final.value - error, final.value + error]
     if late.size:
-        low, high = values[late] - 2.0 * errors[late], values[late] + 2.0 * errors[late]
+        low = values[late] - 2.0 * errors[late]
+        high = values[late] + 2.0 * errors[late]
         ends += [float(np.percentile(low, 10.0)), float(np.percentile(high, 90.0))]
     size = largest(np.array(ends))
     whole = 2.5 * final.whole_error if np.isfinite(final.whole_error) else 0.0
     whole = min(whole, _MOST_MOVED * max(max(ends) - min(ends), _LEAST_SPAN * size))
     ends += [final.value - whole, final.value + whole]
-    low_end, high_end = min(ends), max(ends)
+    low_end = min(ends)
+    high_end = max(ends)
     spread = max(high_end - low_end, _LEAST_SPAN * size, 1e-300)
     middle = 0.5 * (low_end + high_end)
     return middle - 0.6 * spread, middle + 0.6 * spread
@@ -511,7 +548,8 @@ _MOST_CROSSES = 200
 
 def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
     """Draw measured and one-step predicted force over time, and the excluded samples."""
-    contact, theme = result.contact, look.theme
+    contact = result.contact
+    theme = look.theme
     time, label = clock(contact)
     keep = shown(contact)
     low, high = _force_range(result, outliers=True)
@@ -519,7 +557,11 @@ def draw_force(axes: "Axes", result: Identified, look: Look) -> None:
     good = keep[~result.trace.rejected[keep]]
     measured = unit.factor * broken(contact.force, contact, good)
     axes.plot(
-        time[good], measured, color=theme.measured, linewidth=look.points(2.4), label="measured"
+        time[good],
+        measured,
+        color=theme.measured,
+        linewidth=look.points(2.4),
+        label="measured",
     )
     inside = np.where(result.trace.taken, result.trace.predicted_force, np.nan)
     axes.plot(
@@ -554,12 +596,14 @@ def draw_loop(
     points: int = MOST_POINTS,
 ) -> None:
     """Draw force over penetration, measured and by the final law, without excluded samples."""
-    contact, theme = result.contact, look.theme
+    contact = result.contact
+    theme = look.theme
     keep = shown(contact, points)
     keep = keep[~result.trace.rejected[keep]]
     deepest = largest(np.maximum(contact.penetration[result.trace.taken], 0.0)) or 1.0
     low, high = _force_range(result, outliers=False)
-    depth, force = choose_scale(deepest, "m"), choose_scale(max(abs(low), abs(high)), "N")
+    depth = choose_scale(deepest, "m")
+    force = choose_scale(max(abs(low), abs(high)), "N")
     with np.errstate(over="ignore"):  # of an extreme sample out of contact
         x = np.clip(depth.factor * contact.penetration[keep], -1e4, 1e4)
     axes.plot(
@@ -587,14 +631,17 @@ def _force_range(result: Identified, *, outliers: bool) -> tuple[float, float]:
 
     An outlier beyond twice the range is drawn at the edge: it would flatten the rest.
     """
-    force, trace = result.contact.force, result.trace
+    force = result.contact.force
+    trace = result.trace
     known = np.isfinite(force)
     ends = [*np.percentile(force[known], (1.0, 99.0)), *_ends(force[known & trace.taken])]
-    low, high = min(ends), max(ends)
+    low = min(ends)
+    high = max(ends)
     span = (high - low) or abs(high) or 1.0
     excluded = force[known & trace.rejected & outliers]
     excluded = np.clip(excluded, low - 2.0 * span, high + 2.0 * span)
-    low, high = min([low, *_ends(excluded)]), max([high, *_ends(excluded)])
+    low = min([low, *_ends(excluded)])
+    high = max([high, *_ends(excluded)])
     return low - 0.06 * (high - low or span), high + 0.06 * (high - low or span)
 
 
@@ -642,7 +689,10 @@ def draw_condition(axes: "Axes", result: Identified, course: Course, look: Look)
     stiffness, damping = np.abs(course.parameters[:, :2].T)
     limit = np.full(len(contact), np.nan)
     limit[course.samples] = 0.1 * np.divide(
-        stiffness, damping, out=np.full_like(damping, np.nan), where=damping > 0.0
+        stiffness,
+        damping,
+        out=np.full_like(damping, np.nan),
+        where=damping > 0.0,
     )
     fastest = largest(speed)
     settled = float(np.nanmedian(limit)) if np.isfinite(limit).any() else fastest

@@ -38,7 +38,8 @@ def draw_payload(log: PayloadLog, *, dark: bool = False, width: float | None = N
     MissingExtraError
         matplotlib is not installed.
     """
-    look, own = choose_look(dark=dark, width=width), log.payload
+    look = choose_look(dark=dark, width=width)
+    payload = log.payload
     with drawing(look, 6.0) as figure:
         before, after = figure.subplots(2, 1)
         band = 2.0 * log.error
@@ -54,8 +55,8 @@ def draw_payload(log: PayloadLog, *, dark: bool = False, width: float | None = N
             axes.set(xlabel="time [s]", ylabel="force [N]")
             head(axes, title)
         stack([before, after])
-        turn = f"turns {math.degrees(own.turn):.0f}° about {own.axes} axes"
-        mass = with_error(own.mass, own.mass_error, unit="kg")
+        turn = f"turns {math.degrees(payload.turn):.0f}° about {payload.axes} axes"
+        mass = with_error(payload.mass, payload.mass_error, unit="kg")
         set_titles(figure, look, [f"{Path(log.source).name or 'log'}: {mass}, {turn}"], CAPTION)
     return figure
 

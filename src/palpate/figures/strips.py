@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate.figures.style import Look, style
+from palpate.figures.style import Look, figure_style
 from palpate.recordings.recording import Recording
 from palpate.recordings.survey import GAP, ClockSurvey, Survey, seconds
 from palpate.results.colours import DARK, LIGHT, Theme
@@ -46,7 +46,7 @@ def draw_strips(recording: Recording, surveyed: Survey, *, dark: bool = False) -
         (clock, name) for clock in surveyed.clocks for name in clock.channels if name in varying
     ]
     shown = strips[:MOST_STRIPS]
-    with style(Look(theme)) as new_figure:
+    with figure_style(Look(theme)) as new_figure:
         height = 1.0 + 0.85 * max(len(shown), 1)
         figure = new_figure(figsize=(9.0, height), layout="constrained")
         title = _title(recording, len(strips), len(shown), len(surveyed.channels))
@@ -70,13 +70,19 @@ def _title(recording: Recording, varying: int, shown: int, channels: int) -> str
 
 
 def _draw_strip(
-    axes: "Axes", recording: Recording, clock: ClockSurvey, name: str, theme: Theme
+    axes: "Axes",
+    recording: Recording,
+    clock: ClockSurvey,
+    name: str,
+    theme: Theme,
 ) -> None:
     values = np.asarray(recording.channels[name], dtype=np.float64)
     values = np.where(np.isfinite(values), values, np.nan)
     time = seconds(recording, clock.name) if clock.name else np.arange(len(values), dtype=float)
     axes.plot(
-        *_reduce_to_extremes(time, values, GAP * clock.step), color=theme.lines[0], linewidth=0.9
+        *_reduce_to_extremes(time, values, GAP * clock.step),
+        color=theme.lines[0],
+        linewidth=0.9,
     )
     unit = recording.units.get(name, "")
     axes.set_title(name, loc="left", fontsize=9, pad=2.0, parse_math=False)
@@ -106,7 +112,8 @@ def _reduce_to_extremes(time: Floats, values: Floats, gap: float) -> tuple[Float
         whole[none] = 0.0
         ends = np.column_stack([np.nanmin(whole, axis=1), np.nanmax(whole, axis=1)])
         ends[none] = np.nan
-        time, values = np.repeat(time[edges[:-1]], 2), ends.reshape(-1)
+        time = np.repeat(time[edges[:-1]], 2)
+        values = ends.reshape(-1)
         gap = math.inf if math.isnan(gap) else max(gap, GAP * float(np.median(np.diff(time[::2]))))
     broken = np.flatnonzero(np.diff(time) > gap) + 1
     return np.insert(time, broken, np.nan), np.insert(values, broken, np.nan)

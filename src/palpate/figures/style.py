@@ -57,12 +57,14 @@ def wrap_text(words: str, width: float, size: float, lines: int) -> str:
 
 INCH = 25.4e-3
 #: Limits of the width, m: below, five ticks of an axis touch; no paper is wider.
-NARROWEST, WIDEST = 60e-3, 400e-3
+NARROWEST = 60e-3
+WIDEST = 400e-3
 # A journal's column is 84 to 90 mm wide, its page 170 to 190 mm. In narrower figures than this, the
 # panels stand one below the other.
 _ONE_COLUMN = 140e-3
 # Letters of a figure as wide as a page, and the smallest that journals print, points.
-_LARGEST, _SMALLEST = 9.5, 7.0
+_LARGEST = 9.5
+_SMALLEST = 7.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ class Look:
         return self.theme.lines[row % len(self.theme.lines)]
 
 
-def choose_look(*, dark: bool, width: float | None) -> Look:
+def choose_look(*, dark: bool = False, width: float | None = None) -> Look:
     """Return the look for a theme and a width, m (default: 11 inches).
 
     Raises
@@ -129,14 +131,20 @@ def choose_look(*, dark: bool, width: float | None) -> Look:
 
 
 def set_titles(
-    figure: Figure, look: Look, title: list[str], caption: str = "", *, lines: int = 2
+    figure: Figure,
+    look: Look,
+    title: list[str],
+    caption: str = "",
+    *,
+    lines: int = 2,
 ) -> None:
     """Write a title, each sentence on a new line, and a caption below."""
-    large, small = 1.1 * look.font, 0.93 * look.font
+    large = 1.1 * look.font
+    small = 0.93 * look.font
     # Rasterised letters are up to 4 % wider than those of the font.
     width = 0.96 * (72.0 * look.inches - 2.0 * look.font)
-    words = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
-    figure.suptitle(words, fontsize=large, parse_math=False)  # a file's name may hold a $
+    text = "\n".join(wrap_text(each, width, large, lines) for each in title if each)
+    figure.suptitle(text, fontsize=large, parse_math=False)  # a file's name may hold a $
     if caption:
         figure.supxlabel(wrap_text(caption, width, small, 9), fontsize=small)
     # Leaves room for the number of a tick at the right end.
@@ -196,7 +204,8 @@ def stack(panels: Sequence[Axes]) -> None:
 
 def _room(axes: Axes, size: float) -> float:
     """Return the width of a panel, points, without the ticks and label of its axis."""
-    place, figure = axes.get_subplotspec(), axes.figure
+    place = axes.get_subplotspec()
+    figure = axes.figure
     part = 1.0
     if place is not None:
         grid = place.get_gridspec()
@@ -242,9 +251,10 @@ _INDENT = re.compile(rb">\n\s*<")
 
 
 @contextmanager
-def style(look: Look) -> Iterator[type[Figure]]:
+def figure_style(look: Look) -> Iterator[type[Figure]]:
     """Apply matplotlib settings for one figure, and restore the previous ones afterwards."""
-    theme, scale = look.theme, look.scale
+    theme = look.theme
+    scale = look.scale
     inked = ("axes.edgecolor", "axes.labelcolor", "text.color", "xtick.color", "ytick.color")
     settings: dict[Any, Any] = {
         **dict.fromkeys(inked, theme.ink),
@@ -271,7 +281,7 @@ def style(look: Look) -> Iterator[type[Figure]]:
 @contextmanager
 def drawing(look: Look, height: float) -> Iterator[Figure]:
     """Create a figure of a look within its settings; height in inches at full width."""
-    with style(look) as new_figure:
+    with figure_style(look) as new_figure:
         yield new_figure(figsize=(look.inches, height * look.scale), layout="constrained")
 
 
@@ -344,44 +354,24 @@ def _render_svg(figure: Figure, dots: float) -> bytes:
 
     Paths are rounded to 0.01 points, which is invisible; matplotlib writes 1e-6.
     """
-    rendered, shown, before = io.BytesIO(), figure.canvas, figure.dpi
+    rendered = io.BytesIO()
+    shown = figure.canvas
+    dpi = figure.dpi
     try:
         figure.dpi = dots  # of images
         canvas: Any = FigureCanvasSVG(figure)
         canvas.print_svg(rendered, metadata=_FORMATS[".svg"])
     finally:
-        figure.dpi = before
+        figure.dpi = dpi
         figure.set_canvas(shown)
     text = _INDENT.sub(b"><", rendered.getvalue())
-    fonts, common = set(_FONT.findall(text)), b""
+    fonts = set(_FONT.findall(text))
+    common = b""
     if len(fonts) == 1:  # said once, for all of the text
-        text, common = _FONT.sub(b"", text), fonts.pop().strip()
+        text = _FONT.sub(b"", text)
+        common = fonts.pop().strip()
     text = text.replace(b"<svg ", b'<svg style="' + common + b'" ', 1)
-    text = re.sub(rb' (?:x|y)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
-    return re.sub(rb'(?<= d=")[^"]*', lambda path: _compact(path[0]), text)
-
-
-def _compact(path: bytes) -> bytes:
-    """Return a path rounded to 0.01, its lines relative to the point before: half the text.
-
-    Curves stay as they are, but for their rounding.
-    """
-    if not set(re.findall(rb"[A-Za-z]", path)) <= {b"M", b"L", b"z"}:
-        return _DECIMALS.sub(rb"\1", path)
-    parts, x, y, start = list[str](), 0, 0, (0, 0)
-    for command, numbers in re.findall(rb"([MLz])([^MLz]*)", path):
-        if command == b"z":
-            parts.append("z")
-            x, y = start
-            continue
-        to_x, to_y = (round(100.0 * float(each)) for each in numbers.split())
-        if command == b"M":
-            parts.append(f"M{to_x / 100.0:g} {to_y / 100.0:g}")
-            start = to_x, to_y
-        else:
-            parts.append(f"l{(to_x - x) / 100.0:g} {(to_y - y) / 100.0:g}")
-        x, y = to_x, to_y
-    return re.sub(r"\b0\.", ".", "".join(parts)).replace(" -", "-").encode()
+    return re.sub(rb' (?:x|y|d)="[^"]*"', lambda place: _DECIMALS.sub(rb"\1", place[0]), text)
 
 
 def _image_format(path: Path) -> str:
@@ -463,7 +453,9 @@ class Drawn(Figure):
         svg = as_svg(self)
         # At most as wide as the cell.
         return svg[svg.index("<svg") :].replace(
-            '<svg style="', '<svg style="max-width:100%;height:auto;', 1
+            '<svg style="',
+            '<svg style="max-width:100%;height:auto;',
+            1,
         )
 
 
@@ -525,7 +517,10 @@ class Scatter:
 
 
 def scatter_over_time(
-    time: Floats, values: Floats, contact: Contact, keep: NDArray[np.bool_]
+    time: Floats,
+    values: Floats,
+    contact: Contact,
+    keep: NDArray[np.bool_],
 ) -> Scatter:
     """Return the scatter of samples over time, broken between contacts."""
     index = np.flatnonzero(keep & np.isfinite(values))
@@ -545,7 +540,8 @@ def scatter_over_time(
 def over(place: Floats, values: Floats, keep: NDArray[np.bool_]) -> Scatter:
     """Return the scatter of samples over another quantity, such as depth."""
     known = keep & np.isfinite(place) & np.isfinite(values)
-    x, y = place[known], values[known]
+    x = place[known]
+    y = values[known]
     if not x.size:
         return Scatter(*np.full((4, 1), np.nan))
     count = min(max(x.size // _FEWEST, 1), _BINS)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.contact import Contact
@@ -16,11 +17,19 @@ from palpate.diagnosis.sensor import outlier_finding
 from palpate.digits import percent, rounded
 from palpate.errors import NoContactError, RecordingError
 from palpate.estimators import ContactEstimator
-from palpate.estimators.estimate import Estimate, Trace, prediction_rmse_percent, violated_fraction
+from palpate.estimators.batch_fit import CurveFits
+from palpate.estimators.estimate import (
+    Estimate,
+    Trace,
+    flag_findings,
+    prediction_rmse_percent,
+    violated_fraction,
+)
 from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.force_laws import HuntCrossley
 from palpate.preparation.touch import depends_on_position
 from palpate.settings import ContactGate
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 NEGATIVE_STIFFNESS = Check.NEGATIVE_STIFFNESS.finding(
     "negative stiffness: in this law the force falls with depth",
@@ -30,9 +39,15 @@ NEGATIVE_DAMPING = Check.NEGATIVE_DAMPING.finding(
     "negative damping: this law creates energy, which no passive material does"
 )
 
+_NOT_CONVERGED = Check.CONVERGENCE.finding(
+    "the least-squares search did not converge: another fit may be better"
+)
+
 
 def check_estimate(
-    contact: Contact, trace: Trace, estimator: ContactEstimator
+    contact: Contact,
+    trace: Trace,
+    estimator: ContactEstimator,
 ) -> Iterator[Finding]:
     """Yield findings of the last estimate and of the samples."""
     estimate = estimator.estimate()
@@ -61,10 +76,44 @@ def check_estimate(
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
         if count := int(np.count_nonzero(trace.status == refusal)):
-            words = refusal.name.lower().replace("_", " ")
+            text = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
-                words += f": {not_finite(contact)}"
-            yield Check.REJECTED_SAMPLES.finding(f"{count} samples rejected: {words}")
+                text += f": {not_finite(contact)}"
+            yield Check.REJECTED_SAMPLES.finding(f"{count} samples rejected: {text}")
+
+
+def check_fits(
+    fits: CurveFits,
+    excluded: NDArray[np.int64],
+    creating_energy: Mask,
+) -> list[list[Finding]]:
+    """Return for each curve the findings that :func:`check_estimate` has of one estimate.
+
+    Parameters
+    ----------
+    fits : CurveFits
+        Whole-curve fits.
+    excluded : numpy.ndarray of int64, shape (k,)
+        Number of samples of each curve that were excluded as outliers.
+    creating_energy : numpy.ndarray of bool, shape (k,)
+        Whether the damping is negative beyond its error, as :func:`creates_energy` returns it.
+    """
+    unsettled = fits.where_status("did not settle")
+    findings = []
+    for k, (taken, left_out) in enumerate(zip(fits.taken.tolist(), excluded.tolist(), strict=True)):
+        own = list(flag_findings(int(fits.flags[k])))
+        if taken < 10 * len(HuntCrossley.names()):
+            own.append(few_samples(taken))
+        if fits.K[k] < 0.0:
+            own.append(NEGATIVE_STIFFNESS)
+        if creating_energy[k]:
+            own.append(NEGATIVE_DAMPING)
+        if unsettled[k]:
+            own.append(_NOT_CONVERGED)
+        if left_out:
+            own.append(outlier_finding(left_out, max(left_out + taken, 1)))
+        findings.append(own)
+    return findings
 
 
 def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
@@ -132,12 +181,12 @@ def not_finite(contact: Contact) -> str:
     penetration = ~np.isfinite(contact.penetration)
     force = ~np.isfinite(contact.force)
     velocity = ~np.isfinite(contact.velocity) & ~penetration  # for another reason
-    words = []
+    phrases = []
     for name, wrong in {"penetration": penetration, "velocity": velocity, "force": force}.items():
         if wrong.any():
             origin = f" ({contact.provenance[name]})" if name in contact.provenance else ""
-            words.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
-    return f"{', '.join(words)} of {len(contact)} samples"
+            phrases.append(f"{name}{origin} is NaN or infinite in {wrong.sum()}")
+    return f"{', '.join(phrases)} of {len(contact)} samples"
 
 
 def _largest(values: Floats) -> str:

@@ -18,7 +18,10 @@ Predict = Callable[[Contact, Contact], Floats]
 
 
 def check_prediction(
-    contact: Contact, taken: NDArray[np.bool_], law: Predict, plain: Predict
+    contact: Contact,
+    taken: NDArray[np.bool_],
+    law: Predict,
+    plain: Predict,
 ) -> Finding:
     """Report how well a law and plain Hunt–Crossley of the first half predict the second.
 
@@ -38,8 +41,8 @@ def check_prediction(
     """
     inside = np.flatnonzero(taken)
     if inside.size < FEWEST:
-        words = f"--hold-out needs {FEWEST} samples in contact, and there are {inside.size}"
-        raise RecordingError.of(contact.source, words)
+        text = f"--hold-out needs {FEWEST} samples in contact, and there are {inside.size}"
+        raise RecordingError.of(contact.source, text)
     second = inside[inside.size // 2 :]
     first = contact.taken(slice(0, int(second[0])))
     force = contact.force[second]

@@ -124,22 +124,18 @@ class Identified:
         traced = check_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
-        if contact.timeless and type(given) is not VariableProjection:
+        if contact.timeless and not given.works_without_time:
             raise InvalidParameterError(
                 f"without time only variable-projection identifies a stiffness, not {given.method}"
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
         recorded = replay(contact, fresh, traced)
-        if type(fresh) is VariableProjection and not any(
-            fresh.settings[name] for name in ("forgetting", "change_detector")
-        ):
-            again = fresh.replace()
-            if again._unround_as(fresh):
-                fresh = again
-                recorded = replay(contact, again, traced)
-        words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
-        _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(words) or "nothing")
+        if (with_known_sensor := fresh.second_pass()) is not None:
+            fresh = with_known_sensor
+            recorded = replay(contact, fresh, traced)
+        phrases = (f"{name}={value}" for name, value in chosen.items() if value is not None)
+        _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(phrases) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
             from palpate.diagnosis.timeless import findings_without_time, trace_without_time
@@ -171,18 +167,18 @@ class Identified:
         selection = cls.of(data, estimator, trace=trace)
         if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
             return selection
-        given = selection.estimator.settings
+        settings = selection.estimator.settings
         plain = VariableProjection()
-        shared = {name for name in plain.settings if name in given}.difference(selection.chosen)
-        plain = plain.replace(**{name: given[name] for name in shared})
+        shared = {name for name in plain.settings if name in settings}.difference(selection.chosen)
+        plain = plain.replace(**{name: settings[name] for name in shared})
         answer = cls.of(selection.data or data, plain, trace=trace)
         return replace(answer, selected=selection)
 
     def _prefers_hunt_crossley(self) -> bool:
-        own = Candidate("hunt-crossley", "none")
+        candidate = Candidate("hunt-crossley", "none")
         selected = self.estimator.candidate
-        if selected == own or own not in self.estimator.offered:
-            return selected == own
+        if selected == candidate or candidate not in self.estimator.offered:
+            return selected == candidate
         absorbed = (Check.CHANGE, Check.ADHESION, Check.LOADING_ALONE)
         # With too few samples no law is selected, and nothing is estimated.
         return selected is None or any(f.check in absorbed for f in self.diagnosis.findings)
@@ -219,10 +215,10 @@ class Identified:
 
     def _check_late_force(self) -> Iterator[Finding]:
         """Report a negative damper next to a relaxation spectrum, which may compensate it."""
-        found = self.oscillation
-        if found is None or not found.delay > 0.0:
+        oscillation = self.oscillation
+        if oscillation is None or not oscillation.delay > 0.0:
             return
-        late = format_quantity(found.delay, "s")
+        late = format_quantity(oscillation.delay, "s")
         yield Check.LATE_FORCE.finding(
             f"the damper beside the relaxation is negative: the force is at least {late} late, or "
             "the material's memory has another form",
@@ -232,7 +228,7 @@ class Identified:
 
     def _diagnose_depths(self, depths: Sequence[float]) -> Diagnosis:
         by = self.selected or self
-        given = FitInput(
+        fit_input = FitInput(
             self.data or Data(self.contact),
             self.trace,
             self._whole_estimate,
@@ -241,7 +237,7 @@ class Identified:
             self.oscillation,
             self.frequency,
         )
-        found = diagnose_parts(given, depths, (*self.findings, *self._check_late_force()))
+        found = diagnose_parts(fit_input, depths, (*self.findings, *self._check_late_force()))
         if not self.contact.timeless:
             return found
         from palpate.diagnosis.timeless import diagnosis_without_time
@@ -312,7 +308,7 @@ class Identified:
 
     def _of_one(self, name: str) -> Quantity:
         if self.segments:
-            times = (part.contact.time[[0, -1]].tolist() for part in self.segments)
+            times = (segment.contact.time[[0, -1]].tolist() for segment in self.segments)
             spans = ", ".join(
                 f"{rounded(first, 4)} to {rounded(last, 4)} s" for first, last in times
             )
@@ -450,10 +446,10 @@ class Identified:
         """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
-        own = self.estimator.settings
+        settings = self.estimator.settings
         requested = estimator.settings
-        chosen = {name: own[name] for name in self.chosen if requested.get(name) is None}
-        return self.method == estimator.method and repr(own) == repr({**requested, **chosen})
+        chosen = {name: settings[name] for name in self.chosen if requested.get(name) is None}
+        return self.method == estimator.method and repr(settings) == repr({**requested, **chosen})
 
     def segment_of(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis separately; None if that is not possible."""
@@ -593,9 +589,9 @@ class Identified:
         time = self.contact.time
         fitted = np.full(len(self.contact), np.nan)
         order = np.argsort(time, kind="stable")  # joined recordings may begin at one time
-        for part in self.segments:
-            samples = order[np.searchsorted(time, part.contact.time, sorter=order)]
-            fitted[samples] = part.fitted_force
+        for segment in self.segments:
+            samples = order[np.searchsorted(time, segment.contact.time, sorter=order)]
+            fitted[samples] = segment.fitted_force
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:

@@ -17,7 +17,10 @@ EXCLUDING = ("exponent", "forgetting", "change_detector", "surface")
 
 
 def weak_prior(
-    contact: Contact, trace: Trace, estimator: ContactEstimator, depth: float | None
+    contact: Contact,
+    trace: Trace,
+    estimator: ContactEstimator,
+    depth: float | None,
 ) -> tuple[Estimate, Finding] | None:
     """Return the least squares with B ≥ 0 and 1 ≤ n ≤ 2, and its finding; None if not needed.
 

@@ -78,7 +78,8 @@ class Sink(Protocol):
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
-_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
+_FIRST = PLACE["parameter_0"]
+_COVARIANCE = PLACE["covariance_0"]
 
 
 def unpack_parameters(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:

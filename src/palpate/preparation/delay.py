@@ -64,7 +64,9 @@ def remove_delay(
     return replace(contact, **channels, provenance=provenance, delay=delay).taken(keep)
 
 
-def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
+def find_delay(
+    contact: Contact, longest: float = LONGEST_FOUND, *, least_samples: int = 1
+) -> Delay:
     """Find the delay of the force: the shift of the motion by which Hunt–Crossley fits best.
 
     The shift is a whole number of samples, because interpolation smooths the motion, and a shift by
@@ -79,6 +81,8 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     longest : float
         Longest delay to look for, s; a sixth of the motion's period if that is shorter. Default: 50
         ms.
+    least_samples : int
+        Look for a delay of at least this many samples, even if that is longer. Default: 1.
 
     Raises
     ------
@@ -91,7 +95,7 @@ def find_delay(contact: Contact, longest: float = LONGEST_FOUND) -> Delay:
     contact = replace(contact, force=np.where(spikes, np.nan, contact.force))
     period = motion_period(contact)
     step = contact.sample_time
-    reach = int(min(longest, period / 6.0) / step)
+    reach = int(min(max(longest, least_samples * step), period / 6.0) / step)
     if reach < 1:
         raise _unknown(contact, "there is no contact, or its motion is too fast for the samples")
     shift = _scan(contact, reach)

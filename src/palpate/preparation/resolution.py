@@ -79,6 +79,9 @@ def deviation_of_mean(force: Floats, free: Mask) -> float:
 
     s² = σ²/N (1 + r)/(1 − r) + δ²,  δ = (Δ/π) exp(−2π²σ²/Δ²)
 
+    It is the ``tare_deviation`` of a contact whose force you tare yourself:
+    ``deviation_of_mean(force, time < 2.0)``.
+
     The first term is the error of the mean of noise whose neighbours correlate by r; the second is
     the error from rounding to steps Δ, which no averaging removes.
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis import Data, Diagnosis
 from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
-from palpate.digits import rounded
+from palpate.digits import format_hertz, rounded
 from palpate.errors import InvalidParameterError
 from palpate.estimators import ContactEstimator
 from palpate.estimators.estimate import Estimate, Trace
@@ -134,8 +134,6 @@ class Derivable(Protocol):
 
 # Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
-_TURN = 2.0 * math.pi
-
 
 @dataclass(frozen=True, slots=True)
 class SmallOscillation(Plain):
@@ -159,7 +157,9 @@ class SmallOscillation(Plain):
 
 
 def compute_oscillation(
-    result: Derivable, frequency: float | None = None, depth: float | None = None
+    result: Derivable,
+    frequency: float | None = None,
+    depth: float | None = None,
 ) -> SmallOscillation:
     """Dynamic stiffness K′ + iωB′ for small oscillations about a depth, for any law.
 
@@ -182,8 +182,10 @@ def compute_oscillation(
         its range.
     """
     _require_time(result)
-    omega, there = _check_frequency(result, frequency), _evaluate_depth(result, depth)
-    stiffness, damping = there.stiffness, there.damping
+    omega = _check_frequency(result, frequency)
+    there = _evaluate_depth(result, depth)
+    stiffness = there.stiffness
+    damping = there.damping
     if result.law.relaxes and omega != result.frequency:
         law = result.law
         own = complex(law.dynamic_stiffness(there.depth, result.frequency))
@@ -210,7 +212,9 @@ def compute_instantaneous_stiffness(result: Derivable, depth: float | None = Non
     if not result.law.relaxes:
         return there.stiffness
     found = _evaluate(
-        result, there.depth, lambda law, at: float(law.instantaneous().stiffness_at(at))
+        result,
+        there.depth,
+        lambda law, at: float(law.instantaneous().stiffness_at(at)),
     )
     return Quantity(*found, 0.0)
 
@@ -231,7 +235,9 @@ def compute_stiffness_after(result: Derivable, time: float, depth: float | None 
     depth : float, optional
         Depth below the surface, m, > 0. Default: the working depth.
     """
-    there, law, found = _evaluate_depth(result, depth), result.law, result.oscillation
+    there = _evaluate_depth(result, depth)
+    law = result.law
+    found = result.oscillation
     if not (isinstance(law, GeneralisedHuntCrossley) and law.remembers):
         return there.stiffness
     own = there.stiffness
@@ -250,18 +256,14 @@ def compute_relaxation_time(result: Derivable) -> Quantity | None:
 
     Its systematic error is half the distance between the relaxation times that were offered.
     """
-    law, time = result.law, result.law.relaxation_time
+    law = result.law
+    time = result.law.relaxation_time
     return None if time is None else Quantity(time, 0.0, time * law.relaxation.resolution)
 
 
 def motion_band(result: Derivable) -> tuple[float, float]:
     """Return the frequency band of the motion, rad/s: half to twice its mean frequency."""
     return band_about(result.frequency)
-
-
-def format_hertz(frequency: float) -> str:
-    """Format a frequency [rad/s] in Hz."""
-    return f"{rounded(frequency / _TURN, 3)} Hz"
 
 
 def _require_time(result: Derivable) -> None:
@@ -292,7 +294,9 @@ def _check_frequency(result: Derivable, frequency: float | None) -> float:
 
 
 def _evaluate(
-    result: Derivable, depth: float, value: Callable[[Any, float], float]
+    result: Derivable,
+    depth: float,
+    value: Callable[[Any, float], float],
 ) -> tuple[float, float]:
     """A function of the law at a depth, with its standard error including the surface's."""
     found, error = result.estimate.with_error(lambda law: value(law, depth))
@@ -346,7 +350,9 @@ def build_path(result: Derivable) -> "Path":
     """
     from palpate.quantities.energy import Path
 
-    contact, trace, estimate = result.contact, result.trace, result.estimate
+    contact = result.contact
+    trace = result.trace
+    estimate = result.estimate
     channels = contact.penetration, contact.velocity, contact.force
     kept = np.all(np.isfinite(channels), axis=0) & ~trace.rejected
     return Path(
@@ -388,7 +394,8 @@ def restitution_from(result: Derivable, speed: float | None = None) -> "Restitut
     if speed is not None:
         number_in("speed", speed, 0.0, 1e6, open_low=True)
     fastest = fast_approach_speed(result.contact.velocity[result.trace.taken])
-    found, v0 = result.diagnosis, speed or result.query.impact_speed
+    found = result.diagnosis
+    v0 = speed or result.query.impact_speed
     law = result.law.simplest()
     own = [result.law.names().index(name) for name in law.names()]
     b = compute_dissipation(law, result.covariance[np.ix_(own, own)], found.working_depth)
@@ -402,7 +409,8 @@ def energy_from(result: Derivable) -> "EnergyLoss":
     from palpate.quantities.energy import compute_energy_loss, find_loops
 
     _require_time(result)
-    data, path = result.data or Data(result.contact), build_path(result)
+    data = result.data or Data(result.contact)
+    path = build_path(result)
     going_on = replace(result.contact, segment=_segment_numbers(result.contact))
     checks = {each.check for each in result.diagnosis.findings}
     return compute_energy_loss(
@@ -423,13 +431,16 @@ def passivity_from(result: Derivable) -> "Passivity":
     from palpate.quantities.energy import check_passivity
 
     _require_time(result)
-    data, there = result.data or Data(result.contact), result.diagnosis.working_depth
+    data = result.data or Data(result.contact)
+    there = result.diagnosis.working_depth
     return check_passivity(build_path(result), result.law, there, data.force_noise)
 
 
 @_absurd_numbers
 def elastic_modulus_from(
-    result: Derivable, tip: "Tip | None" = None, poisson_ratio: float | None = None
+    result: Derivable,
+    tip: "Tip | None" = None,
+    poisson_ratio: float | None = None,
 ) -> "ElasticModulus":
     """Young's modulus from the force at working depth and the shape of the tip.
 
@@ -470,7 +481,8 @@ def elastic_modulus_from(
 
 
 def compression_modulus_from(
-    result: Derivable, specimen: "Specimen | None" = None
+    result: Derivable,
+    specimen: "Specimen | None" = None,
 ) -> "CompressionModulus":
     """Young's modulus E = S h/A of a specimen that is compressed between plates.
 

@@ -88,8 +88,8 @@ class Sphere(Tip):
     def limitations(self, depth: float) -> list[str]:
         """Return a warning if the depth is more than a tenth of the radius."""
         part = depth / self.radius
-        words = f"Hertz assumes depths far below the radius; the depth reaches {part:.2g} of it"
-        return [words] if part > SMALL_DEPTH else []
+        text = f"Hertz assumes depths far below the radius; the depth reaches {part:.2g} of it"
+        return [text] if part > SMALL_DEPTH else []
 
     def holds(self, depth: float) -> bool:
         """Whether the depth is less than the radius, where the ball ends."""
@@ -121,8 +121,8 @@ class FlatPunch(Tip):
     def limitations(self, depth: float) -> list[str]:
         """Return a warning if the depth is more than a tenth of the radius."""
         part = depth / self.radius
-        words = f"linear elasticity assumes small strains: the depth is {part:.2g} of the radius"
-        return [words] if part > SMALL_DEPTH else []
+        text = f"linear elasticity assumes small strains: the depth is {part:.2g} of the radius"
+        return [text] if part > SMALL_DEPTH else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,8 +153,8 @@ class Cone(Tip):
         The strain below it is about 0.2 cot α (Johnson, *Contact Mechanics*, 1985, section 6.3).
         """
         strain = 0.2 / math.tan(self.half_angle)
-        words = "linear elasticity assumes small strains: below this cone they are about "
-        return [f"{words}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
+        text = "linear elasticity assumes small strains: below this cone they are about "
+        return [f"{text}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,7 +202,8 @@ WIDEST_SPREAD = STOPPED[0]
 # incompressible.
 INCOMPRESSIBLE = 0.5
 # Half the distance to the next shape's exponent, and standard errors for a certain difference.
-NEXT_SHAPE, CERTAIN = 0.25, 3.0
+NEXT_SHAPE = 0.25
+CERTAIN = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -344,14 +345,14 @@ def _exponent(there: WorkingDepth) -> Quantity:
 
 def _shape_mismatch(exponent: Quantity, spread: float, tip: Tip) -> str | None:
     """Return why the force does not grow with depth as for this tip; None if it does."""
-    words = (
+    text = (
         f"the force grows with depth to the power {exponent.combined.format()}, but under a "
         f"{tip.kind} it has the power {tip.exponent:g}"
     )
     if spread > WIDEST_SPREAD:
-        return f"{words}: moduli from light and deep touch differ by {percent(2.0 * spread)}"
+        return f"{text}: moduli from light and deep touch differ by {percent(2.0 * spread)}"
     if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * exponent.whole_error):
-        return f"{words}: the tip has another shape"
+        return f"{text}: the tip has another shape"
     return None
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from palpate.contact import Contact
 from palpate.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.digits import percent, rounded
-from palpate.force_laws import ForceLaw, steps_over_breaks
+from palpate.force_laws import ForceLaw
 from palpate.preparation.gate import choose_gate
 from palpate.preparation.touch import find_touches
 from palpate.validation import Floats, Plain, finite_or_none
@@ -47,9 +47,7 @@ class Path:
         """Force of a law along the motion, N."""
         within = np.diff(self.time)[np.diff(self.segment) == 0]
         usual = float(np.median(within)) if within.size else 1.0
-        return law.force_along(
-            self.depth, self.velocity, steps_over_breaks(self.time, self.depth, usual)
-        )
+        return law.force_over(self.time, self.depth, self.velocity, usual)
 
     def work(self, force: Floats) -> Floats:
         """Work done on the material up to each sample, J: ∫ F dx by trapezoids."""
@@ -114,10 +112,12 @@ def find_loops(contact: Contact, path: Path) -> Loops:
 
 def _touches(contact: Contact, path: Path) -> list[tuple[float, float]]:
     """First and last sample of each touch, extended to where the probe leaves the surface."""
-    gate, found = choose_gate(contact), []
+    gate = choose_gate(contact)
+    found = []
     for part in contact.segments():
         first, last = _segment_ends(path, int(contact.segment[part.start]))
-        time, cores = path.time[first : last + 1], []
+        time = path.time[first : last + 1]
+        cores = []
         for touch in find_touches(contact.taken(part), gate):
             start = first + int(np.searchsorted(time, touch.start))
             stop = first + int(np.searchsorted(time, touch.stop, side="right")) - 1
@@ -139,7 +139,8 @@ def _segment_ends(path: Path, segment: int) -> tuple[int, int]:
 
 
 def _extend_touch(depth: Floats, start: int, stop: int, low: int, high: int) -> tuple[float, float]:
-    before, after = depth[low : start + 1] <= 0.0, depth[stop : high + 1] <= 0.0
+    before = depth[low : start + 1] <= 0.0
+    after = depth[stop : high + 1] <= 0.0
     begin = low + int(np.flatnonzero(before)[-1]) if before.any() else low
     end = stop + int(np.argmax(after)) if after.any() else high
     return begin, end
@@ -152,7 +153,7 @@ def _cycles(path: Path) -> list[tuple[float, float]]:
         return []
     low, level, high = np.percentile(taken, [10.0, 50.0, 90.0])
     some = HYSTERESIS * (high - low)
-    found: list[tuple[float, float]] = []
+    found = []
     for each in np.unique(path.segment):
         first, last = _segment_ends(path, int(each))
         places = _inward_passages(path.depth[first : last + 1], level - some, level, level + some)
@@ -186,7 +187,8 @@ def put_in(work: Floats, loops: Loops) -> Floats:
 
     Rises and falls below 5 % of the work's range count as noise of a resting probe.
     """
-    places, sums = np.arange(len(work)), []
+    places = np.arange(len(work))
+    sums = []
     for start, stop in zip(loops.starts, loops.stops, strict=True):
         ends = np.interp([start, stop], places, work)
         within = work[int(np.ceil(start)) : int(np.floor(stop)) + 1]
@@ -318,8 +320,8 @@ def compute_energy_loss(
     start, stop = (np.interp(ends, samples, path.time) for ends in (loops.starts, loops.stops))
     arrays = (start, stop, lost, predicted, each)
     if not len(loops):
-        words = "the recording has no complete touch or cycle"
-        return EnergyLoss("none", UNKNOWN, UNKNOWN, math.nan, UNKNOWN, *arrays, remarks=(words,))
+        text = "the recording has no complete touch or cycle"
+        return EnergyLoss("none", UNKNOWN, UNKNOWN, math.nan, UNKNOWN, *arrays, remarks=(text,))
     # Over a closed loop a law's loss is proportional to its damping.
     by_damping = abs(float(predicted.mean()) / damping.value) if damping.value else math.nan
     noise = float(np.sqrt(variance.sum())) / len(loops)
@@ -333,7 +335,13 @@ def compute_energy_loss(
     whole = float(each.mean())
     fraction = measured.scaled(1.0 / whole) if whole > 0.0 else UNKNOWN
     return EnergyLoss(
-        loops.kind, measured, of_law, whole, fraction, *arrays, remarks=tuple(remarks)
+        loops.kind,
+        measured,
+        of_law,
+        whole,
+        fraction,
+        *arrays,
+        remarks=tuple(remarks),
     )
 
 
@@ -422,12 +430,16 @@ class Passivity(Plain):
     fastest_withdrawal: float
 
     def __repr__(self) -> str:
-        share, limit = f"{percent(self.fraction)} of the samples", f"{rounded(self.limit, 3)} m/s"
+        share = f"{percent(self.fraction)} of the samples"
+        limit = f"{rounded(self.limit, 3)} m/s"
         return f"Passivity(negative force at {share} by the model; limit {limit})"
 
 
 def check_passivity(
-    path: Path, law: ForceLaw, there: WorkingDepth, force_noise: float
+    path: Path,
+    law: ForceLaw,
+    there: WorkingDepth,
+    force_noise: float,
 ) -> Passivity:
     """Return where a law's force is negative along a path.
 
@@ -443,9 +455,13 @@ def check_passivity(
         Standard deviation of the force's noise, N.
     """
     below = path.depth > 0.0
-    depth, velocity, measured = path.depth[below], path.velocity[below], path.force[below]
-    force, damping = path.law_force(law)[below], there.damping.value
-    size, pulls = force.size, force < 0.0
+    depth = path.depth[below]
+    velocity = path.velocity[below]
+    measured = path.force[below]
+    force = path.law_force(law)[below]
+    damping = there.damping.value
+    size = force.size
+    pulls = force < 0.0
     lowest = int(np.argmin(force)) if pulls.any() else None
     return Passivity(
         fraction=float(np.mean(pulls)) if size else math.nan,

@@ -42,14 +42,20 @@ from palpate.quantities.elastic_modulus import (
 from palpate.recordings import Recording
 from palpate.validation import Floats
 
-POSITION, FORCE, SEGMENT = "tip position", "force", "segment"
+POSITION = "tip position"
+FORCE = "force"
+SEGMENT = "segment"
 # Part of the indentation, next to the contact point, in which samples count less.
 ZONE = 1.0 / 3.0
 # Lighter part of the indentation that is fitted by itself: up to half the force under a sphere.
 LIGHT = 0.63
 # Largest numbers of means of consecutive samples: in the search, in air and nearer afterwards.
-_SEARCHED, _AIR, _NEAR = 2048, 96, 192
-_STEPS, _SEARCH_STEPS, _REFIT_STEPS = 20, 10, 3
+_SEARCHED = 2048
+_AIR = 96
+_NEAR = 192
+_STEPS = 20
+_SEARCH_STEPS = 10
+_REFIT_STEPS = 3
 _TOGETHER = 12  # means in a block of residuals
 _FEWEST = 10  # samples in contact, and in air
 _SURE = 3.0  # standard errors, or standard deviations of the noise
@@ -120,7 +126,9 @@ def refuse_options(names: Iterable[str]) -> None:
 
 
 def fit_force_curve(
-    recording: Recording, tip: Tip, poisson_ratio: float | None = None
+    recording: Recording,
+    tip: Tip,
+    poisson_ratio: float | None = None,
 ) -> Indentation:
     """Fit the approach of a recorded force curve; see :func:`fit_approach`."""
     channels = recording.channels
@@ -204,7 +212,8 @@ def _split(penetration: Floats, force: Floats, segment: Any) -> tuple[Floats, Fl
     if not end and finite.any():
         end = int(np.nanargmax(both[0])) + 1
     if not finite.all():
-        both, end = both[:, finite], int(np.count_nonzero(finite[:end]))
+        both = both[:, finite]
+        end = int(np.count_nonzero(finite[:end]))
     return both[:, :end], both[:, end:]
 
 
@@ -232,7 +241,8 @@ def _search(approach: Floats, exponent: float) -> tuple[float, float, float]:
         The force does not rise.
     """
     (x, force), _ = _means(approach, _starts(0, approach.shape[1], _SEARCHED))
-    low, high = float(x.min()), float(x.max())
+    low = float(x.min())
+    high = float(x.max())
     for part in (1.0, 0.15):
         used = x >= high - part * (high - low)
         ends = max(low, high - part * (high - low)), high + (high - low) / 79.0
@@ -256,7 +266,9 @@ class _ApproachFit:
     """Least squares of an approach, in units of its indentation and of its peak force."""
 
     def __init__(self, approach: Floats, retract: Floats, tip: Tip) -> None:
-        self.tip, self.approach, self.retract = tip, approach, retract
+        self.tip = tip
+        self.approach = approach
+        self.retract = retract
         position, force = approach
         stiffness, self.zero, offset = _search(approach, tip.exponent)
         self.scale = float(position.max()) - self.zero
@@ -265,7 +277,8 @@ class _ApproachFit:
         near = int(far[-1]) + 1 if far.size else 0
         starts = _starts(0, near, _AIR), _starts(near, position.size, _NEAR)
         (x, y), self.counts = _means(approach, np.concatenate(starts))
-        self.x, self.y = (x - self.zero) / self.scale, y / self.peak
+        self.x = (x - self.zero) / self.scale
+        self.y = y / self.peak
         self.length = max(1.0, -float(self.x.min()))
         begin = np.array([1.0, 0.0, offset / self.peak, 0.0])
         self.solution, self.errors = self.minimise(begin, steps=_STEPS)
@@ -308,8 +321,11 @@ class _ApproachFit:
             Fit also the bend of the baseline, a parabola; a jump of the force at the contact point;
             or the difference of the exponent to that of the tip.
         """
-        m, used = self.tip.exponent, self.x - begin[1] <= deepest
-        x, y, counts = self.x[used], self.y[used], self.counts[used]
+        m = self.tip.exponent
+        used = self.x - begin[1] <= deepest
+        x = self.x[used]
+        y = self.y[used]
+        counts = self.counts[used]
         solution = np.append(begin, [0.0] * (extra is not None))
         columns = np.ones((solution.size, x.size))
         columns[3] = x / self.length
@@ -344,7 +360,8 @@ class _ApproachFit:
             if abs(change[1]) < 1e-3 * most and (extra != "exponent" or abs(change[4]) < 0.01):
                 break
         # Neighbouring residuals have common causes: the sums of the scores of blocks vary.
-        free, scores = depth < -ZONE, weighted * rest
+        free = depth < -ZONE
+        scores = weighted * rest
         variance = counts[free] @ rest[free] ** 2 / max(np.count_nonzero(free) - 2, 1)
         noise = variance * (weighted * (weight / counts)) @ columns.T
         sums = np.add.reduceat(scores, np.arange(0, x.size, _TOGETHER), axis=1)
@@ -395,14 +412,15 @@ class _ApproachFit:
         expected = self.tip.exponent
         with suppress(np.linalg.LinAlgError):
             solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="exponent")
-            difference, error = float(solution[4]), float(errors[4])
+            difference = float(solution[4])
+            error = float(errors[4])
             power = with_error(expected + difference, error)
             if max(NEXT_SHAPE, _SURE * error) < abs(difference):
-                words = f"the force grows with depth to the power {power}, but under a "
-                words += f"{self.tip.kind} it has the power {expected:g}"
+                text = f"the force grows with depth to the power {power}, but under a "
+                text += f"{self.tip.kind} it has the power {expected:g}"
                 impossible = expected + difference + _SURE * error < FlatPunch.exponent
                 mark: Mark = "do-not-trust" if impossible else "with-care"
-                yield Check.TIP_SHAPE.finding(words, _UNEVEN, mark=mark)
+                yield Check.TIP_SHAPE.finding(text, _UNEVEN, mark=mark)
 
     def systematic_parts(self, depth: float) -> list[_SystematicPart]:
         """Return the systematic errors of the modulus at a depth, the largest first."""
@@ -420,7 +438,8 @@ class _ApproachFit:
 
     def result(self, poisson_ratio: float | None) -> Indentation:
         """Return the modulus with its errors, its mark and the findings."""
-        tip, (k, point, level, slope) = self.tip, self.solution
+        tip = self.tip
+        (k, point, level, slope) = self.solution
         depth = float(np.median(self.depths))
         parts = self.systematic_parts(depth)
         systematic = math.hypot(*(part.size for part in parts))
@@ -448,47 +467,62 @@ class _ApproachFit:
         modulus = ElasticModulus(value, *known, remarks, mark)
         fitted = baseline[0] + slope * self.depths + stiffness.value * self.depths**tip.exponent
         residual = float(np.sqrt(np.mean((self.approach[1, self.inside] - fitted) ** 2)))
-        largest, samples = self.scale * (1.0 - point), self.inside.size
+        largest = self.scale * (1.0 - point)
+        samples = self.inside.size
         counts = samples, self.depths.size, tuple(findings)
         return Indentation(
-            modulus, stiffness, contact_point, baseline, depth, largest, residual, *counts
+            modulus,
+            stiffness,
+            contact_point,
+            baseline,
+            depth,
+            largest,
+            residual,
+            *counts,
         )
 
     def check_curve(self) -> Iterator[Finding]:
         """Check the contact point, the indentation, the baseline, and look for adhesion."""
-        contact, air = self.depths.size, self.air
-        depth, error = self.scale * (1.0 - self.solution[1]), self.scale * self.errors[1]
+        contact = self.depths.size
+        air = self.air
+        depth = self.scale * (1.0 - self.solution[1])
+        error = self.scale * self.errors[1]
         if contact < _FEWEST or air < _FEWEST or self.x[0] > -1.0:
-            words = f"at an edge of the approach: {air} samples in air, {contact} in contact"
+            text = f"at an edge of the approach: {air} samples in air, {contact} in contact"
             remedy = "start farther above the sample, or record more samples in contact"
             yield Check.CONTACT_POINT.finding(
-                f"the contact point lies {words}", remedy, mark="do-not-trust"
+                f"the contact point lies {text}",
+                remedy,
+                mark="do-not-trust",
             )
         force = self.peak * self.solution[0] * (1.0 - self.solution[1]) ** self.tip.exponent
         if not (force > _SURE * self.noise and depth > _SURE * error):
             deep = with_error(1e9 * depth, 1e9 * error, unit="nm")
             size = with_error(1e9 * force, 1e9 * self.noise, unit="nN")
-            words = f"the indentation is below three times its noise: {deep}, {size}"
+            text = f"the indentation is below three times its noise: {deep}, {size}"
             remedy = "press harder, or average several curves of one place"
-            yield Check.INDENTATION.finding(words, remedy, mark="do-not-trust")
+            yield Check.INDENTATION.finding(text, remedy, mark="do-not-trust")
         bent, errors = self.bent
-        bend, z = 0.25 * self.peak * float(abs(bent[4])), float(abs(bent[4] / errors[4]))
+        bend = 0.25 * self.peak * float(abs(bent[4]))
+        z = float(abs(bent[4] / errors[4]))
         if z > _SURE and bend > self.noise:
             moves = 100.0 * self.stiffness_change(self.bent), math.nan
-            words = f"the baseline bends by {format_quantity(bend, 'N')}"
-            yield Check.BASELINE.finding(words, _STRAIGHT, z, moves_percent=moves)
+            text = f"the baseline bends by {format_quantity(bend, 'N')}"
+            yield Check.BASELINE.finding(text, _STRAIGHT, z, moves_percent=moves)
         if self.pull_off or self.pulled_in[0]:
             pull, by_pull = self.pulled_in
             largest = format_quantity(max(self.pull_off, pull), "N")
-            words = f"the sample adheres: it pulls the tip with {largest}"
+            text = f"the sample adheres: it pulls the tip with {largest}"
             if pull:
-                words += f", and with {format_quantity(pull, 'N')} already on approach"
+                text += f", and with {format_quantity(pull, 'N')} already on approach"
             moves = 100.0 * by_pull, math.nan
-            yield Check.PULL_OFF.finding(words, _ADHESION, moves_percent=moves)
+            yield Check.PULL_OFF.finding(text, _ADHESION, moves_percent=moves)
 
 
 def _check_modulus(
-    relative: float, parts: Sequence[_SystematicPart], refused: str | None
+    relative: float,
+    parts: Sequence[_SystematicPart],
+    refused: str | None,
 ) -> Iterator[Finding]:
     """Report a modulus that is refused, or whose error bar is too wide to trust."""
     error = math.hypot(relative, *(part.size for part in parts))
@@ -497,6 +531,7 @@ def _check_modulus(
     elif (mark := error_mark(error)) != "trust":
         _, cause, remedy = parts[0]
         if parts[0].size < relative:
-            cause, remedy = "the force scatters", "average several curves of one place"
-        words = f"Young's modulus is known to ± {rough_percent(error)}, since {cause}"
-        yield Check.MODULUS.finding(words, remedy, mark=mark)
+            cause = "the force scatters"
+            remedy = "average several curves of one place"
+        text = f"Young's modulus is known to ± {rough_percent(error)}, since {cause}"
+        yield Check.MODULUS.finding(text, remedy, mark=mark)

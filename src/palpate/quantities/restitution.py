@@ -134,7 +134,8 @@ def _solve_restitution(d: Floats) -> tuple[Floats, Floats]:
         t -= change
         if (np.abs(change) <= 1e-15 * np.abs(t)).all():
             break
-    e[many], left[many] = -np.expm1(-t) / d[many], np.exp(-t)
+    e[many] = -np.expm1(-t) / d[many]
+    left[many] = np.exp(-t)
     return e, left
 
 
@@ -177,7 +178,8 @@ def _inverse(e: Floats) -> Floats:
 
 def _carvalho_martins(d: float) -> float:
     # The smaller root of e² − 2 p e + q = 0, as q over the larger one.
-    p, q = 6.0 + 3.0 * d, 11.0 - 2.0 * d / 3.0
+    p = 6.0 + 3.0 * d
+    q = 11.0 - 2.0 * d / 3.0
     return q / (p + math.sqrt(p * p - q))
 
 
@@ -252,7 +254,8 @@ class Restitution(Plain):
     remarks: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        e, b = self.coefficient.combined.format(), self.dissipation.combined.format("s/m")
+        e = self.coefficient.combined.format()
+        b = self.dissipation.combined.format("s/m")
         return f"Restitution({e} at {rounded(self.speed, 3)} m/s, dissipation {b})"
 
 
@@ -283,15 +286,16 @@ def compute_restitution(
     """
     v0 = fastest_approach if speed is None else speed
     if not (law.power_law or law.relaxes):
-        words = f"no single value: for the {law.kind} law it depends on the body's mass"
-        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(words,))
+        text = f"no single value: for the {law.kind} law it depends on the body's mass"
+        return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(text,))
     if not (math.isfinite(b.value) and v0 > 0.0):
         why = "no approach in contact"
         if v0 > 0.0:
             why = "the stiffness is not positive, or the recording does not give the damping"
         return Restitution(v0, fastest_approach, UNKNOWN, b, remarks=(f"unknown: {why}",))
     d = b.value * v0
-    e, slope = restitution(b.value, v0), math.nan
+    e = restitution(b.value, v0)
+    slope = math.nan
     if d > -1.0:
         slope = abs(float(restitution_slope(np.array([d]))[0])) * v0
     return Restitution(

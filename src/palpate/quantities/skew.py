@@ -97,8 +97,8 @@ class Skew(Plain):
         return f"{1e3 * self.delay.value:.{places}f}ms+-{error:.{places}f}ms"
 
     def __str__(self) -> str:
-        words = f"the force is {describe_delay(self.delay)}: --delay {self.option}"
-        return spell_advice(words)
+        text = f"the force is {describe_delay(self.delay)}: --delay {self.option}"
+        return spell_advice(text)
 
 
 def describe_delay(delay: Quantity) -> str:
@@ -204,8 +204,10 @@ class _Touch:
 
     def _label_strokes(self) -> tuple[float, float]:
         """Find the strokes, and return the angular frequencies of the slow and the quick ones."""
-        time, depth, velocity = self.contact.time, self.contact.penetration, self.contact.velocity
-        strokes: list[slice] = []
+        time = self.contact.time
+        depth = self.contact.penetration
+        velocity = self.contact.velocity
+        strokes = []
         for part in self.contact.segments():
             turns = part.start + turning_points(depth[part], SWING * self.range)
             # Before the first turning point and after the last the probe comes and goes.
@@ -334,7 +336,8 @@ class _Touch:
         residual = rows.force - columns @ solution
         forces = float(np.ptp(np.percentile(rows.force, [5.0, 95.0])))
         width = max(int(math.tau / self.omega[1] / WINDOWS_A_PERIOD / self.step), 1)
-        averaged, left = _mean(columns, width), _mean(residual[:, None], width)[:, 0]
+        averaged = _mean(columns, width)
+        left = _mean(residual[:, None], width)[:, 0]
         own = np.linalg.qr(averaged / sizes)[0]
 
         def amount(column: Floats) -> tuple[float, float]:

@@ -18,10 +18,11 @@ from typing import IO, Any
 
 from rich.filesize import decimal as format_bytes
 
+from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.recordings.recording import Faults, Recording, printable
-from palpate.validation import Values
+from palpate.validation import Values, shown
 from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)
@@ -400,10 +401,24 @@ def detect_format(path: Path) -> Format:
     else:
         with path.open("rb") as file:
             begin = file.read(64)
-    name = path.name.lower()
+    own = _match_format(path.name.lower(), begin)
+    if own is None:
+        load_plugins("palpate.formats", _add_format)
+        own = _match_format(path.name.lower(), begin)
+    return own or TEXT
+
+
+def _match_format(name: str, begin: bytes) -> Format | None:
     marked = (form for form in FORMATS if begin.startswith(form.marks))
     named = (form for form in FORMATS if name.endswith(form.suffixes))
-    return next(marked, None) or next(named, TEXT)
+    return next(marked, None) or next(named, None)
+
+
+def _add_format(added: object) -> None:
+    """Add the format of another package, behind palpate's own."""
+    if not isinstance(added, Format):
+        raise InvalidParameterError(f"it must be a Format, not {shown(added)}")
+    FORMATS.append(added)
 
 
 def _may_be_data_set(path: Path) -> bool:

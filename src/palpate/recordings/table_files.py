@@ -1,7 +1,7 @@
 """Writing tables and contacts: Parquet by pyarrow, or CSV."""
 
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, import_extra
-from palpate.validation import Floats, Values
-from palpate.writing import write_bytes, write_text
+from palpate.validation import Values
+from palpate.writing import begin_table, write_bytes, write_formatted, write_text
 
 _ROWS = 100_000  # rows in a batch of formatted text
 
@@ -93,7 +93,7 @@ def _as_csv(
     columns: Mapping[str, Values], units: Mapping[str, str], notes: Mapping[str, str]
 ) -> str:
     listed = ", ".join(f"{name} {unit}" for name, unit in units.items())
-    text = _head({**notes, **({"units": listed} if units else {})}, columns)
+    text = begin_table({**notes, **({"units": listed} if units else {})}, columns)
     length = len(next(iter(columns.values())))
     for start in range(0, length, _ROWS):
         # repr is the shortest text that parses to the same number.
@@ -103,15 +103,6 @@ def _as_csv(
         ]
         text.writelines(",".join(row) + "\n" for row in zip(*cells, strict=True))
     return text.getvalue()
-
-
-def _head(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
-    """A text buffer that begins with the notes and the names of the columns."""
-    text = io.StringIO()
-    for name, note in notes.items():
-        text.write(f"# {name}: {' '.join(note.split())}\n")
-    text.write(",".join(names) + "\n")
-    return text
 
 
 def write_contact(
@@ -151,13 +142,3 @@ def write_contact(
     if contact.segment[-1:].any():
         columns["segment"] = (contact.segment + 1).astype(np.float64), "%d"
     write_formatted(columns, Path(path), head)
-
-
-def write_formatted(
-    columns: Mapping[str, tuple[Floats, str]], path: Path, notes: Mapping[str, str]
-) -> None:
-    """Write notes and numbers as CSV, each column in a format such as ``"%.9g"``."""
-    text = _head(notes, columns)
-    table = np.column_stack([values for values, _ in columns.values()])
-    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
-    write_text(path, text.getvalue())

@@ -48,7 +48,7 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
     title : str
         Title in the browser's tab.
     style : str
-        CSS.
+        CSS in addition to that of every page and of its figures.
     parts : iterable of str
         HTML of the body, joined by newlines.
     """
@@ -61,7 +61,7 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
 <meta name="color-scheme" content="light dark">
 {GENERATOR}
 <title>{escape(title)}</title>
-<style>{style}</style>
+<style>{STYLE}{DRAWINGS}{style}</style>
 </head>
 <body>
 {body}
@@ -140,14 +140,14 @@ def _cell(cell: "Cell", folds: bool) -> str:
     if not isinstance(cell, str):
         before, after = (escape(part).replace("\n", "<br>") for part in (cell.before, cell.after))
         return f"{before}{badge(cell.mark, cell.text)}{after}"
-    words = escape(cell).replace("\n", "<br>")
-    return f"<p>{words}</p>" if folds else words
+    sentence = escape(cell).replace("\n", "<br>")
+    return f"<p>{sentence}</p>" if folds else sentence
 
 
 def _definition(line: "Line") -> tuple[str, str]:
     remarks = [*line.remarks, *([f"→ {line.remedy}"] if line.remedy else [])]
-    words = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
-    return escape(line.name), f"<p>{escape(line.text)}</p>{words}"
+    sentence = "".join(f'<p class="soft">{escape(remark)}</p>' for remark in remarks)
+    return escape(line.name), f"<p>{escape(line.text)}</p>{sentence}"
 
 
 def _line(line: "Line") -> str:
@@ -155,8 +155,8 @@ def _line(line: "Line") -> str:
         return f'<p class="{_TONES.get(line.tone, line.tone)}">{escape(str(line))}.</p>'
     name = f"{escape(line.name)}: " if line.name else ""
     remedy = f"<p><strong>What to do:</strong> {escape(line.remedy)}.</p>" if line.remedy else ""
-    words = f"<p>{escape(line.text)}.</p>{remedy}"
-    return f'<div class="verdict {_CLASSES[line.mark]}">{name}{badge(line.mark)}{words}</div>'
+    sentence = f"<p>{escape(line.text)}.</p>{remedy}"
+    return f'<div class="verdict {_CLASSES[line.mark]}">{name}{badge(line.mark)}{sentence}</div>'
 
 
 def section(name: str, title: str, parts: Iterable[str]) -> Iterator[str]:
@@ -209,7 +209,10 @@ def inline(svg: str, name: str, caption: str) -> str:
     head = re.sub(r' (width|height)="[^"]*"', "", head)
     svg = f'{head} id="{name}" role="img" aria-label="{escape(caption)}">{rest}'
     svg = re.sub(
-        r"<style[^>]*>(.*?)</style>", lambda s: _limit_to_figure(s, name), svg, flags=re.DOTALL
+        r"<style[^>]*>(.*?)</style>",
+        lambda s: _limit_to_figure(s, name),
+        svg,
+        flags=re.DOTALL,
     )
     svg = re.sub(r'\bid="(?!' + re.escape(name) + r'")', f'id="{name}-', svg)
     svg = svg.replace('href="#', f'href="#{name}-').replace("url(#", f"url(#{name}-")

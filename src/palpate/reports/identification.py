@@ -18,7 +18,7 @@ from palpate.identification.identified import Identified
 from palpate.quantities.derived import motion_band
 from palpate.recordings.table_files import has_pyarrow, write_columns
 from palpate.reports import html
-from palpate.reports.html import DRAWINGS, GENERATOR, REPORT_STYLE, STYLE, drawing
+from palpate.reports.html import GENERATOR, REPORT_STYLE, drawing
 from palpate.results import view
 from palpate.results.saved import (
     RESULT,
@@ -95,14 +95,16 @@ def page(
         matplotlib is not installed.
     """
     name = Path(result.contact.source).name or "contact"
-    others, made = list((compared or {}).values()), result.contact.provenance.items()
+    others = list((compared or {}).values())
+    made = result.contact.provenance.items()
     numbers = [view.depth_table(result), view.law_section(result, whole=True)]
-    follows, findings = view.derived_section(result, whole=True), view.findings_section(result)
+    follows = view.derived_section(result, whole=True)
+    findings = view.findings_section(result)
     prepared = [view.preparation_section([result], whole=True)]
     prepared.append(view.ViewSection("Source of each channel", [], ("channel", ""), [*made]))
     methods = view.comparison_sections(others) if others else ()
     # If the probe travels, the verdict of each place counts, not one verdict for all places.
-    travels = any(part.place is not None for part in result.segments)
+    travels = any(segment.place is not None for segment in result.segments)
     each = view.segment_table(result, whole=True)
     values, beside = (each, numbers) if travels else (numbers, each)
     beside_title = "One law for all places, an average" if travels else "Segments"
@@ -124,7 +126,7 @@ def page(
         *html.section("again", "How to reproduce this result", _again(circumstances)),
         "</main>",
     ]
-    return html.document(f"{name}: identification", STYLE + DRAWINGS + REPORT_STYLE, parts)
+    return html.document(f"{name}: identification", REPORT_STYLE, parts)
 
 
 def _verdicts_of_parts(result: Identified) -> Iterator[str]:
@@ -132,19 +134,19 @@ def _verdicts_of_parts(result: Identified) -> Iterator[str]:
     counts, *steps = next(view.short_answer(result, ())).lines
     yield f"<p><strong>{escape(counts.text)}</strong></p>"
     yield from (
-        f"<p><strong>{escape(each.name.capitalize())}:</strong> {escape(each.text)}</p>"
-        for each in steps
+        f"<p><strong>{escape(step.name.capitalize())}:</strong> {escape(step.text)}</p>"
+        for step in steps
     )
 
 
 def _tiles(result: Identified) -> Iterator[str]:
     """Stiffness and damping in large letters, each with mark and reason; then the next step."""
     yield '<div class="tiles">'
-    for each in view.number_lines(result):
-        mark = f" · {html.badge(each.mark)}" if each.mark is not None else ""
-        head = escape(f"{each.name} {each.at}".rstrip())
-        below = f"<small>{escape(each.reason)}</small>" if each.reason else ""
-        shown = f"<small>{head}{mark}</small><b>{escape(each.value)}</b>{below}"
+    for number_line in view.number_lines(result):
+        mark = f" · {html.badge(number_line.mark)}" if number_line.mark is not None else ""
+        head = escape(f"{number_line.name} {number_line.at}".rstrip())
+        below = f"<small>{escape(number_line.reason)}</small>" if number_line.reason else ""
+        shown = f"<small>{head}{mark}</small><b>{escape(number_line.value)}</b>{below}"
         yield f'<div class="tile">{shown}</div>'
     yield "</div>"
     if remedy := result.diagnosis.remedy:
@@ -183,22 +185,22 @@ def _figures(result: Identified, travels: bool) -> Iterator[str]:
     if travels:
         caption = identified.PLACES_CAPTION
         yield from drawing("map", lambda: identified.draw_places(result), caption)
-    words = (
+    text = (
         "Measured and predicted force, the force–penetration loop, and the parameters of the "
         "contact model during the estimation, with their error bands."
     )
-    yield from drawing("figure", lambda: draw(result), words)
+    yield from drawing("figure", lambda: draw(result), text)
 
 
 def _residuals(result: Identified) -> Iterator[str]:
-    words = (
+    text = (
         "Measured force minus that of the final law, over time, depth and velocity: median and "
         "band from the 10th to the 90th percentile. Dotted: sensor noise. A median outside the "
         "dotted lines shows an effect that the model does not contain."
     )
     from palpate import figures
 
-    yield from drawing("residuals", lambda: figures.draw_residuals(result), words)
+    yield from drawing("residuals", lambda: figures.draw_residuals(result), text)
 
 
 def _again(circumstances: Circumstances) -> Iterator[str]:
@@ -214,7 +216,8 @@ def _again(circumstances: Circumstances) -> Iterator[str]:
 
 # The result folder: report, numbers, trace and options. Each file is written atomically.
 
-REPORT, OPTIONS = "report.html", "run.toml"
+REPORT = "report.html"
+OPTIONS = "run.toml"
 _PACKAGES = ("numpy", "matplotlib", "pyarrow")
 
 
@@ -304,8 +307,8 @@ class Destination:
         if not files:
             return f"palpate.load_result({str(self.folder)!r})  # identified in Python"
         config = self.folder / OPTIONS
-        words = ["palpate", "identify", *map(str, files), "--config", str(config)]
-        return shlex.join(words)
+        phrases = ["palpate", "identify", *map(str, files), "--config", str(config)]
+        return shlex.join(phrases)
 
 
 def _has_a_result(folder: Path) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from palpate.digits import format_quantity, parameter, rounded, with_error
+from palpate.digits import parameter, rounded
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 
 if TYPE_CHECKING:
@@ -51,7 +51,8 @@ def parameter_terms(result: "Identified") -> str:
 
 def law_name(result: "Identified") -> str:
     """Return the name of the selected law, or of the only law that the method identifies."""
-    verdict, kind = result.estimator.verdict(), result.law.kind
+    verdict = result.estimator.verdict()
+    kind = result.law.kind
     return _LAWS.get(kind, kind) if verdict is None else verdict.candidate.title
 
 
@@ -63,15 +64,18 @@ def parameter_rows(result: "Identified") -> list[ParameterRow]:
 
 
 def _number(result: "Identified", k: int, unit: str | None = None) -> ParameterRow:
-    law, name = result.law, result.law.names()[k]
-    fixed, unit = name in result.fixed, law.units[k] if unit is None else unit
+    law = result.law
+    name = result.law.names()[k]
+    fixed = name in result.fixed
+    unit = law.units[k] if unit is None else unit
     words = parameter(float(law.parameters[k]), float(result.standard_errors[k]), fixed=fixed)
     return ParameterRow(k, name, law.symbols[k], unit, words, not fixed)
 
 
 def _relaxing_rows(result: "Identified", law: GeneralisedHuntCrossley) -> Iterator[ParameterRow]:
     stiffness, n, damping, p, relaxing = range(len(law.symbols))
-    verdict, growth = result.estimator.verdict(), _growth(law)
+    verdict = result.estimator.verdict()
+    growth = _growth(law)
     chosen = None if verdict is None else verdict.candidate
     linear = chosen is not None and chosen.linear
     yield _number(result, stiffness, "N/m" if linear else None)
@@ -85,22 +89,7 @@ def _relaxing_rows(result: "Identified", law: GeneralisedHuntCrossley) -> Iterat
             yield _bound(law, relaxing, "0 (no relaxation preferred)")
         return
     yield _number(result, relaxing, "N/m" if linear else None)
-    yield ParameterRow(relaxing, RELAXATION, "τ", "", describe_relaxation(law))
-
-
-def describe_relaxation(law: GeneralisedHuntCrossley) -> str:
-    """Return the relaxation time of a law with memory, or the range of its relaxation times."""
-    assert law.relaxation is not None
-    if (time := law.relaxation_time) is not None:
-        return with_error(time, time * law.relaxation.resolution, unit="s")
-    return f"several relaxation times, {relaxation_range(law)}"
-
-
-def relaxation_range(law: GeneralisedHuntCrossley) -> str:
-    """Return the shortest and the longest relaxation time of a law: *32 ms to 2.05 s*."""
-    times, weights = law.branches()
-    present = times[weights > 0.0]
-    return " to ".join(format_time(float(each)) for each in present[[0, -1]])
+    yield ParameterRow(relaxing, RELAXATION, "τ", "", law.describe_relaxation())
 
 
 def felt_times(law: ForceLaw, frequency: float) -> tuple[float, ...]:
@@ -120,11 +109,6 @@ def _growth(law: GeneralisedHuntCrossley) -> str | None:
     if law.p == law.n:
         return "n"
     return "n − 1" if law.p == law.n - 1.0 else None
-
-
-def format_time(seconds: float) -> str:
-    """Format a time; a thousand seconds or more keep the unit s."""
-    return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
 
 
 def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:

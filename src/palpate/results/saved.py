@@ -43,7 +43,7 @@ def how_made(contact: Contact, files: Sequence[Path]) -> list[str]:
         made = {name: words for name, words in made.items() if " of " in name} or made
     lines = [f"of {file}" for file in files]
     lines += [f"{channel}: {words}" for channel, words in made.items()]
-    return lines + [f"{each.check}: {each.message}" for each in contact.findings]
+    return lines + [f"{finding.check}: {finding.message}" for finding in contact.findings]
 
 
 # A contact and its trace as named columns, one row for each sample.
@@ -61,7 +61,9 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
     and ``validity_margin`` (condition 10), then each parameter of the law and its
     ``…_standard_error``, SI; NaN where a thinned trace has none.
     """
-    contact, trace, law = result.contact, result.trace, result.law
+    contact = result.contact
+    trace = result.trace
+    law = result.law
     columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
     columns |= {
         "segment": contact.segment,
@@ -87,7 +89,9 @@ def toml_text(columns: Mapping[str, Column]) -> dict[str, Column]:
 
 
 def contact_and_trace(
-    recording: Recording, law: type[ForceLaw], whole: Mapping[str, Any]
+    recording: Recording,
+    law: type[ForceLaw],
+    whole: Mapping[str, Any],
 ) -> tuple[Contact, Trace]:
     """Return contact and trace from columns of :func:`trace_columns` read from a file.
 
@@ -96,7 +100,8 @@ def contact_and_trace(
     RecordingError
         A column is missing or holds invalid values.
     """
-    filtered, delay = whole["velocity_filter"], whole["delay"]
+    filtered = whole["velocity_filter"]
+    delay = whole["delay"]
     time, penetration, velocity, force = map(recording.numbers, FILE_NAMES.values())
     names = law.names()
     texts = recording.channels.get("status", np.empty(0, dtype=str)).astype(str)
@@ -159,7 +164,9 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
     first = results[0]
     gates = (result.gate for result in results if result.estimator.settings.get("gate"))
     # Not every method has a gate.
-    gate, scale, contact = next(gates, first.gate), first.scale, first.contact
+    gate = next(gates, first.gate)
+    scale = first.scale
+    contact = first.contact
     ranking = asdict(rank({result.method: result for result in results})) if results[1:] else {}
     return {
         "schema_version": SCHEMA_VERSION,
@@ -183,10 +190,13 @@ def describe_contact(files: Sequence[Path], results: "Sequence[Identified]") -> 
 
 def result_dict(result: "Identified") -> dict[str, Any]:
     """Return the result of one method, with None for undefined values."""
-    law, estimate, trace = result.law, result.estimate, result.trace
+    law = result.law
+    estimate = result.estimate
+    trace = result.trace
     estimated: dict[str, float] = {}
     for name in ("offset", "surface"):
-        value, error = getattr(estimate, name), getattr(estimate, f"{name}_standard_error")
+        value = getattr(estimate, name)
+        error = getattr(estimate, f"{name}_standard_error")
         # The number is also written if its error bar is undefined, or is 0 for samples without
         # noise.
         if value != 0.0 or error > 0.0:
@@ -224,13 +234,19 @@ def _episodes(result: "Identified") -> list[dict[str, Any]]:
     ]
 
 
-def _episode(part: "Identified") -> dict[str, Any]:
+def _episode(segment: "Identified") -> dict[str, Any]:
     """Return one segment or place of a longer contact."""
-    found, time = part.diagnosis, part.contact.time
-    episode = Episode(float(time[0]), float(time[-1]), part.law, found.working_depth).as_dict()
-    if part.place is not None:
-        episode |= {"kind": "place", "place": part.place.as_dict()}
-    return {**episode, "verdict": found.verdict.as_dict(), **derived_dict(part)}
+    diagnosis = segment.diagnosis
+    time = segment.contact.time
+    episode = Episode(
+        float(time[0]),
+        float(time[-1]),
+        segment.law,
+        diagnosis.working_depth,
+    ).as_dict()
+    if segment.place is not None:
+        episode |= {"kind": "place", "place": segment.place.as_dict()}
+    return {**episode, "verdict": diagnosis.verdict.as_dict(), **derived_dict(segment)}
 
 
 def derived_dict(result: "Identified") -> dict[str, Any]:
@@ -341,7 +357,8 @@ def load_result(path: str | Path) -> SavedResult:
     file = named if named.suffix == ".json" and not named.is_dir() else named / RESULT
     whole = _read_json(file)
     try:
-        [found], name = whole["results"], whole["trace"]
+        [found] = whole["results"]
+        name = whole["trace"]
         if name not in TRACES:
             raise ValueError(f"{name!r} is not a trace of palpate")
         law = law_from(found["law"])
@@ -351,7 +368,8 @@ def load_result(path: str | Path) -> SavedResult:
                 f"{file}: {name} has changed or is from another run; save the result again"
             )
         contact, trace = contact_and_trace(recording, type(law), whole)
-        errors, laws = found["standard_errors"], found["law_verdict"]
+        errors = found["standard_errors"]
+        laws = found["law_verdict"]
         relaxed = found["relaxed_stiffness"]
         return SavedResult(
             folder=file.parent,
@@ -433,7 +451,12 @@ def _quantity(words: Mapping[str, Any]) -> Quantity:
     place = words.get("at")
     at = place and Where(*map(or_nan, (place["depth"], place["frequency"], place["speed"])))
     return Quantity(
-        value, error, moved, mark=words.get("mark"), reason=words.get("reason", ""), at=at
+        value,
+        error,
+        moved,
+        mark=words.get("mark"),
+        reason=words.get("reason", ""),
+        at=at,
     )
 
 
@@ -454,10 +477,13 @@ def to_pandas(result: "Identified") -> "pandas.DataFrame":
 def to_xarray(result: "Identified") -> "xarray.Dataset":
     """Return samples along ``time`` and parameters along ``parameter``; units as attributes."""
     module = import_extra("xarray", "to_xarray", "notebook")
-    law, trace, (columns, units) = result.law, result.trace, trace_columns(result)
+    law = result.law
+    trace = result.trace
+    (columns, units) = trace_columns(result)
     for each in law.names():
         del columns[each], columns[f"{each}_standard_error"]
-    time, names = columns.pop("time"), np.array(law.names())
+    time = columns.pop("time")
+    names = np.array(law.names())
     variables: dict[str, Any] = {
         name: ("time", values, {"units": units[name]} if name in units else {})
         for name, values in columns.items()

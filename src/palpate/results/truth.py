@@ -77,7 +77,9 @@ def against_truth(value: float, truth: float, error: float, unit: str = "") -> s
 
 def truths(result: "Identified") -> list[str]:
     """Return the truth of each parameter, or empty texts if it is a law of another kind."""
-    law, truth, rows = result.law, read_truth(result.contact.provenance), parameter_rows(result)
+    law = result.law
+    truth = read_truth(result.contact.provenance)
+    rows = parameter_rows(result)
     if truth is not None:
         alike = law.simplest()
         law = alike if alike.kind == truth.kind else law
@@ -85,10 +87,12 @@ def truths(result: "Identified") -> list[str]:
         return [""] * len(rows)
     # The difference from the truth is meaningful only for comparable parameters.
     same = comparable(law, truth)
-    values, real, words = law.as_dict(), truth.as_dict(), []
+    values = law.as_dict()
+    real = truth.as_dict()
+    phrases = []
     for row in rows:
         error = float(result.standard_errors[row.index]) if row.name in same else 0.0
         known = row.name in real and row.estimated
         deviation = against_truth(values[row.name], real[row.name], error) if known else ""
-        words.append(deviation and f"truth {deviation}")
-    return words
+        phrases.append(deviation and f"truth {deviation}")
+    return phrases

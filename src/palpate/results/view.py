@@ -9,26 +9,34 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate.diagnosis import Quantity, Where
+from palpate.diagnosis import Quantity
 from palpate.diagnosis.fit import DEEP
-from palpate.digits import format_quantity, interval, percent, rounded, with_error
+from palpate.digits import (
+    format_hertz,
+    format_quantity,
+    format_time,
+    interval,
+    percent,
+    rounded,
+    with_error,
+)
 from palpate.errors import InvalidParameterError
 from palpate.estimators import VariableProjection
 from palpate.findings import MARKS, Check, Mark, spoken
 from palpate.preparation.touch import find_touches
-from palpate.quantities.derived import format_hertz, motion_band
+from palpate.quantities.derived import motion_band
 from palpate.recordings.recording import read_truth
 from palpate.results.parameters import (
     RELAXATION,
     felt_times,
     format_signed,
-    format_time,
     law_name,
     parameter_rows,
     parameter_terms,
@@ -115,7 +123,7 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
     names : sequence of str
         Names of the files, quoted for a shell, for the commands that show more.
     """
-    places = [part for part in result.segments if part.place is not None]
+    places = [segment for segment in result.segments if segment.place is not None]
     yield verdict_section(result)
     # The worst three places, or every segment between changes.
     shown = sort_by_verdict(places)[:3] or list(result.segments)
@@ -125,7 +133,9 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
 
 
 def identification_sections(
-    result: "Identified", *, with_findings: bool = False
+    result: "Identified",
+    *,
+    with_findings: bool = False,
 ) -> Iterator[ViewSection]:
     """Compose the output of ``palpate identify -v``, optionally with all findings."""
     yield verdict_section(result)
@@ -158,8 +168,8 @@ def comparison_sections(results: "Sequence[Identified]") -> Iterator[ViewSection
     by_name = {result.method: result for result in results}
     ranking = rank(by_name)
     ordered = [by_name[name] for name in ranking.order]
-    words = f"recommended method: {ranking.recommended or 'none'}"
-    yield ViewSection("Methods", [Line(words, tone="strong")])
+    text = f"recommended method: {ranking.recommended or 'none'}"
+    yield ViewSection("Methods", [Line(text, tone="strong")])
     yield number_table(ordered, ranking.exclusions)
     yield model_table(ordered)
 
@@ -200,29 +210,31 @@ class NumberLine(NamedTuple):
 
     def text(self, *, reasons: bool = True) -> str:
         """Return it as one line, with its mark, and with ``why`` if ``reasons``."""
-        words = " ".join(filter(None, (self.name, self.value, self.at)))
+        text = " ".join(filter(None, (self.name, self.value, self.at)))
         if self.mark is None:
-            return words
+            return text
         why = self.reason if reasons else ""
-        return f"{words} ({': '.join(filter(None, (spoken(self.mark), why)))})"
+        return f"{text} ({': '.join(filter(None, (spoken(self.mark), why)))})"
 
 
-def describe_place(at: Where) -> str:
+def describe_place(depth: float, frequency: float = math.nan, speed: float = 0.0) -> str:
     """Describe where a number holds: ``at 8.8 mm, 1.81 Hz``, or the depth only."""
-    often = f", {format_hertz(at.frequency)}" if math.isfinite(at.frequency) else ""
-    fast = f", {format_quantity(at.speed, 'm/s', digits=2)}" if at.speed else ""
-    return f"at {format_quantity(at.depth, 'm')}{often}{fast}"
+    often = f", {format_hertz(frequency)}" if math.isfinite(frequency) else ""
+    fast = f", {format_quantity(speed, 'm/s', digits=2)}" if speed else ""
+    return f"at {format_quantity(depth, 'm')}{often}{fast}"
 
 
 def number_lines(result: "Identified") -> list[NumberLine]:
     """Return stiffness and damping at the working depth and the motion's frequency."""
-    at_depth, lines = result.diagnosis.working_depth, list[NumberLine]()
+    at_depth = result.diagnosis.working_depth
+    lines = list[NumberLine]()
     for name, unit in _ROWS[:2]:
         quantity: Quantity = getattr(at_depth, name)
         if math.isnan(quantity.value) and lines:
             lines.append(NumberLine(name, f"not given: {quantity.reason}", "", None))
             continue
-        at = "" if quantity.at is None else describe_place(quantity.at)
+        where = quantity.at
+        at = "" if where is None else describe_place(where.depth, where.frequency, where.speed)
         same = lines and quantity.reason and quantity.reason == lines[0].reason
         reason = "for the same reason" if same else quantity.reason
         value = _format_with_unit(quantity, unit)
@@ -234,11 +246,12 @@ def verdict_section(result: "Identified") -> ViewSection:
     """Compose a line per number with depth, frequency, mark and reason; then the next step."""
     if result.segments:
         return ViewSection("Verdict", [*_count_verdicts(result.segments)])
-    numbers, rows = number_lines(result), list[tuple[Cell, ...]]()
+    numbers = number_lines(result)
+    rows = list[tuple[Cell, ...]]()
     if result.query.tip is not None or result.query.specimen is not None:  # what was asked
-        asked = _describe_modulus(result, whole=False)
-        rows.append((asked.name, _fold_sentence("; ".join((asked.text, *asked.remarks)))))
-    values = max(len(each.value) for each in numbers if each.mark is not None)
+        modulus = _describe_modulus(result, whole=False)
+        rows.append((modulus.name, _fold_sentence("; ".join((modulus.text, *modulus.remarks)))))
+    values = max(len(number.value) for number in numbers if number.mark is not None)
     places = max(len(each.at) for each in numbers)
     for each in numbers:
         if each.mark is None:
@@ -266,7 +279,7 @@ def _count_verdicts(places: "Sequence[Identified]") -> Iterator[Line]:
     """Describe the number of places with each mark, and the next step for the worst place."""
     counts = []
     for number in _MARKS:
-        marks = [getattr(part.diagnosis.working_depth, number).mark for part in places]
+        marks = [getattr(place.diagnosis.working_depth, number).mark for place in places]
         each = ", ".join(f"{marks.count(mark)} {spoken(mark)}" for mark in MARKS if mark in marks)
         counts.append(f"{number} {each or 'not given'}")
     what = "segments" if places[0].place is None else "places"
@@ -280,8 +293,9 @@ def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
     """Return places, the worst first: by verdict, then by relative error of the stiffness."""
 
     def badness(part: "Identified") -> tuple[int, float]:
-        there = part.diagnosis.working_depth
-        stiffness, marks = there.stiffness, (there.stiffness.mark, there.damping.mark)
+        working_depth = part.diagnosis.working_depth
+        stiffness = working_depth.stiffness
+        marks = (working_depth.stiffness.mark, working_depth.damping.mark)
         error = stiffness.whole_error / abs(stiffness.value) if stiffness.value else math.inf
         worst = max(MARKS.index(mark) for mark in marks if mark is not None)
         return -worst, -(error if error >= 0.0 else math.inf)
@@ -296,7 +310,8 @@ def _sentence(words: str) -> str:
 
 def fit_rows(result: "Identified") -> list[tuple[str, str]]:
     """Compose the law's parameters, a line on the fit, and the truth if the file states it."""
-    rows, derived = list[tuple[str, str]](), derived_section(result).lines
+    rows = []
+    derived = derived_section(result).lines
     if not result.segments:
         # K and M of a law that relaxes depend on times that nobody recorded: under -v.
         # The course says what several relaxation times do to the stiffness.
@@ -311,7 +326,7 @@ def fit_rows(result: "Identified") -> list[tuple[str, str]]:
         parts = f"{law_name(result)}:", *terms, doubt, _describe_course(result)
         rows.append(("law", _fold(filter(None, parts), "  ")))
     offsets = (f for f in result.contact.findings if f.check == Check.CLOCK_OFFSET)
-    rows += [("clocks", each.message) for each in offsets]
+    rows += [("clocks", offset.message) for offset in offsets]
     rows.append(("fit", _describe_fit(result)))
     rows.append(("truth", _describe_truth(result)))
     rows += [
@@ -334,7 +349,8 @@ def _fold(parts: Iterable[str], between: str, width: int = _FOLD[1]) -> str:
 
 def _describe_fit(result: "Identified") -> str:
     """Describe error, samples and contacts; then the settings that fit in the line."""
-    touches, estimate = len(find_touches(result.contact)), result.estimate
+    touches = len(find_touches(result.contact))
+    estimate = result.estimate
     words = (
         f"{format_percent(result.fit_rmse_percent)} rms, {estimate.samples} samples, {touches} "
         f"contact{'s' * (touches != 1)}"
@@ -360,7 +376,7 @@ def describe_relaxed_stiffness(result: "Identified") -> str:
         return "relaxed stiffness not given: it would be negative"
     if found.value == 0.0:  # K is at its bound, where its error is unknown
         return "relaxed stiffness not given: it relaxed to the end of the recording"
-    checks = (each.check for each in result.diagnosis.findings)
+    checks = (finding.check for finding in result.diagnosis.findings)
     caution = " (extrapolated)" if Check.RELAXED_STIFFNESS in checks else ""
     return f"relaxed stiffness {format_number(found)} N/m{caution}"
 
@@ -369,13 +385,13 @@ def _describe_truth(result: "Identified") -> str:
     """Describe the truth of stiffness and damping at working depth, as stated in the file."""
     at = result.working_depths[0]
     real = {} if result.segments else stated_truth(result, at.depth)
-    words = (
+    phrases = (
         f"{name} {against_truth(found.value, real[name], found.whole_error, unit)}"
         for name, unit in _ROWS[:2]
         for found in [getattr(at, name)]
         if name in real and math.isfinite(found.value)
     )
-    return _fold(words, "; ")
+    return _fold(phrases, "; ")
 
 
 def depth_table(result: "Identified") -> ViewSection:
@@ -384,17 +400,20 @@ def depth_table(result: "Identified") -> ViewSection:
     It includes the truth if the file states it.
     """
     names = ["median" if result.depth is None else "--at", f"{DEEP:.0f}th percentile"]
-    headings, columns, known = [""], [], [_BARS]
+    headings = [""]
+    columns = []
+    known = [_BARS]
     for each, name in zip(result.working_depths, names, strict=False):
         headings.append(f"at {format_quantity(each.depth, 'm', 4)} ({name})")
-        real, cells = stated_truth(result, each.depth), []
+        real = stated_truth(result, each.depth)
+        cells = []
         known = [_BARS, _LEGEND] if real else known
         for quantity, unit in _ROWS:
             found: Quantity = getattr(each, quantity)
-            words = found.format(unit)
+            text = found.format(unit)
             if quantity in real:
-                words += f"\ntruth {against_truth(found.value, real[quantity], found.whole_error)}"
-            cells.append(words)
+                text += f"\ntruth {against_truth(found.value, real[quantity], found.whole_error)}"
+            cells.append(text)
         columns.append(cells)
     lines = [Line("; ".join(known), tone="soft"), Line(TRUST, tone="soft")]
     rows = [*zip(dict(_ROWS), *columns, strict=True)]
@@ -406,23 +425,27 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
 
     With the law and the fit of each segment if ``whole``.
     """
-    rows: list[list[Cell]] = []
-    for part in result.segments:
-        found, time, place = part.diagnosis, part.contact.time, part.place
-        there = found.working_depth
-        both_numbers = format_number(there.stiffness), format_number(there.damping)
+    rows = []
+    for segment in result.segments:
+        diagnosis = segment.diagnosis
+        time = segment.contact.time
+        place = segment.place
+        working_depth = diagnosis.working_depth
+        both_numbers = format_number(working_depth.stiffness), format_number(working_depth.damping)
         if place is None:
-            times = _span(part).replace(" s to ", "\nto " if whole else " to ").removesuffix(" s")
-            terms = parameter_terms(part) if whole else ""
-            fit = format_percent(part.fit_rmse_percent) if whole else ""
+            times = ("\nto " if whole else " to ").join(_ends(segment))
+            terms = parameter_terms(segment) if whole else ""
+            fit = format_percent(segment.fit_rmse_percent) if whole else ""
             cells = (times, "", "", *both_numbers, "", terms, fit)
         else:
             at = ", ".join(f"{1e3 * each:.1f}" for each in place.position)
-            depth = rounded(1e3 * there.depth, 4)
-            modulus = _format_modulus(part) if part.query.tip or part.query.specimen else ""
+            depth = rounded(1e3 * working_depth.depth, 4)
+            modulus = (
+                _format_modulus(segment) if segment.query.tip or segment.query.specimen else ""
+            )
             times = f"{time[0]:.1f}–{time[-1]:.1f}" if whole else ""
             cells = (times, at, depth, *both_numbers, modulus, "", "")
-        rows.append([*cells, _hertz(part) if whole else "", *_both_marks(part)])
+        rows.append([*cells, _hertz(segment) if whole else "", *_both_marks(segment)])
     if rows:
         headings = ["time\ns", ">at x, y, z\nmm", ">depth\nmm", *_NUMBERS, ">Young's modulus"]
         headings += ["contact model", ">fit", ">frequency\nHz", *_MARKS]
@@ -431,11 +454,13 @@ def segment_table(result: "Identified", *, whole: bool = False) -> Iterator[View
 
 def law_section(result: "Identified", *, whole: bool = False) -> ViewSection:
     """Compose the law's parameters, with the truth if stated, and the quality of the fit."""
-    headings, rows = ["contact model", ""], []
+    headings = ["contact model", ""]
+    rows = []
     for row, truth in zip(parameter_rows(result), truths(result), strict=True):
         rows.append([str(row), truth])
         if whole:
-            value, error = result.law.parameters[row.index], result.standard_errors[row.index]
+            value = result.law.parameters[row.index]
+            error = result.standard_errors[row.index]
             rows[-1].append(interval(float(value), float(error)) if row.estimated else "–")
     lines = [_describe_course(result), describe_relaxed_stiffness(result)]
     lines += [_describe_correlation(result)]
@@ -453,8 +478,8 @@ def _describe_course(result: "Identified") -> str:
         f"{_format_with_unit(result.stiffness_after(time), 'N/m')} after {format_time(time)}"
         for time in felt_times(result.law, result.frequency)
     )
-    words = ", ".join(dict.fromkeys(course))
-    return f"stiffness {words}" if words else ""
+    text = ", ".join(dict.fromkeys(course))
+    return f"stiffness {text}" if text else ""
 
 
 def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection:
@@ -463,42 +488,54 @@ def derived_section(result: "Identified", *, whole: bool = False) -> ViewSection
     Restitution applies if the contact dissipates at least 1 % of an impact's speed, energy if the
     probe moves in and out, passivity if the law is trusted or usable with care.
     """
-    query, lines, timed = result.query, list[Line](), not result.contact.timeless
-    trusted = result.diagnosis.verdict.overall != "do-not-trust"
-    if (whole and timed) or query.impact_speed is not None:
-        restitution = result.restitution()
-        # Informative neither for a quasi-static press nor for an unknown law.
-        informative = 1.0 - restitution.coefficient.value > _QUASI_STATIC
-        if query.impact_speed is not None or (trusted and informative):
-            lines.append(_describe_restitution(restitution, whole=whole))
-    if query.frequency is not None:
-        lines += _describe_oscillation(result, whole=whole)
-    if whole and timed and result.energy.kind != "none":
-        lines.append(_describe_energy(result))
-    if whole and timed and trusted:
-        lines.append(_describe_passivity(result))
-    if query.tip is not None or query.specimen is not None:
-        parts = [part for part in result.segments if part.place is None]
+    lines = [*_surface_notes(result)] if whole else []
+    lines += _describe_motion_quantities(result, whole=whole)
+    if result.query.tip is not None or result.query.specimen is not None:
         lines.append(_describe_modulus(result, whole=whole))
-        lines += (_describe_modulus(part, f"{_span(part)}: ", whole=whole) for part in parts)
+        segments = [segment for segment in result.segments if segment.place is None]
+        spans = (f"{begin} s to {end} s: " for begin, end in map(_ends, segments))
+        lines += map(partial(_describe_modulus, whole=whole), segments, spans)
     if result.noticed is not None:  # when a control loop would have noticed
         times = ", ".join(f"{rounded(time, 4)} s" for time in result.changes.tolist())
         alarms = f"an alarm at {times}" if times else "no alarm"
         lines.append(Line(f"the online change detector raises {alarms}", "online"))
-    # An assumption on the surface is not a fault of the stiffness.
-    surface = [f for f in result.diagnosis.findings if f.check == Check.SURFACE]
-    notes = [Line(f.message, "note") for f in surface if f.severity == "note"]
-    return ViewSection("Derived quantities", notes + lines if whole else lines)
+    return ViewSection("Derived quantities", lines)
+
+
+def _surface_notes(result: "Identified") -> Iterator[Line]:
+    """An assumption on the surface is not a fault of the stiffness."""
+    for finding in result.diagnosis.findings:
+        if finding.check == Check.SURFACE and finding.severity == "note":
+            yield Line(finding.message, "note")
+
+
+def _describe_motion_quantities(result: "Identified", *, whole: bool) -> Iterator[Line]:
+    """Describe restitution, oscillation, energy and passivity, which need the time."""
+    query = result.query
+    whole_motion = whole and not result.contact.timeless
+    trusted = result.diagnosis.verdict.overall != "do-not-trust"
+    if whole_motion or query.impact_speed is not None:
+        restitution = result.restitution()
+        # Informative neither for a quasi-static press nor for an unknown law.
+        informative = 1.0 - restitution.coefficient.value > _QUASI_STATIC
+        if query.impact_speed is not None or (trusted and informative):
+            yield _describe_restitution(restitution, whole=whole)
+    if query.frequency is not None:
+        yield from _describe_oscillation(result, whole=whole)
+    if whole_motion and result.energy.kind != "none":
+        yield _describe_energy(result)
+    if whole_motion and trusted:
+        yield _describe_passivity(result)
 
 
 def findings_section(result: "Identified") -> ViewSection:
     """Compose every finding with its next step and its change of the result; each segment's law."""
     rows = []
-    for each in result.diagnosis.findings:
-        words = "\n→ ".join(filter(None, (each.message, each.remedy)))
-        z = "–" if math.isnan(each.z) else rounded(each.z, 3)
-        moves = _format_changes(each.moves_stiffness_percent, each.moves_damping_percent)
-        rows.append((Styled(each.check, each.severity), words, z, moves))
+    for finding in result.diagnosis.findings:
+        text = "\n→ ".join(filter(None, (finding.message, finding.remedy)))
+        z = "–" if math.isnan(finding.z) else rounded(finding.z, 3)
+        moves = _format_changes(finding.moves_stiffness_percent, finding.moves_damping_percent)
+        rows.append((Styled(finding.check, finding.severity), text, z, moves))
     lines = [Line(_CHECKS, tone="soft")]
     for episode in result.diagnosis.episodes:
         terms = (f"{name} = {rounded(v, 4)}" for name, v in episode.law.as_dict().items())
@@ -515,22 +552,22 @@ def number_table(ordered: "Sequence[Identified]", exclusions: Sequence[str]) -> 
     reasons: dict[str, list[str]] = {}
     places = list({(_millimetres(each), _hertz(each)) for each in ordered})
     for result in ordered:
-        found = result.diagnosis
-        there = found.working_depth
-        values = format_number(there.stiffness), format_number(there.damping)
+        diagnosis = result.diagnosis
+        working_depth = diagnosis.working_depth
+        values = format_number(working_depth.stiffness), format_number(working_depth.damping)
         where = (_millimetres(result), _hertz(result)) if places[1:] else ("", "")
         rows.append((result.method, *_both_marks(result), *where, *values))
         for name in _MARKS:
-            if reason := getattr(there, name).reason:
+            if reason := getattr(working_depth, name).reason:
                 reasons.setdefault(f"{name}: {reason}", []).append(result.method)
     if real := stated_truth(ordered[0], ordered[0].diagnosis.working_depth.depth):
         numbers = (rounded(real[name], 4) for name, _ in _ROWS[:2])
         rows.append(("truth", "", "", _millimetres(ordered[0]) * bool(places[1:]), "", *numbers))
     same = "" if places[1:] else f"at {places[0][0]} mm and {places[0][1]} Hz; "
-    words = f"{same}± one standard error, statistical and systematic together"
-    lines = [Line(words, tone="soft")]
+    text = f"{same}± one standard error, statistical and systematic together"
+    lines = [Line(text, tone="soft")]
     lines += (Line(reason, ", ".join(methods)) for reason, methods in reasons.items())
-    lines += (Line(words, tone="warning") for words in exclusions)
+    lines += (Line(exclusion, tone="warning") for exclusion in exclusions)
     headings = ["method", *_MARKS, ">depth\nmm", ">frequency\nHz", *_NUMBERS]
     return ViewSection("Methods on this contact, the best first", lines, headings, rows)
 
@@ -556,9 +593,11 @@ def preparation_section(results: "Sequence[Identified]", *, whole: bool = False)
     It omits messages that the verdict also shows or, if ``whole``, the diagnosis.
     """
     first = results[0]
-    found = first.diagnosis
-    shown = {each.check for each in (found.findings if whole else (found.deciding,)) if each}
-    others = (each for each in first.contact.findings if each.check not in shown)
+    diagnosis = first.diagnosis
+    shown = {
+        each.check for each in (diagnosis.findings if whole else (diagnosis.deciding,)) if each
+    }
+    others = (finding for finding in first.contact.findings if finding.check not in shown)
     lines = [Line(_describe_samples(first))]
     lines += (Line(each.message, each.check, remedy=each.remedy) for each in others)
     for result in results:
@@ -569,11 +608,6 @@ def preparation_section(results: "Sequence[Identified]", *, whole: bool = False)
 
 
 # Formats of one number.
-
-
-def format_depth(depth: float) -> str:
-    """Format a depth below the surface."""
-    return format_quantity(depth, "m", digits=4)
 
 
 def format_number(quantity: Quantity) -> str:
@@ -626,46 +660,49 @@ def _format_changes(stiffness: float, damping: float) -> str:
 def one_line(result: "Identified") -> str:
     """Describe the identification in a line: stiffness and damping, each with its mark."""
     name = Path(result.contact.source).name or "a contact"
-    numbers = (each.text(reasons=False) for each in number_lines(result))
+    numbers = (number_line.text(reasons=False) for number_line in number_lines(result))
     return f"<Identification of {name} by {law_name(result)}: {', '.join(numbers)}>"
 
 
-def _millimetres(part: "Identified") -> str:
-    return rounded(1e3 * part.diagnosis.working_depth.depth, 4)
+def _millimetres(segment: "Identified") -> str:
+    return rounded(1e3 * segment.diagnosis.working_depth.depth, 4)
 
 
-def _hertz(part: "Identified") -> str:
-    return format_hertz(part.frequency).removesuffix(" Hz")
+def _hertz(segment: "Identified") -> str:
+    return rounded(segment.frequency / math.tau, 3)
 
 
-def _both_marks(part: "Identified") -> tuple[Cell, Cell]:
+def _both_marks(segment: "Identified") -> tuple[Cell, Cell]:
     """Return the marks of stiffness and damping; a dash for a damping without a value."""
-    there = part.diagnosis.working_depth
-    marks = there.stiffness.mark, there.damping.mark
+    working_depth = segment.diagnosis.working_depth
+    marks = working_depth.stiffness.mark, working_depth.damping.mark
     first, second = ("–" if mark is None else _mark_cell(mark) for mark in marks)
     return first, second
 
 
-def _span(part: "Identified") -> str:
-    time = part.contact.time
-    return f"{rounded(float(time[0]), 4)} s to {rounded(float(time[-1]), 4)} s"
+def _ends(segment: "Identified") -> tuple[str, str]:
+    """Return the first and the last time of a segment, s."""
+    first, last = segment.contact.time[[0, -1]].tolist()
+    return rounded(first, 4), rounded(last, 4)
 
 
 def _describe_fit_errors(result: "Identified") -> str:
     fit = "fit (each part by its own law)" if result.segments else "fit"
-    words = (
+    text = (
         f"method {result.method}; rms error of the force: {fit} "
         f"{format_percent(result.fit_rmse_percent)}, one-step prediction "
         f"{format_percent(result.prediction_rmse_percent)}"
     )
     if result.estimator.needs_condition_10:
         share = format_share(result.violated_fraction)
-        words += f"; |v| ≥ 0.1 K/B in {share} of the contact, by each sample's estimate"
-    return words
+        text += f"; |v| ≥ 0.1 K/B in {share} of the contact, by each sample's estimate"
+    return text
 
 
 def _describe_samples(result: "Identified") -> str:
-    contact, gate, scale = result.contact, result.gate, result.scale
+    contact = result.contact
+    gate = result.gate
+    scale = result.scale
     touches = len(find_touches(contact))
     force = f"force > {rounded(gate.make_force, 3)} N"
     if isinstance(result.estimator, VariableProjection) and not gate.make_force:
@@ -681,33 +718,34 @@ def _describe_samples(result: "Identified") -> str:
 
 def describe_model_selection(result: "Identified") -> str:
     """Describe the selected law and its comparison; empty if no laws were compared."""
-    found = result.law_verdict
-    known = found is not None and found.known
-    return f"Model selection: {str(found).removeprefix('law: ')}" if known else ""
+    law_verdict = result.law_verdict
+    known = law_verdict is not None and law_verdict.known
+    return f"Model selection: {str(law_verdict).removeprefix('law: ')}" if known else ""
 
 
 def _describe_correlation(result: "Identified") -> str:
-    matrix, words = result.correlations, []
+    matrix = result.correlations
+    phrases = []
     estimated = [row for row in parameter_rows(result) if row.estimated]
     for one, other in itertools.combinations(estimated, 2):
         value = matrix[one.index, other.index]
         if math.isfinite(value):
             # Use enough digits to distinguish it from 1, at most four.
             digits = next((k for k in (2, 3) if abs(round(value, k)) < 1.0), 4)
-            words.append(f"{one.symbol}–{other.symbol} {value:.{digits}f}")
-    return f"correlation {', '.join(words)}" if words else ""
+            phrases.append(f"{one.symbol}–{other.symbol} {value:.{digits}f}")
+    return f"correlation {', '.join(phrases)}" if phrases else ""
 
 
 def _describe_settings(estimate: "Estimate") -> list[str]:
     """Describe offset and surface, if they were estimated together with the law."""
-    words = []
+    phrases = []
     if estimate.offset_standard_error > 0.0:
         offset = with_error(estimate.offset, estimate.offset_standard_error, unit="N")
-        words.append(f"offset {offset}")
+        phrases.append(f"offset {offset}")
     if estimate.surface_standard_error > 0.0:
         error = 1e3 * estimate.surface_standard_error
-        words.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
-    return words
+        phrases.append(f"surface at {with_error(1e3 * estimate.surface, error, unit='mm')}")
+    return phrases
 
 
 # Derived quantities.
@@ -722,73 +760,77 @@ def _describe_oscillation(result: "Identified", *, whole: bool) -> list[Line]:
         response = result.dynamic_stiffness(result.query.frequency)
         parts = response.stiffness, response.damping, response.loss_tangent
         k, b, tangent = (each if whole else each.combined for each in parts)
-        frequency, depth = format_hertz(response.frequency), format_quantity(response.depth, "m")
-        words = (
+        frequency = format_hertz(response.frequency)
+        depth = format_quantity(response.depth, "m")
+        text = (
             f"at {frequency} and {depth}: K′ = {k.format('N/m')}, B′ = {b.format('N·s/m')}, "
             f"tan δ = {tangent.format()}"
         )
         low, high = motion_band(result)
         band = f"the motion covers {format_hertz(low)} to {format_hertz(high)}"
         without = () if result.law.remembers else ("without relaxation: the same at any frequency",)
-        return [Line(words, "oscillation", remarks=(*without, band))]
+        return [Line(text, "oscillation", remarks=(*without, band))]
     return []
 
 
-def _describe_restitution(found: "Restitution", *, whole: bool) -> Line:
-    e = found.coefficient if whole else found.coefficient.combined
+def _describe_restitution(restitution: "Restitution", *, whole: bool) -> Line:
+    e = restitution.coefficient if whole else restitution.coefficient.combined
     if not math.isfinite(e.value):
-        return Line("; ".join(found.remarks), "restitution")
-    fastest = " (the fastest approach)" if found.speed == found.fastest_approach else ""
-    words = f"{e.format()} at {rounded(found.speed, 3)} m/s{fastest}"
-    return Line(words, "restitution", remarks=found.remarks)
+        return Line("; ".join(restitution.remarks), "restitution")
+    fastest = " (the fastest approach)" if restitution.speed == restitution.fastest_approach else ""
+    text = f"{e.format()} at {rounded(restitution.speed, 3)} m/s{fastest}"
+    return Line(text, "restitution", remarks=restitution.remarks)
 
 
 def _describe_energy(result: "Identified") -> Line:
-    found = result.energy
-    words = (
-        f"{format_with_prefix(found.measured, 'J')} measured, "
-        f"{found.fraction.scaled(100.0).format()} % of the energy put in; "
-        f"{format_with_prefix(found.predicted, 'J', as_of=found.measured.value)} by the model"
+    energy = result.energy
+    text = (
+        f"{format_with_prefix(energy.measured, 'J')} measured, "
+        f"{energy.fraction.scaled(100.0).format()} % of the energy put in; "
+        f"{format_with_prefix(energy.predicted, 'J', as_of=energy.measured.value)} by the model"
     )
-    return Line(words, f"energy dissipated per {found.kind}", remarks=found.remarks)
+    return Line(text, f"energy dissipated per {energy.kind}", remarks=energy.remarks)
 
 
 def _describe_passivity(result: "Identified") -> Line:
-    found, words = result.passivity, "the law is never adhesive (its force is never negative)"
-    if found.fraction > 0.0:
-        part = rounded(100.0 * found.fraction, 2)
-        words = (
+    passivity = result.passivity
+    text = "the law is never adhesive (its force is never negative)"
+    if passivity.fraction > 0.0:
+        part = rounded(100.0 * passivity.fraction, 2)
+        text = (
             f"the law is adhesive (negative force) in {part} % of the contact, down to "
-            f"{_plain(found.lowest_force, 'N')}; the mean recorded force there is "
-            f"{_plain(found.measured_there, 'N')}"
+            f"{_plain(passivity.lowest_force, 'N')}; the mean recorded force there is "
+            f"{_plain(passivity.measured_there, 'N')}"
         )
-    elif found.limit >= 0.0:
-        words = "the law is adhesive (negative force) at working depth even at rest"
-    elif math.isfinite(found.limit):
-        words = (
+    elif passivity.limit >= 0.0:
+        text = "the law is adhesive (negative force) at working depth even at rest"
+    elif math.isfinite(passivity.limit):
+        text = (
             "the law becomes adhesive (negative force) when withdrawing faster than "
-            f"{rounded(-found.limit, 3)} m/s"
+            f"{rounded(-passivity.limit, 3)} m/s"
         )
-    if found.measured_fraction <= _MANY:
-        return Line(words, "passivity")
+    if passivity.measured_fraction <= _MANY:
+        return Line(text, "passivity")
+    share = rounded(100.0 * passivity.measured_fraction, 2)
     remark = (
-        f"the recorded force is negative in {rounded(100.0 * found.measured_fraction, 2)} % of the "
-        "contact: adhesion, a wrong force offset, or a wrong surface"
+        f"the recorded force is negative in {share} % of the contact: adhesion, a wrong force "
+        "offset, or a wrong surface"
     )
-    return Line(words, "passivity", remarks=(remark,))
+    return Line(text, "passivity", remarks=(remark,))
 
 
-def _describe_modulus(part: "Identified", when: str = "", *, whole: bool) -> Line:
+def _describe_modulus(segment: "Identified", when: str = "", *, whole: bool) -> Line:
     found: ElasticModulus | CompressionModulus
     mark = ""
-    if part.query.specimen is None:
-        found = part.elastic_modulus()
+    if segment.query.specimen is None:
+        found = segment.elastic_modulus()
         mark = "" if found.refused else f" ({spoken(found.mark)})"
         ratio = f"{'assumed ' if found.assumed else ''}Poisson's ratio {found.poisson_ratio:g}"
         body = f"{_describe_tip(found.tip)}, {ratio}"
     else:
-        found = part.compression_modulus()
-        area, height = rounded(1e6 * found.specimen.area, 4), _plain(found.specimen.height, "m")
+        found = segment.compression_modulus()
+        area = rounded(1e6 * found.specimen.area, 4)
+        height = _plain(found.specimen.height, "m")
         strain = rounded(found.strain, 2)
         body = f"a specimen of {area} mm² and {height} height, at a strain of {strain}"
     if found.refused:
@@ -805,9 +847,9 @@ def _describe_tip(tip: "Tip") -> str:
     return f"a {tip.kind} of {_plain(size['radius'], 'm')} radius"
 
 
-def _format_modulus(part: "Identified") -> str:
+def _format_modulus(segment: "Identified") -> str:
     """Format the modulus with its whole error; the JSON has the reason of a refusal."""
-    found = part.compression_modulus() if part.query.specimen else part.elastic_modulus()
+    found = segment.compression_modulus() if segment.query.specimen else segment.elastic_modulus()
     return "refused" if found.refused else format_with_prefix(found.value.combined, "Pa")
 
 
@@ -820,7 +862,7 @@ def as_text(sections: Iterable[ViewSection], *, width: int = 100) -> str:
     for section in sections:
         headings, rows = section.table()
         table: list[tuple[str, ...]] = []
-        top: list[Cell] = [each.removeprefix(">") for each in headings]
+        top: list[Cell] = [heading.removeprefix(">") for heading in headings]
         for row in (top, *rows):
             cells = [[p for w in _plain_cell(c).split("\n") for p in wrap(w, 70)] for c in row]
             table += itertools.zip_longest(*cells, fillvalue="")

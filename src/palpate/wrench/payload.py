@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from palpate.channels.frames import interpolate_columns
 from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, spoken, worst
+from palpate.recordings.units import GRAVITY
 from palpate.validation import Floats
 from palpate.writing import as_toml, write_text
 
@@ -88,6 +89,8 @@ class Payload:
         Version of these fields in a file.
     """
 
+    #: Standard acceleration of free fall, m/s².
+    gravity: ClassVar[float] = GRAVITY
     mass: float
     centre: Floats
     mount: Floats

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate.errors import InvalidParameterError
-from palpate.recordings.table_files import write_formatted
 from palpate.validation import Floats, check_field, instance, number_in
+from palpate.writing import write_formatted
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,8 @@ class Motion:
     def at(self, time: "ArrayLike") -> tuple[Floats, Floats]:
         """Penetration [m] and velocity [m/s] at times [s], each of their shape."""
         t = np.asarray(time, dtype=np.float64)
-        x, v = np.full(t.shape, self.depth), np.zeros(t.shape)
+        x = np.full(t.shape, self.depth)
+        v = np.zeros(t.shape)
         for a, w in zip(self.amplitudes, self.frequencies, strict=True):
             x += a * np.sin(w * t)
             v += a * w * np.cos(w * t)
@@ -112,7 +113,8 @@ _REST = 0.5
 # Start height over the peak penetration; to plan a motion, one must know the surface as precisely.
 _CLEARANCE = 0.1
 # Points per period of the fastest sine in the search for the start of the retreat, and at most.
-_POINTS, _MOST_POINTS = 64, 1_000_000
+_POINTS = 64
+_MOST_POINTS = 1_000_000
 _MOST_SAMPLES = 10_000_000
 
 
@@ -271,7 +273,8 @@ def _outward(motion: Motion, earliest: float) -> float:
             "the sines never withdraw below the surface: increase the depth"
         )
     first = turning[good][np.argmin(v[good])]
-    low, high = float(time[first]), float(time[first + 1])
+    low = float(time[first])
+    high = float(time[first + 1])
     for _ in range(60):  # bisections: to machine precision
         middle = 0.5 * (low + high)
         falling = _acceleration(motion, np.array(middle)) < 0.0

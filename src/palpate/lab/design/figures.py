@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from palpate.design import Design, PredictedPrecision
+from palpate import figures
 from palpate.digits import rounded
-from palpate.figures.style import Look, choose_look, choose_scale, drawing, head, set_titles
+from palpate.lab.design import Design, PredictedPrecision
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
 # Shown periods of the slowest sine, and points per period of the fastest.
 _PERIODS = 2.0
-_POINTS, _MOST_POINTS = 40, 1500
+_POINTS = 40
+_MOST_POINTS = 1500
 _DURATIONS = 30
 CAPTION = (
     "Standard errors: lower bound for any unbiased method (Cramér–Rao), relative to the guessed "
@@ -34,7 +35,7 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     Parameters
     ----------
     design : Design
-        As :func:`palpate.design.design` returns it.
+        As :func:`palpate.lab.design.design` returns it.
     dark : bool
         Draw for a dark background. Default: False.
     width : float, optional
@@ -47,8 +48,8 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
     MissingExtraError
         matplotlib is not installed.
     """
-    look = choose_look(dark=dark, width=width)
-    with drawing(look, 10.8 if look.narrow else 6.8) as figure:
+    look = figures.choose_look(dark=dark, width=width)
+    with figures.drawing(look, 10.8 if look.narrow else 6.8) as figure:
         cells = "A;B;C;D;E" if look.narrow else "AAABBB;CCDDEE"
         panels = list(figure.subplot_mosaic(cells).values())
         shown = [_Shown("planned", design.planned, look.theme.lines[1], "--")]
@@ -64,9 +65,9 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
         better = "no better motion" if design.better is None else "better"
         caption = f"{CAPTION} Circles: including the sensor's rounding error."
         parts = zip(design.law.symbols, design.law.parameters, design.law.units, strict=True)
-        words = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
-        title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, words))}"]
-        set_titles(figure, look, title, caption if rounds else CAPTION, lines=6)
+        phrases = (f"{symbol} = {rounded(float(value), 4)} {unit}" for symbol, value, unit in parts)
+        title = [f"{better}: {design.reason}", f"guessed: {', '.join(map(str.strip, phrases))}"]
+        figures.set_titles(figure, look, title, caption if rounds else CAPTION, lines=6)
     return figure
 
 
@@ -83,8 +84,8 @@ def _shown_time(motions: list[_Shown]) -> Floats:
     """Times to draw motions at, s."""
     frequencies = [
         w
-        for each in motions
-        for a, w in zip(each.of.motion.amplitudes, each.of.motion.frequencies, strict=True)
+        for motion in motions
+        for a, w in zip(motion.of.motion.amplitudes, motion.of.motion.frequencies, strict=True)
         if a > 0.0
     ]
     longest = motions[0].of.durations[-1]
@@ -96,15 +97,24 @@ def _shown_time(motions: list[_Shown]) -> Floats:
 
 
 def _draw_motions(
-    depths: "Axes", orbits: "Axes", design: Design, motions: list[_Shown], look: Look
+    depths: "Axes",
+    orbits: "Axes",
+    design: Design,
+    motions: list[_Shown],
+    look: figures.Look,
 ) -> None:
     """Penetration over time; velocity over penetration, with the better motion's limits."""
-    time, limits = _shown_time(motions), design.limits
-    depth = choose_scale(max(each.of.peak_penetration for each in motions), "m")
-    speed = choose_scale(max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s")
-    left, right = limits.least_penetration, limits.peak_penetration
+    time = _shown_time(motions)
+    limits = design.limits
+    depth = figures.choose_scale(max(motion.of.peak_penetration for motion in motions), "m")
+    speed = figures.choose_scale(
+        max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s"
+    )
+    least_penetration = limits.least_penetration
+    right = limits.peak_penetration
     orbits.plot(
-        depth.factor * np.array([left, right, right, left, left]),
+        depth.factor
+        * np.array([least_penetration, right, right, least_penetration, least_penetration]),
         speed.factor * limits.speed * np.array([-1.0, -1.0, 1.0, 1.0, -1.0]),
         ":",
         color=look.theme.ink,
@@ -116,13 +126,18 @@ def _draw_motions(
         depths.plot(time, depth.factor * x, dashes, color=colour, label=name)
         orbits.plot(depth.factor * x, speed.factor * v, dashes, color=colour, label=name)
     depths.set(xlabel="time [s]", ylabel=depth.label("penetration"))
-    head(depths, "Penetration")
+    figures.head(depths, "Penetration")
     orbits.set(xlabel=depth.label("penetration"), ylabel=speed.label("velocity"))
-    head(orbits, "Velocity over penetration")
+    figures.head(orbits, "Velocity over penetration")
 
 
 def _draw_precision(
-    panels: "list[Axes]", design: Design, motions: list[_Shown], look: Look, *, rounds: bool
+    panels: "list[Axes]",
+    design: Design,
+    motions: list[_Shown],
+    look: figures.Look,
+    *,
+    rounds: bool,
 ) -> None:
     """Relative standard error of each parameter over the time in motion, a panel each."""
     durations = design.planned.durations
@@ -143,14 +158,22 @@ def _draw_precision(
         _finish_precision(axes, symbol, design.planned.targets, look)
 
 
-def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], look: Look) -> None:
+def _finish_precision(
+    axes: "Axes",
+    symbol: str,
+    targets: tuple[float, ...],
+    look: figures.Look,
+) -> None:
     """Logarithmic axes with numbers written out, and lines at the targets."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     if any(np.isfinite(line.get_ydata()).any() for line in axes.get_lines()):
         for target in targets:
             axes.axhline(
-                100.0 * target, color=look.theme.ink, linestyle=":", linewidth=look.points(0.7)
+                100.0 * target,
+                color=look.theme.ink,
+                linestyle=":",
+                linewidth=look.points(0.7),
             )
         axes.set_yscale("log")
     axes.set_xscale("log")
@@ -162,4 +185,4 @@ def _finish_precision(axes: "Axes", symbol: str, targets: tuple[float, ...], loo
             few = high > 100.0 * low and axis is axes.yaxis  # there is room for decades only
             axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=9))
     axes.set(xlabel="time in motion [s]", ylabel=f"s.e. of {symbol} [%]")
-    head(axes, f"Relative standard error of {symbol}")
+    figures.head(axes, f"Relative standard error of {symbol}")

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from palpate.design.motion import Motion
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.lab.design.motion import Motion
 from palpate.validation import Floats, number_in, plain
 
 # Harmonics of the rounding error that are treated apart from white noise: 87 % of its power.
@@ -243,7 +243,13 @@ class PlannedMeasurement:
         return times
 
     def _first(
-        self, motion: Motion, before: Floats, index: Floats, stride: int, column: int, target: float
+        self,
+        motion: Motion,
+        before: Floats,
+        index: Floats,
+        stride: int,
+        column: int,
+        target: float,
     ) -> int:
         """Return the least number of a block's samples that meets a target; all of them meet it."""
 
@@ -362,7 +368,10 @@ def limits_around(
 
 
 def find_better(
-    given: Motion, measurement: PlannedMeasurement, limits: Limits, duration: float
+    given: Motion,
+    measurement: PlannedMeasurement,
+    limits: Limits,
+    duration: float,
 ) -> Motion | None:
     """Return a motion within the limits with a smaller worst error of (K, B, n), or None.
 
@@ -373,14 +382,14 @@ def find_better(
     """
     if limits.speed == 0.0:
         return None
-    top, bottom = (
-        limits.peak_penetration * (1.0 - _SLACK),
-        limits.least_penetration + limits.peak_penetration * _SLACK,
-    )
+    top = limits.peak_penetration * (1.0 - _SLACK)
+    bottom = limits.least_penetration + limits.peak_penetration * _SLACK
     heights = np.linspace(bottom, bottom + 0.95 * (top - bottom), 24)
     step = float(heights[1] - heights[0])
 
-    best, least, best_shape = given, math.inf, given
+    best = given
+    least = math.inf
+    best_shape = given
 
     def look(shape: Motion, heights: Floats) -> None:
         nonlocal best, least, best_shape
@@ -391,13 +400,16 @@ def find_better(
                 continue
             error = float(measurement.expected_errors(candidate, duration, quick=True).max())
             if error < least:
-                best, least, best_shape = candidate, error, shape
+                best = candidate
+                least = error
+                best_shape = shape
 
     for shape in _shapes(given):
         look(shape, heights)
     if math.isinf(least):
         return None
-    low, high = best.least_penetration - step, best.least_penetration + step
+    low = best.least_penetration - step
+    high = best.least_penetration + step
     look(best_shape, np.linspace(max(bottom, low), min(heights[-1], high), 9))
     exact = measurement.expected_errors(best, duration).max()
     before = measurement.expected_errors(given, duration).max()
@@ -405,10 +417,10 @@ def find_better(
     return best if gains or not limits.allow(given) else None
 
 
-def _shapes(given: Motion) -> Iterator[Motion]:
+def _shapes(motion: Motion) -> Iterator[Motion]:
     """Motions to be scaled: only the proportions of their sines count."""
-    if given.top_speed > 0.0:
-        yield given
+    if motion.top_speed > 0.0:
+        yield motion
     yield Motion(1.0, (1.0,), (1.0,))
     yield Motion(1.0, (1.0, 0.05), (1.0, 0.5 * (1.0 + math.sqrt(5.0))))
 
@@ -503,7 +515,7 @@ class PredictedPrecision:
             every = zip(values, table.tolist(), strict=True)
             return [{key: value, **dict(zip(names, row, strict=True))} for value, row in every]
 
-        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        own = {field.name: getattr(self, field.name) for field in fields(self)}
         own |= {"motion": asdict(self.motion), "leaves_contact": self.leaves_contact}
         own["relative_errors"] = rows("duration", own.pop("durations"), self.relative_errors)
         own["expected_errors"] = rows("duration", self.durations, self.expected_errors)
@@ -513,10 +525,13 @@ class PredictedPrecision:
 
 
 def predict_precision(
-    motion: Motion, measurement: PlannedMeasurement, durations: tuple[float, ...]
+    motion: Motion,
+    measurement: PlannedMeasurement,
+    durations: tuple[float, ...],
 ) -> PredictedPrecision:
     """Predict the precision of a motion after each of the durations, which increase."""
-    law, step = measurement.law, measurement.sample_time
+    law = measurement.law
+    step = measurement.sample_time
     _, x, v = motion.sampled(durations[-1], step)
     touching = x > 0.0
     speed = np.abs(v[touching])
@@ -549,7 +564,10 @@ def predict_precision(
 
 
 def _notes(
-    motion: Motion, measurement: PlannedMeasurement, least_penetration: float, outward: float
+    motion: Motion,
+    measurement: PlannedMeasurement,
+    least_penetration: float,
+    outward: float,
 ) -> list[str]:
     notes = []
     law = measurement.law

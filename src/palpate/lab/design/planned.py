@@ -5,8 +5,11 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from palpate.design.motion import PAPER_MOTION, Motion
-from palpate.design.precision import (
+from palpate.digits import rounded
+from palpate.errors import InvalidParameterError
+from palpate.force_laws import HuntCrossley
+from palpate.lab.design.motion import PAPER_MOTION, Motion
+from palpate.lab.design.precision import (
     HORIZON,
     Limits,
     PlannedMeasurement,
@@ -16,9 +19,6 @@ from palpate.design.precision import (
     limits_around,
     predict_precision,
 )
-from palpate.digits import rounded
-from palpate.errors import InvalidParameterError
-from palpate.force_laws import HuntCrossley
 from palpate.stages import log_stage
 from palpate.validation import Plain, instance, number_in, plain
 
