@@ -13,7 +13,7 @@ from palpate.recordings.units import GRAVITY
 from palpate.rows import norm, row_norms, run_slices, true_runs
 from palpate.validation import Floats, Integers, Mask
 from palpate.wrench.consensus import LONGEST_DELAY, Blocks, largest_consensus
-from palpate.wrench.payload import TENSOR, Payload, load_of
+from palpate.wrench.payload import TENSOR, Payload
 from palpate.wrench.zeroing import Zeroing
 
 SHIFT = 30e-3  # s, of the difference for the clock
@@ -52,11 +52,14 @@ SIZE = 17
 # columns to fix
 OF_MOUNT = range(13, 16)
 EVERYTHING = range(16)
+# The matrices e× of the three axes, and the inertia tensors whose entries are 1.
+CROSSES = np.cross(np.eye(3), np.eye(3)[:, None])
+TENSORS = np.eye(6)[:, TENSOR]
 
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    return np.cross(np.eye(3), vectors[..., None, :])
+    return np.tensordot(vectors, CROSSES, axes=1)
 
 
 def rotation(vector: Floats) -> Floats:
@@ -73,8 +76,18 @@ def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     """Return the wrench by mass, m c, inertia and m d, shape (k, 6, 13), in the sensor's axes."""
     g, w, a = (motion[:, 3 * k : 3 * k + 3] @ mount for k in range(3))
     products = mount.T @ motion[:, 9 + TENSOR] @ mount
-    columns = [load_of(unit, g, w, a, products, lever) for unit in np.eye(13)]
-    return np.stack(columns, axis=2)
+    square = np.trace(products, axis1=1, axis2=2)[:, None]
+    # −(α× + ω×ω×), with ω×ω× = ωωᵀ − |ω|² 1.
+    swing = square[:, :, None] * np.eye(3) - skew(a) - products
+    at_sensor = g + (square * lever - np.cross(a, lever) - products @ lever)
+    turning = a @ TENSORS + np.cross(w, w @ TENSORS)
+    loads = np.zeros((len(motion), 6, 13))
+    loads[:, :3, MASS] = g
+    loads[:, :3, ARM] = swing
+    loads[:, :3, LEVER] = swing
+    loads[:, 3:, ARM] = -skew(at_sensor)
+    loads[:, 3:, INERTIA] = -turning.transpose(1, 2, 0)
+    return loads
 
 
 @dataclass(slots=True, eq=False)
