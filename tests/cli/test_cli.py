@@ -125,7 +125,7 @@ def test_the_gate_is_set(identified):
     assert whole["results"][0]["contact_samples"] == firm.sum()
 
 
-def test_a_process_of_its_own_fails_with_its_status_and_a_line_on_standard_error(tmp_path):
+def test_a_failing_process_prints_one_line_and_sets_its_status(tmp_path):
     command = [sys.executable, "-c", "from palpate.cli import main; main()", "identify"]
     failed = subprocess.run([*command, tmp_path / "absent.csv"], capture_output=True, check=False)
     assert (failed.returncode, failed.stdout, failed.stderr.count(b"\n")) == (2, b"", 1)
@@ -280,7 +280,7 @@ def result_of(output: str) -> dict:
     return json.loads(output)["results"][0]
 
 
-def test_a_position_that_is_named_keeps_the_orientation_of_its_topic(run, tmp_path):
+def test_a_named_position_keeps_the_orientation_of_its_topic(run, tmp_path):
     """Only the topics that are named are read; the wrench is in the tool's frame."""
     felt, maker = hand(2.0), files.Maker()
     turn = np.array([0.0, 0.2, 0.27, 0.0])  # by 39°

@@ -52,7 +52,7 @@ def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
     assert set(NUMBER.findall(out)) == set(NUMBER.findall(wide[command]))
 
 
-def test_what_goes_into_a_pipe_has_a_width_of_its_own(run, monkeypatch):
+def test_output_into_a_pipe_has_a_fixed_width(run, monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
     out = run("info", BALL)[1]
     monkeypatch.setenv("COLUMNS", "100")

@@ -88,9 +88,7 @@ FAULTS = {"do not trust": faults.changed(0.5), "late": faults.late(5e-3),
         ("identify", "do not trust", "with-care", 3),
     ],
 )
-def test_a_mark_can_fail_a_pipeline_and_care_only_where_it_is_asked_for(
-    run, write, command, fault, asked, status
-):
+def test_a_mark_can_set_the_exit_status(run, write, command, fault, asked, status):
     assert run(command, write(FAULTS[fault]), "--fail-on", asked)[0] == status
 
 
@@ -127,14 +125,14 @@ def test_a_remedy_mends_what_it_is_for(printed, write, name):
     assert there["stiffness"]["value"] == pytest.approx(truth, rel=0.02)
 
 
-def test_what_cannot_be_identified_ends_with_the_findings_sentence(refused, write):
+def test_a_failed_identification_ends_with_its_finding(refused, write):
     contact = faults.scaled(force=-1.0)
     line = refused("identify", write(contact, force_N=contact.force - 1.0))
     assert "the force is negative" in line
     assert "--flip-force" in line
 
 
-def test_compare_ranks_and_recommends_nothing_where_nothing_is_to_be_trusted(run, write):
+def test_compare_recommends_nothing_if_nothing_is_trusted(run, write):
     path = write(faults.remembering(0.1, 1.0))
     status, out, _ = run("compare", path, "--json", "--fail-on", "with-care")
     ranking = json.loads(out)["ranking"]

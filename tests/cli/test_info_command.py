@@ -17,7 +17,7 @@ from palpate.recordings.survey import survey
 from palpate.recordings.times import clock_rank, clock_unit
 
 
-def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(printed, tmp_path):
+def test_warnings_are_printed_without_control_characters(printed, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {"red\x1b[31m": np.arange(9.0), "time\r": np.arange(9.0)})
     with h5py.File(path, "r+") as file:
         file.create_dataset("huge", shape=(10**10,), dtype="f8", chunks=(1000,))
@@ -197,7 +197,7 @@ def test_gaps_repeated_backward_and_unknown_times_are_counted():
     assert clock.rate == pytest.approx(100.0)
 
 
-def test_nanoseconds_keep_steps_of_a_microsecond_and_a_unit_may_stand_in_the_name():
+def test_nanosecond_times_keep_microsecond_steps():
     clock = the_clock(1_763_800_000_000_000_000 + 1_000 * np.arange(50), "ns")
     # A float of such seconds has steps of 0.24 µs.
     assert clock.step == pytest.approx(1e-6, rel=1e-12)
@@ -207,7 +207,7 @@ def test_nanoseconds_keep_steps_of_a_microsecond_and_a_unit_may_stand_in_the_nam
         assert the_clock(np.arange(10.0), name=name).rate == pytest.approx(1000.0)
 
 
-def test_other_words_are_no_clock_and_without_one_samples_are_counted():
+def test_without_a_clock_samples_are_counted():
     for name in ("tension", "time_to_contact", "torque", "stamped", "x"):
         assert clock_rank(name) is None
     found = survey(Recording({"a": np.zeros(5), "b": np.zeros(7), "c": np.zeros(5)})).clocks

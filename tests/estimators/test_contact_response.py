@@ -57,7 +57,7 @@ def fed(estimator: ContactEstimator, motion: Motion, force: np.ndarray) -> Conta
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", MATERIALS)
-def test_at_every_sample_of_a_contact_the_numbers_are_those_of_some_material(kind, name):
+def test_every_estimate_in_contact_is_physically_possible(kind, name):
     """Until a number is usable it is within a factor of three, stiffness never 0 or below."""
     law, motion = MATERIALS[name], pressed()
     estimator = kind()
@@ -107,7 +107,7 @@ def test_the_law_and_its_errors_are_those_of_the_unbounded_estimate():
     assert 0.95 * error < now.stiffness.standard_error < 5.0 * error
 
 
-def test_a_law_without_memory_does_not_call_the_damping_of_a_relaxing_material_usable():
+def test_damping_of_a_relaxing_material_is_unusable_without_memory():
     """After 1 s, 5 seeds: the force that it leaves unexplained widens both bars."""
     motion = pressed(3.0)
     for seed in range(5):
@@ -136,7 +136,7 @@ def test_a_lost_contact_is_not_usable_and_the_next_touch_is():
     assert Check.LOST_CONTACT not in again.flags
 
 
-def test_what_is_known_before_bounds_both_numbers():
+def test_prior_knowledge_bounds_both_numbers():
     motion = approach()[:150]
     estimator = fed(VariableProjection(), motion, felt(BALL, motion, 4))
     free = estimator.estimate()

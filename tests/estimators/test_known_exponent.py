@@ -143,7 +143,7 @@ def test_it_stays_through_changes_outliers_and_forgetting(keeper):
     assert now.law.K == pytest.approx(90e3, rel=0.05)
 
 
-def test_a_wrong_exponent_is_a_finding_and_a_modulus_says_that_the_shape_was_not_checked():
+def test_a_wrong_exponent_is_a_finding():
     contact = contact_of(noise=0.02)
     result = identify(contact, palpate.VariableProjection(exponent=2.0), trace=False)
     [finding] = [each for each in result.diagnosis.findings if each.check == "shape"]
@@ -201,7 +201,7 @@ def test_the_command_line_keeps_it(run, printed, refused, tmp_path):
 
 
 @pytest.mark.parametrize("value", [0.0, 0.05, 11.0, np.nan, "cone", [1.5]])
-def test_what_is_no_exponent_or_drifts_is_refused_by_name(keeper, value):
+def test_invalid_exponents_and_drifts_are_refused_by_name(keeper, value):
     with pytest.raises(InvalidParameterError, match=r"^exponent must "):
         keeper(exponent=value)
     with pytest.raises(InvalidParameterError, match=r"^exponent_drift must be 0 "):

@@ -43,7 +43,7 @@ def estimates(name: str):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_standard_errors_are_the_spread_and_95_percent_hold_the_truth_95_times_in_100(name):
+def test_standard_errors_match_the_spread_over_seeds(name):
     found, truth = list(estimates(name)), CASES[name][1].parameters
     errors = np.array([estimate.parameters - truth for estimate in found])
     deviations = np.array([estimate.standard_errors for estimate in found])
@@ -71,7 +71,7 @@ def test_standard_errors_are_the_spread_and_95_percent_hold_the_truth_95_times_i
 @pytest.mark.long
 @pytest.mark.parametrize("surface", [0.0, 1e-3])  # m: the probe rests above zero, or below it
 @pytest.mark.parametrize("step", [0.0, 0.125])
-def test_a_pause_above_an_unknown_surface_leaves_the_bars_at_the_bound(step, surface):
+def test_a_pause_above_the_surface_keeps_the_bars_at_the_bound(step, surface):
     """Two seconds in free air: the errors of the first touch, before the surface was found, do not
     count as noise for as long. Bars were 140 times the bound; now 1.2 in the median and 2.2 at most
     of 160 runs, as few long blocks measure slow noise.
@@ -153,9 +153,7 @@ def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
 @pytest.mark.parametrize(
     "pole, least, widest", [(0.0, 0.94, 1.3), (0.5, 0.9, 2.0), (0.9, 0.8, 2.0)]
 )
-def test_a_fit_of_four_parameters_to_one_press_knows_what_it_took_of_slow_noise(
-    pole, least, widest
-):
+def test_error_bars_of_one_press_cover_slow_noise(pole, least, widest):
     turn = np.linspace(0.05, 0.95, 45)
     depth, speed = np.sin(np.pi * turn) ** 2, np.sin(2.0 * np.pi * turn)
     rows = np.column_stack([depth, depth * speed, depth * np.log(depth), np.ones(turn.size)])

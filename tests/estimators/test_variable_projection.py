@@ -112,7 +112,7 @@ def test_the_offset_is_recovered_and_does_not_bias_the_law() -> None:
         assert (np.abs(estimate.parameters - PVC.parameters) < 4 * estimate.standard_errors).all()
 
 
-def test_a_tight_offset_deviation_holds_the_offset_and_without_one_none_is_reported() -> None:
+def test_a_tight_prior_holds_the_force_offset() -> None:
     motion = three_sines(1.0)
     force = felt(BALL, motion, 4)
     wide = fed(VariableProjection(noise=NOISE), motion, force).estimate()

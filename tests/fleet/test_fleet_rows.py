@@ -235,7 +235,7 @@ def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
     assert row["findings"] == []
 
 
-def test_arrays_work_at_the_depth_of_identify_where_the_law_does_not_hold():
+def test_identify_many_uses_the_working_depth_of_identify():
     """What a law leaves is no noise: a gate by it would call only the deepest samples firm."""
     x, v, f = curves(1)
     f += 0.3 * np.sin(3e3 * x) * (x > 0.0)
@@ -294,7 +294,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
         ({"contacts": [], "preparation": {"tares": 1}}, "no setting tares"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(options, words):
+def test_impossible_queries_are_refused(options, words):
     with pytest.raises(InvalidParameterError, match=words):
         identify_many(**options)
 
@@ -311,7 +311,7 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
         assert named.column(name).to_pylist() == held.column(name).to_pylist()
 
 
-def test_a_worker_of_another_version_and_a_batch_without_its_columns_are_refused():
+def test_a_worker_of_another_version_is_refused():
     with pytest.raises(FleetError, match=r"by palpate 9\.9; install the same version"):
         identify_batch(tasks_table([], [], []), Settings(version="9.9"))
     with pytest.raises(InvalidParameterError, match="source, kind and index"):
@@ -339,7 +339,7 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
 
 
 @pytest.mark.parametrize("diagnosis, most", [("none", 0.5), ("input", 0.2), ("full", 0.1)])
-def test_many_short_curves_of_one_chunk_are_work_for_every_worker(diagnosis, most):
+def test_many_short_curves_are_divided_among_the_workers(diagnosis, most):
     """2000 curves of 200 samples: no task is more than a part of one worker's share."""
     source = ContactSource("a.zarr", "zarr", 2000, 200, 2000)
     work = source.seconds(diagnosis, whole_curve=diagnosis != "full")
@@ -372,7 +372,7 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
     assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]
 
 
-def test_repeats_agree_as_often_as_chance_says_and_not_where_their_errors_are_too_small():
+def test_repeats_agree_as_often_as_their_errors_say():
     """χ² of normal repeats: z is standard normal, by the cube root to a tenth already for two."""
     random = np.random.default_rng(3)
     error = random.uniform(1.0, 5.0, 4000)
@@ -430,7 +430,7 @@ def test_one_ratio_of_damping_to_stiffness_in_every_file_is_a_lag_of_the_rig():
     ],
     ids=["other ratios", "one stiffness", "three files"],
 )
-def test_a_lag_of_the_rig_needs_four_files_one_ratio_and_several_stiffnesses(ratio, stiffness):
+def test_a_lag_of_the_rig_needs_four_files_of_several_stiffnesses(ratio, stiffness):
     assert rig_lag_of(rig(ratio, stiffness=stiffness)) is None
 
 
@@ -442,7 +442,7 @@ def test_outliers_are_named_and_an_uncertain_value_is_none():
     assert (found.name, found.quantity, found.value) == ("touch-007.csv", "stiffness", 5000.0)
 
 
-def test_sentences_are_counted_by_what_they_say_and_the_slowest_sources_come_first():
+def test_a_fleet_counts_findings_and_lists_slow_sources():
     found = kinds_of([["only 12 samples", "a"], ["only 7 samples", "only 8 samples"], None])
     assert found[0][:2] == ("only … samples", 2)
     made = [{"source": f"{k}.csv", "error": f"{k}.csv: row {k} is no number"} for k in range(3)]
@@ -459,7 +459,7 @@ def grid(side=6, **others):
     return rows(value, np.full(side**2, 20.0), x=x.tolist(), y=y.tolist(), **others)
 
 
-def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_law():
+def test_a_map_has_values_and_errors_over_places():
     found = map_of(grid(), ["x", "y"])
     assert found.places.shape == (36, 2)
     assert (found.units, found.unit, np.isnan(found.value).sum()) == (("m", "m"), "N/m", 1)
@@ -627,9 +627,7 @@ REASONS = [
 
 
 @pytest.mark.parametrize("count", [30, 31])
-def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
-    count, printed, run, tmp_path
-):
+def test_a_fleet_above_30_rows_prints_counts_and_the_worst(count, printed, run, tmp_path):
     folder = tmp_path / "results"
     write_recordings(tmp_path / "all", 1)
     sources = list_sources([tmp_path / "all"])
@@ -654,7 +652,7 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
     assert run("fleet", tmp_path / "all", "-o", folder, "--fail-on", "do-not-trust")[0] == 3
 
 
-def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
+def test_a_row_without_a_verdict_has_the_severity_of_its_findings():
     flags = [[], [cell("note", Check.EXCITATION, "only 3 samples in contact")]]
     flags += [[finding_cell(NEGATIVE_STIFFNESS)], [], []]
     findings = [[], [], [], [cell("note", "a", "b"), cell("with-care", "spikes", "two")], []]

@@ -135,7 +135,7 @@ def test_the_verdict_is_published_in_words_and_numbers():
     assert values == {"law": "spring", "lead": "0.333333333333333"}
 
 
-def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict_of_the_new_one():
+def test_a_change_discards_the_evidence_until_a_new_verdict():
     times, x, before = swung(MEMORY, 4.0)
     after = swung(LAWS["half-space"], 4.0, seed=1)[2]
     force = [a if t < 2.0 else 3.0 * b for t, a, b in zip(times, before, after, strict=True)]
@@ -232,7 +232,7 @@ def samples():
     return rows[:, SAMPLE]
 
 
-def test_it_is_the_librarys_own(samples):
+def test_the_live_verdict_is_that_of_the_library(samples):
     page = diagnose_samples(recent(samples, 20.0, LATE), STATUS)
     known = samples[np.isfinite(samples).all(axis=1)]
     diagnosis = palpate.identify(build_contact(known, 1e-3)).diagnosis
@@ -244,7 +244,7 @@ def test_it_is_the_librarys_own(samples):
     assert abs(bars["value"] - stiffness) < 4.0 * bars["standard_error"] + bars["systematic"]
 
 
-def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
+def test_the_headline_is_the_answer_of_identify():
     script = arrivals(*swung(MEMORY, 4.0))
     loop, rows = looped(script)
     status, known = loop.status(), recent(rows[:, SAMPLE], 20.0, LATE)
@@ -286,7 +286,7 @@ def test_it_is_of_the_last_seconds_of_one_clock(samples):
     np.testing.assert_array_equal(both, recent(samples, 20.0, LATE))
 
 
-def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
+def test_the_live_verdict_is_of_the_material_since_the_change(samples):
     times, positions, forces = measured(4.0)
     softer = arrivals([4.0 + time for time in times], positions, [0.3 * f for f in forces])
     _, rows = looped([*arrivals(times, positions, forces), *softer])

@@ -160,7 +160,7 @@ def test_a_law_is_shown_at_a_depth_that_stays():
     [{"position": math.nan}, {"force": math.inf}, {"position": 1e300}],
     ids=["NaN", "infinite", "absurd"],
 )
-def test_what_is_no_number_is_refused_said_and_forgotten(values):
+def test_samples_that_are_not_numbers_are_reported_and_forgotten(values):
     loop, rows = looped([*SCRIPT[:900], SCRIPT[900]._replace(**values), *SCRIPT[901:]])
     states = column(rows, "state")
     assert states[899] == State.CONTACT
@@ -196,7 +196,7 @@ STALLED = [each._replace(there=1.5) for each in SCRIPT[1000:1500]]
     ],
     ids=["repeated", "after a later one", "a stall of the wire that loses nothing"],
 )
-def test_a_sample_too_many_or_too_late_changes_nothing_and_is_counted(script, counted, invalid):
+def test_excess_and_late_samples_are_counted_and_ignored(script, counted, invalid):
     loop, rows = looped(script)
     counts = loop.status()["counts"]
     assert {name: counts[name] for name in counted} == counted
@@ -243,7 +243,7 @@ def test_a_silent_source_is_lost_and_found_again():
     assert loop.estimator.estimate().law.K == column(rows, "parameter_0")[-1]
 
 
-def test_of_a_slow_source_a_person_is_heard_long_before_it_is_lost():
+def test_a_command_is_heard_while_a_source_is_slow():
     source = Scripted([*SCRIPT[:2], Silence(30.0)])
     source.sample_time, asked = 2.0, []
     take = source.take
@@ -275,7 +275,7 @@ def test_the_same_fault_in_each_sample_is_said_once_a_second():
     assert sum("NaN, infinite" in words for words in loop.said) == 2
 
 
-def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_is_learned():
+def test_hold_resume_and_reset_act_on_the_estimate():
     wishes = {600: "hold", 1200: "resume", 1400: "hold", 1500: "reset"}
     loop, rows = looped(SCRIPT, commands=[(k, LiveCommand(wish)) for k, wish in wishes.items()])
     stiffness, states = column(rows, "parameter_0"), column(rows, "state")
@@ -367,7 +367,7 @@ def test_a_tare_in_free_air_is_taken(motion):
     assert not any("refused" in each for each in loop.said)
 
 
-def test_a_command_to_tare_in_contact_leaves_the_earlier_zero_and_the_estimate():
+def test_a_tare_command_in_contact_changes_nothing():
     loop, rows = looped(SCRIPT, commands=[(800, LiveCommand("tare", {"seconds": 0.3}))])
     [said] = [each for each in loop.said if "tare refused" in each]
     assert "the earlier zero holds" in said
@@ -376,7 +376,7 @@ def test_a_command_to_tare_in_contact_leaves_the_earlier_zero_and_the_estimate()
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
 
 
-def test_a_run_whose_tare_was_refused_to_the_end_fails_with_the_reason(run, tmp_path):
+def test_a_run_without_a_successful_tare_fails_with_the_reason(run, tmp_path):
     palpate.write_contact(touch(), tmp_path / "pressing.csv")
     words = [tmp_path / "pressing.csv", "--tare", "1s", "--no-page", "--no-diagnosis"]
     status, _, err = run("live", *words, "--speed", "20")
@@ -406,12 +406,12 @@ def test_another_estimator_and_what_there_is_not():
 
 
 @pytest.mark.parametrize("value, direction", [((0.0, 0.0, 0.0), None), (0.0, [0, 0, -1])])
-def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(value, direction):
+def test_a_vector_without_a_usable_direction_is_refused(value, direction):
     with pytest.raises(palpate.InvalidParameterError, match="--direction"):
         looped([Arrival(0.0, value, value, 0.0)], OnlinePreparation(direction=direction))
 
 
-def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_hindsight():
+def test_each_finding_of_the_preparation_is_reported_once():
     ends = Finding("file", "it ends before its end", "record it again")
     place = Finding("surface", "its place is an assumption")
     source = Replay(touch(tare_deviation=0.01, findings=[ends, place]))

@@ -213,7 +213,7 @@ def test_an_array_of_another_type_or_dimension_is_refused_by_name(kind, values, 
             kind().replay(**{**GOOD, name: values})
 
 
-def test_a_prediction_is_the_force_of_the_present_law_and_none_out_of_contact(kind, noisy):
+def test_a_prediction_is_the_present_law_and_0_out_of_contact(kind, noisy):
     estimator = kind()
     for row in noisy.rows[:50]:
         estimator.update(*row)

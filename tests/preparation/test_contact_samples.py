@@ -52,7 +52,7 @@ def test_light_contact_costs_no_more_than_the_bound(law):
     assert (np.sqrt(np.mean(np.square(errors), axis=0)) < 1.35 * bound).all()
 
 
-def test_a_coarsely_rounded_force_has_the_noise_of_its_rounding_and_no_more():
+def test_a_coarsely_rounded_force_has_only_rounding_noise():
     motion = strokes(4.0)
     x, v = motion.x, motion.v
     noise = 0.004 * float(GEL.force(x, v).max())
@@ -178,7 +178,7 @@ def test_a_tight_tare_gives_way_where_the_surface_is_wrong():
     assert any(flag.startswith(OFFSET) for flag in estimate.flags)
 
 
-def test_what_an_encoders_zero_hides_is_in_the_error_bars():
+def test_the_error_bars_cover_the_zero_of_an_encoder():
     rest, deep = np.full(1000, -1e-3), strokes(4.0, least=5e-3)
     motion = Motion(np.concatenate([rest, deep.x]), np.concatenate([0.0 * rest, deep.v]))
     step, hidden = 20e-6, 6e-6  # the zero lies anywhere within a step
@@ -272,7 +272,7 @@ def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(name):
+def test_predictions_take_the_penetration_of_the_recording(name):
     law, surface = MATERIALS[name], -0.7e-3
     motion = tapping(10.0, surface)
     estimator = fed(searching(), motion, felt_below(law, motion, surface, 1))

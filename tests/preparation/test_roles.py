@@ -81,7 +81,7 @@ def test_several_that_could_be_it_are_named_with_the_option():
         assert choose_roles(both, Columns(force=name)).force == tuple(names[:3])
 
 
-def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about():
+def test_two_positions_beside_one_force_are_ambiguous():
     channels = {f"/{name}.z_m": np.arange(5.0) for name in ("arm", "camera")}
     channels |= {"/ft.force_N": np.arange(5.0)}
     clocks = {name: f"{name}.stamp" for name in channels}
@@ -90,7 +90,7 @@ def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about()
         choose_roles(Recording(channels, clocks=clocks))
 
 
-def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
+def test_the_orientation_comes_from_the_topic_of_the_position():
     places = [f"{topic}.pose.position.{axis}" for topic in ("/camera", "/arm") for axis in "xyz"]
     turns = [name.replace("position", "orientation") for name in places]
     turns += [f"{topic}.pose.orientation.w" for topic in ("/camera", "/arm")]
@@ -103,7 +103,7 @@ def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
     assert given == tuple(f"/camera.pose.orientation.{axis}" for axis in "xyzw")
 
 
-def test_what_is_not_there_is_said_with_what_is():
+def test_a_missing_name_is_refused_with_those_that_exist():
     with pytest.raises(MissingChannelError, match="no column '/ft'"):
         choose_roles(recording("t", "z", "Fz"), Columns(force="/ft"))
     with pytest.raises(RecordingError, match="must name one channel or three"):
@@ -284,7 +284,7 @@ def columns_of(options: str) -> Columns:
 
 
 @pytest.mark.parametrize("names, options, axes", SIDE_BY_SIDE.values(), ids=SIDE_BY_SIDE)
-def test_columns_side_by_side_are_asked_for_with_options_that_answer(names, options, axes):
+def test_ambiguous_columns_are_refused_with_usable_options(names, options, axes):
     table = side_by_side("t:time", *names)
     with pytest.raises(RecordingError, match=rf"choose one, such as {re.escape(options)}") as asked:
         prepare(table)
@@ -471,7 +471,7 @@ MISSING = {
 
 
 @pytest.mark.parametrize("names, words", MISSING.items(), ids=MISSING)
-def test_what_is_recorded_and_what_is_missing_are_said(names, words):
+def test_a_result_states_recorded_and_missing_quantities(names, words):
     with pytest.raises(MissingChannelError) as caught:
         choose_roles(recording(*names.split()))
     message = str(caught.value)

@@ -138,7 +138,7 @@ def test_the_samples_between_which_a_tracker_was_interpolated_choose_its_spline(
     assert np.mean(ratios) < 0.5
 
 
-def test_a_contact_knows_its_spline_and_one_penalty_is_for_all_of_its_segments():
+def test_all_segments_of_a_contact_share_one_spline_penalty():
     time = np.arange(1200) / RATE
     x = strokes(time)[0] + np.random.default_rng(0).normal(0.0, 3e-6, time.size)
     segment = np.repeat([0, 1], [1185, 15])

@@ -58,7 +58,7 @@ def test_every_representation_is_a_line_with_the_numbers_and_their_errors(clean)
     assert f"{len(clean.trace)} samples: {clean.trace.taken.sum()} taken" in repr(clean.trace)
 
 
-def test_the_rebound_is_that_of_the_law_at_the_fastest_approach_unless_another_is_asked_for(clean):
+def test_the_rebound_defaults_to_the_fastest_approach(clean):
     found = clean.restitution()
     taken = clean.contact.velocity[clean.trace.taken]
     assert 0.98 * taken.max() < found.speed <= taken.max()
@@ -97,7 +97,7 @@ def test_the_error_bars_of_rebound_and_loss_hold_the_truth():
     assert np.all(np.abs(np.mean(deviations, axis=0)) < (0.6, 0.5))
 
 
-def test_what_the_findings_move_the_damping_by_is_in_the_rebounds_systematic_part():
+def test_the_rebound_has_the_systematic_error_of_the_damping():
     result = identify(faults.late(10e-3))
     e, exact = result.restitution(0.1).coefficient, palpate.restitution(LAW.dissipation, 0.1)
     assert abs(e.value - exact) > 10.0 * e.standard_error  # a force 10 ms late costs half of B
@@ -124,7 +124,7 @@ def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
     assert "the law generates energy" in "; ".join(result.energy.remarks)
 
 
-def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_damping():
+def test_a_relaxing_law_rebounds_by_its_dynamic_stiffness():
     spectrum = palpate.RelaxationSpectrum((0.1, 0.5), (4000.0, 4000.0))
     law = palpate.GeneralisedHuntCrossley(K=9000.0, n=1.4, B=0.0, p=1.4, relaxation=spectrum)
     plain = exciting(LAW, seconds=6.0, noise=0.0)
@@ -152,7 +152,7 @@ def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_
     assert result.passivity.limit < 0.0
 
 
-def test_what_the_diagnosis_does_not_trust_and_a_rebound_that_goes_with_the_mass_are_said():
+def test_an_export_repeats_the_marks_of_the_diagnosis():
     result = identify(faults.changed(1.0))
     assert result.diagnosis.verdict.damping == "do-not-trust"
     assert "the diagnosis does not trust the damping" in result.restitution().remarks
@@ -229,7 +229,7 @@ def test_a_loss_that_is_not_the_dampers_is_said():
     )
 
 
-def test_work_goes_on_where_the_time_does_and_a_probe_that_only_goes_in_closes_no_loop():
+def test_an_approach_alone_closes_no_loop():
     """A force curve: approach and retract are segments, and one touch."""
     time = 1e-3 * np.arange(2000)
     whole = moved(time, 5e-3 * np.sin(math.pi * (time - 0.2) / 1.6))
@@ -249,7 +249,7 @@ def test_work_goes_on_where_the_time_does_and_a_probe_that_only_goes_in_closes_n
 
 
 @pytest.mark.parametrize("delay", [2e-3, 10e-3, -5e-3, None])
-def test_loss_that_a_late_force_or_a_drifting_zero_hides_is_in_the_systematic_part(clean, delay):
+def test_delay_and_drift_are_in_the_systematic_error_of_the_loss(clean, delay):
     contact, least = clean.contact, 10.0
     if delay is None:
         drift, least = 0.5 * contact.time / contact.time[-1], 2.0
@@ -276,7 +276,7 @@ def test_the_steps_of_an_encoder_are_in_the_error_of_the_energy_lost():
     assert abs(found.value - true) < 2.0 * math.hypot(found.standard_error, found.systematic)
 
 
-def test_what_a_long_gap_or_lost_samples_hide_is_in_no_loop():
+def test_gaps_and_lost_samples_are_in_no_loop():
     contact = sine(LAW, noise=0.02)
     whole = identify(contact).energy
     gone = contact.taken((contact.time < 2.0) | (contact.time > 2.3))

@@ -29,7 +29,7 @@ def checks(found):
     return {each.check for each in found.findings}
 
 
-def test_the_modulus_of_known_curves_is_within_two_bars_and_their_adhesion_is_named():
+def test_the_modulus_of_known_curves_is_within_two_bars():
     curves = [force_curve(number) for number in range(COUNT)]
     fits = [curve.fit() for curve in curves]
     for fit, curve in zip(fits, curves, strict=True):
@@ -106,7 +106,7 @@ def recorded(*, retract):
     return Recording(channels, source="curve", clocks={"force": "time", "tip position": "time"})
 
 
-def test_an_approach_alone_has_no_damping_and_with_its_retract_it_has():
+def test_only_an_approach_with_its_retract_has_a_damping():
     for retract in (False, True):
         curve = recorded(retract=retract)
         found = fit_force_curve(curve, Sphere(RADIUS))

@@ -33,7 +33,7 @@ NO_SPRING = {
 
 
 @pytest.mark.parametrize("name", NO_SPRING)
-def test_a_touch_that_is_none_of_a_spring_is_refused_with_the_reason(name):
+def test_a_touch_that_is_not_on_a_spring_is_refused(name):
     fault, reason = NO_SPRING[name]
     for seed in range(3):
         contact, _ = touch(seed, **fault)

@@ -92,7 +92,7 @@ def test_the_modulus_of_the_material_is_found(tip):
     assert told["exponent"]["of_tip"] == tip.exponent
 
 
-def test_an_exponent_that_is_nearly_the_tips_costs_an_error_bar_and_no_modulus():
+def test_an_exponent_near_that_of_the_tip_widens_the_modulus_bar():
     """n = 1.52 ± 0.002 is formally not 1.5; the modulus of the force there is meaningful."""
     result = identify(pressed(BALL, exponent=1.52))
     found = result.elastic_modulus(BALL, POISSON)
@@ -135,7 +135,7 @@ def test_strains_that_are_not_small_are_said(tip, words):
     assert words in "; ".join(identified(tip).elastic_modulus(tip).remarks)
 
 
-def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening():
+def test_tips_are_given_by_radius_diameter_or_half_angle():
     assert parse_tip("sphere:radius=5mm") == parse_tip("sphere:diameter=10mm") == Sphere(5e-3)
     assert parse_tip("punch:radius=0.002") == FlatPunch(2e-3)
     assert parse_tip("cone:angle=60deg").half_angle == pytest.approx(math.pi / 3.0, rel=1e-15)
@@ -156,7 +156,7 @@ def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening(
         (["--impact-speed", "fast"], "--impact-speed must be a number and one of m/s"),
     ],
 )
-def test_what_cannot_be_is_one_line_before_the_file_is_read(refused, options, words):
+def test_impossible_options_are_refused_before_reading(refused, options, words):
     assert words in refused("identify", "no such file.csv", *options)
 
 
@@ -264,7 +264,7 @@ def test_the_inverse_gives_the_dissipation_back():
     assert isinstance(restitution(1, 2), float)
 
 
-def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_makes_energy():
+def test_the_rebound_speed_is_bounded_by_the_dissipation():
     speeds = 10.0 ** np.linspace(-3.0, 9.0, 40)
     back = speeds * restitution(2.0, speeds)
     assert np.all(np.diff(back) >= -1e-15)  # a few roundings
@@ -300,7 +300,7 @@ def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_make
         (lambda: identified(BALL).elastic_modulus(), "tip is missing"),
     ],
 )
-def test_what_makes_no_sense_is_refused_by_name(call, words):
+def test_nonsense_is_refused_by_the_name_of_the_argument(call, words):
     with pytest.raises(InvalidParameterError, match=words):
         call()
 
@@ -362,7 +362,7 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_an_approximation_is_the_inverse_of_what_was_published_and_as_near_as_said(name):
+def test_restitution_approximations_invert_published_formulas(name):
     published, near, worst = PUBLISHED[name]
     for e in (0.01, 0.3, 0.7, 0.99, 1.0):
         assert compute_approximations(published(e), 1.0)[name] == pytest.approx(e, rel=1e-12)

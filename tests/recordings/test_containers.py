@@ -246,7 +246,7 @@ def test_a_curve_of_a_force_map_is_calibrated_and_keeps_its_segments(tmp_path):
     assert recording.omissions == ("height (piezo): not in this file",)
 
 
-def test_one_curve_alone_needs_no_choice_and_comes_back_through_hdf5_and_text(tmp_path):
+def test_a_single_curve_needs_no_choice(tmp_path):
     path = write_jpk(tmp_path / "one.jpk-force-map", [curve(1)])
     direct = open_recording(path)
     # Without the height that the instrument does not have, as afmformats itself would refuse.
@@ -327,7 +327,7 @@ def test_a_damaged_array_of_hdf5_is_lost_and_the_others_are_read(tmp_path):
 
 
 @pytest.mark.parametrize("write", [write_hdf5, write_mat73], ids=["hdf5", "matlab"])
-def test_an_array_that_was_not_written_takes_no_memory_and_is_said(write, tmp_path):
+def test_an_unwritten_array_takes_no_memory_and_is_reported(write, tmp_path):
     path = write(tmp_path / "fill.h5")
     with h5py.File(path, "r+") as file:
         for name, size, chunk, written in (
@@ -358,7 +358,7 @@ def test_sizes_that_a_matlab_file_only_claims_take_no_memory(at, tmp_path):
         open_recording(path)
 
 
-def test_what_is_no_series_of_numbers_is_left_out_by_name(tmp_path):
+def test_channels_that_are_not_series_of_numbers_are_skipped(tmp_path):
     odd = {
         "cells: holds cells": np.array([1.0, "a"], dtype=object),
         "complex: holds complex": np.arange(5) * 1j,
@@ -402,7 +402,7 @@ SUFFIXES = [suffix for each in FORMATS if each.extra for suffix in each.suffixes
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path):
+def test_a_wrong_suffix_is_refused_in_one_line(suffix, tmp_path):
     file = io.BytesIO()
     np.savez(file, a=np.zeros(3))  # a zip
     path = tmp_path / f"probe{suffix}"
@@ -454,7 +454,7 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("name", DAMAGED)
-def test_a_damaged_file_is_refused_on_one_line_or_read_with_what_is_lost(name, tmp_path):
+def test_a_damaged_file_is_refused_or_read_with_a_warning(name, tmp_path):
     path = DAMAGED[name](tmp_path / name)
     whole, clean = path.read_bytes(), open_recording(path)
     size, chance = len(whole), random.Random(name)

@@ -17,7 +17,7 @@ import palpate
 from palpate import InvalidParameterError, open_recording
 
 BALL = MATERIALS["ball"]
-SIGNALS = exciting(BALL, seconds=3.0, noise=0.02, seed=1)
+SIGNALS = exciting(BALL, seconds=1.5, noise=0.02, seed=1)
 TIME, DEPTH, FORCE = SIGNALS.time, SIGNALS.penetration, SIGNALS.force
 MM = 1e3 * DEPTH
 ROWS, NOTHING = [*zip(TIME.tolist(), MM.tolist(), FORCE.tolist(), strict=True)], [None] * len(TIME)
@@ -92,9 +92,7 @@ OPTIONS = {"a table without names.npy": TABLE, "lines.jsonl": "--force ft[1]"}
 
 
 @pytest.mark.parametrize("name", WAYS)
-def test_a_ball_is_right_in_every_format_or_by_the_option_that_the_message_names(
-    name, tmp_path, run
-):
+def test_every_format_gives_the_stiffness_of_the_ball(name, tmp_path, run):
     path = tmp_path / name
     WAYS[name](path)
     options = OPTIONS.get(name, "").split()

@@ -141,7 +141,7 @@ def test_a_compressed_recording_is_read_whatever_its_name_and_members(tmp_path):
 
 
 @pytest.mark.parametrize("left", [0.3, 0.7, 0.999])
-def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, left):
+def test_a_truncated_compressed_recording_is_read_to_its_end(tmp_path, left):
     packed = gzip.compress(text_of(rows_of()).encode())
     path = written(tmp_path / "t.csv.gz", packed[: int(left * len(packed))])
     read = open_recording(path)
@@ -160,7 +160,7 @@ def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, le
 
 
 @pytest.mark.slow
-def test_what_is_made_to_take_long_does_not(tmp_path):
+def test_hostile_files_are_read_quickly(tmp_path):
     """Each would take hours by the square of its length."""
     begin = "t,v\n0,1\n"
     for content in (

@@ -182,7 +182,7 @@ def test_the_band_of_every_parameter_is_seen(name):
         assert 0.05 * height < band < height, axes.get_title(loc="left")
 
 
-def test_the_bar_at_the_end_is_that_of_the_result_with_what_the_findings_move():
+def test_the_last_bar_drawn_is_the_whole_error_of_the_result():
     result = of_example("ball", "kelvin-voigt")
     stiffness = result.diagnosis.working_depth.stiffness
     axes = figures.draw(result).axes[2]
@@ -217,7 +217,7 @@ def test_each_segment_has_a_box_of_its_own():
         assert box[:, 0].min() >= part.contact.time[0]
 
 
-def test_a_comparison_names_every_method_in_the_order_of_its_rank_in_a_colour_of_its_own():
+def test_a_comparison_figure_names_every_method_by_rank():
     figure = figures.draw_comparison(all_methods())
     rows = {axes.get_title(loc="left").split(":")[0]: axes for axes in figure.axes}
     ranking = rank(all_methods())
@@ -340,7 +340,7 @@ def test_the_fonts_of_a_pdf_are_in_it_as_outlines_that_can_be_edited(tmp_path):
     assert b"/Type3" not in content
 
 
-def test_a_residual_of_noise_stays_in_the_band_of_noise_and_of_another_law_leaves_it():
+def test_only_the_residual_of_a_wrong_law_leaves_the_noise_band():
     figure = figures.draw_residuals(of_example("ball"))
     assert titles_of(figure)[:3] == ["Over time", "Over depth", "Over velocity"]
     for axes in figure.axes[:3]:

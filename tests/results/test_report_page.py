@@ -68,9 +68,7 @@ def test_the_numbers_with_their_marks_stand_first_then_the_picture_then_the_tabl
     assert "<i>not italic" in words
 
 
-def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_shown(
-    report, ball, run
-):
+def test_every_section_has_the_same_words_in_every_output(report, ball, run):
     """A table over the renderers: terminal, plain text, report; of the first three a notebook."""
     out = (
         run("identify", EXAMPLES / "ball.csv", "-v")[1] + run("diagnose", EXAMPLES / "ball.csv")[1]
@@ -115,7 +113,7 @@ def places():
     return palpate.identify(palpate.prepare(recorded)).by_place()
 
 
-def test_the_report_of_a_probe_that_travels_begins_with_its_verdicts_and_its_map(places):
+def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
     text = page(places, HERE)
     words = Reading(text).words
     counts = next(view.short_answer(places, ())).lines[0].text
@@ -208,7 +206,7 @@ def test_a_map_of_places_shows_the_peak_of_its_trusted_values():
     assert {dots.get_clim() for dots in axes.collections} == {(300.0, 2000.0)}
 
 
-def test_a_drawing_has_no_indentation_and_short_paths_that_end_where_they_did():
+def test_a_drawing_is_compact_and_keeps_its_end_points():
     """Pages hold tens of drawings: a paper's page was twice as long with white space and zeros."""
     figure = Figure()
     axes = figure.subplots()

@@ -40,7 +40,7 @@ def compensated(compensation, time, wrench, orientations=None):
     "sign, delay, frame",
     [(1.0, 0.0, "base"), (-1.0, 0.0123, "base"), (1.0, -0.047, "sensor"), (1.0, 0.0604, "base")],
 )
-def test_live_outputs_are_the_external_wrench_of_the_formula_for_a_whole_log(sign, delay, frame):
+def test_live_outputs_are_the_external_wrench_of_the_formula(sign, delay, frame):
     payload = replace(PAYLOAD, sign=sign, delay=delay)
     time = np.arange(0.0, 1.0, STEP)
     compensation = PayloadCompensation(payload=payload, frame=frame)

@@ -69,13 +69,13 @@ LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=LONG), pytest.param(9, marks=LONG)])
-def test_payload_clock_and_stiffness_are_those_of_the_simulator(seed):
+def test_payload_delay_and_stiffness_match_the_simulator(seed):
     assert_found(random_setup(seed, touch_tilt=0.0, friction=0.0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 120))
-def test_payload_clock_and_stiffness_are_those_of_the_simulator_for_more_seeds(seed):
+def test_payload_delay_and_stiffness_match_for_more_seeds(seed):
     assert_found(random_setup(seed, touch_tilt=0.0, friction=0.0))
 
 

@@ -50,7 +50,7 @@ def test_a_payload_is_loaded_as_it_was_saved(payload, tmp_path):
     assert path.read_bytes() == before
 
 
-def test_comments_stand_in_the_file_and_an_input_is_never_overwritten(tmp_path):
+def test_a_payload_file_has_comments_and_replaces_no_input(tmp_path):
     path = tmp_path / "tool.toml"
     PAYLOAD.save(path, ["turns 43°\nenough"])
     assert "# turns 43° enough" in path.read_text("utf-8")
