@@ -81,7 +81,7 @@ def test_no_imports_go_round_in_a_circle():
         follow(name, [])
 
 
-def test_every_noun_is_one_class():
+def test_every_class_name_occurs_once():
     nouns = defaultdict(list)
     for name, path in modules():
         for node in ast.walk(tree(path)):

@@ -42,7 +42,7 @@ def _licence(metadata):
     return metadata.get("License-Expression") or "; ".join(classifiers) or first
 
 
-def test_every_package_that_is_needed_has_a_licence_with_which_it_may_be_passed_on():
+def test_every_required_package_is_redistributable():
     known = {}
     extras = set(distribution("palpate").metadata.get_all("Provides-Extra")) - OWN_USE
     _needed("palpate", extras, known)

@@ -40,7 +40,7 @@ def interrupted(arguments, after, folder) -> tuple[int, str, float]:
 
 @POSIX
 @pytest.mark.slow
-def test_a_fleet_that_is_interrupted_while_it_starts_ends_and_continues(tmp_path):
+def test_a_fleet_interrupted_at_its_start_can_continue(tmp_path):
     example = Path(__file__).parents[1] / "examples/recordings/sponge.csv"
     folder = tmp_path / "recordings"
     folder.mkdir()

@@ -123,7 +123,7 @@ def test_no_output_replaces_an_input_or_another_output(old):
     assert not new.exists()
 
 
-def test_all_of_it_is_on_disk_before_it_takes_its_place(old, monkeypatch):
+def test_a_file_is_on_disk_before_it_replaces_another(old, monkeypatch):
     synced = []
 
     def note(descriptor):
@@ -159,7 +159,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name, words", REFUSED.values(), ids=REFUSED)
-def test_a_name_that_cannot_be_written_is_refused_in_words_before_the_work(old, name, words):
+def test_an_unwritable_name_is_refused_before_the_work(old, name, words):
     (old.parent / "folder").mkdir()
     (old.parent / "loop.csv").symlink_to("loop.csv")
     before = sorted(old.parent.iterdir())

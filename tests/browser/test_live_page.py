@@ -295,7 +295,7 @@ def test_the_shown_samples_can_be_downloaded_and_identified(page, tmp_path):
     assert palpate.identify(path).law.kind == "hunt-crossley"
 
 
-def test_controls_act(live, page):
+def test_the_controls_of_the_page_act(live, page):
     page.click("#hold")
     page.wait_for_selector("#state[data-state=held]")
     page.click("#hold")

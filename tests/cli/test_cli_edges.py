@@ -445,11 +445,11 @@ def check_some(folder, monkeypatch, run, seed: int, count: int) -> None:
             file.write_bytes(content)
 
 
-def test_a_word_in_the_wrong_place_ends_in_a_line(folder, monkeypatch, run):
+def test_a_word_in_the_wrong_place_is_one_line(folder, monkeypatch, run):
     check_some(folder, monkeypatch, run, seed=0, count=30)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 9))
-def test_no_words_end_in_a_traceback(folder, monkeypatch, run, seed):
+def test_no_command_line_ends_in_a_traceback(folder, monkeypatch, run, seed):
     check_some(folder, monkeypatch, run, seed, count=800)

@@ -130,7 +130,7 @@ def on_a_terminal(*commands):
     return seen.decode().split("=" * 9)[:-1]
 
 
-def test_colour_is_for_who_looks_on_and_wants_it(run, monkeypatch):
+def test_colour_is_for_terminals_only(run, monkeypatch):
     design = COMMANDS["design"]
     seen = on_a_terminal(
         (design, {}),

@@ -28,7 +28,7 @@ def result_of(output: str) -> dict:
     return result
 
 
-def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(printed, write):
+def test_diagnose_prints_every_finding_with_its_remedy(printed, write):
     path = write(faults.changed(0.2))
     found, words = palpate.diagnose(path), printed("diagnose", path)
     assert all(finding.check.split()[0] in words for finding in found.findings)
@@ -92,7 +92,7 @@ def test_a_mark_can_set_the_exit_status(run, write, command, fault, asked, statu
     assert run(command, write(FAULTS[fault]), "--fail-on", asked)[0] == status
 
 
-def test_the_mark_of_the_damping_fails_a_pipeline_that_needs_the_damping(run, write):
+def test_an_untrusted_damping_can_set_the_exit_status(run, write):
     """The force is late: the stiffness is trusted, the damping is not."""
     asked = "identify", write(FAULTS["late"]), "--fail-on", "with-care"
     assert run(*asked)[0] == 0
@@ -182,12 +182,12 @@ def test_a_fleet_takes_the_law_too(printed, tmp_path, threaded):
     assert json.loads(out)["identified"] == 1
 
 
-def test_the_first_half_predicts_the_second_as_well_as_plain_hunt_crossley(run):
+def test_one_half_predicts_the_other_as_well_as_hunt_crossley(run):
     out = " ".join(run("identify", BALL, "--hold-out")[1].split())
     assert "hold-out the law of the first half predicts the second to 0.4 % of the force" in out
 
 
-def test_a_law_that_predicts_worse_than_plain_hunt_crossley_is_not_to_be_trusted(ball):
+def test_a_law_that_predicts_worse_than_hunt_crossley_is_untrusted(ball):
     contact, force = ball.contact, ball.predicted_force(ball.contact)
     for worse, mark in ((1.0, "trust"), (1.5, "do-not-trust")):
         found = check_prediction(

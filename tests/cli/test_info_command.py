@@ -53,7 +53,7 @@ def test_channels_may_be_chosen(run, tmp_path):
     assert names == {"g1/time", "g1/f", "g2/time", "g2/f"}
 
 
-def test_a_map_is_a_list_of_its_curves_and_a_curve_of_it_may_be_chosen(run, printed, tmp_path):
+def test_a_force_map_lists_its_curves(run, printed, tmp_path):
     curves = [(np.arange(200) * k, np.arange(200)) for k in range(1, 12)]
     path = write_jpk(tmp_path / "map.jpk-force-map", curves)
     lines = printed("info", path).splitlines()
@@ -69,7 +69,7 @@ def test_a_map_is_a_list_of_its_curves_and_a_curve_of_it_may_be_chosen(run, prin
     assert "spring constant: 0.02 N/m" in out
 
 
-def test_info_prints_a_line_a_channel_with_its_role_or_why_it_has_none(printed, tmp_path):
+def test_info_prints_the_role_of_each_channel(printed, tmp_path):
     names = ["time_s", "depth_mm", "load_N", "goal_pos", "fz_V", "torque", "still_force", "state"]
     names += [f"a rather long name of a channel that nobody uses, number {k}" for k in range(38)]
     table = np.arange(40.0)[:, None] * np.ones(46)
@@ -133,7 +133,7 @@ def test_a_spike_of_one_sample_in_a_million_is_drawn():
     assert line.get_xdata()[np.argmax(line.get_ydata())] == pytest.approx(123.456, abs=1.3)
 
 
-def test_lines_break_at_gaps_and_where_nothing_is_known():
+def test_lines_break_at_gaps_and_unknown_values():
     time = np.arange(100.0)
     time[50:] += 100.0
     values = np.arange(100.0)

@@ -18,7 +18,7 @@ from palpate.results.truth import comparable
 QUICK = ("--seconds", "4", "--seed", "3")
 
 
-def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_path):
+def test_identify_compares_with_the_truth_that_a_file_states(run, tmp_path):
     file = tmp_path / "ball.csv"
     run("lab", "ball", "-o", file, *QUICK)
     out = run("identify", file, "-v")[1]
@@ -179,7 +179,7 @@ def test_half_the_time_step_gives_the_same_course(ball):
     assert apart.max() < 3e-6  # of 12 mm
 
 
-def test_encoders_round_and_their_zero_is_anyones_guess():
+def test_encoders_round_and_have_an_unknown_zero():
     bench = lab.Bench(lab.SPONGE, lab.THREE_SINES)
     runs = [bench.run(seed, seconds=4.0) for seed in (0, 1)]
     means = []

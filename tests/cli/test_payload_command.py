@@ -77,7 +77,7 @@ def test_a_dark_figure_in_a_column_is_drawn(log, printed, tmp_path):
     assert "#16181c" in path.read_text("utf-8")
 
 
-def test_two_outputs_of_one_name_and_logs_without_a_pose_are_refused(log, refused, tmp_path, good):
+def test_equal_outputs_and_logs_without_a_pose_are_refused(log, refused, tmp_path, good):
     path = tmp_path / "tool"
     words = refused("payload", log, "--save-config", path, "--ros-parameters", path)
     assert "two outputs name this file" in words

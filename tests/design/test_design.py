@@ -96,7 +96,7 @@ def test_free_samples_do_not_count_and_the_lift_is_told():
     assert outlook.relative_errors[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion():
+def test_speed_limit_and_peak_force_are_those_of_the_motion():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
     sponge, ball = design(SPONGE, noise=0.05), design(BALL, noise=0.05).planned
     assert sponge.speed_limit == pytest.approx(0.01)  # equation 10
@@ -106,7 +106,7 @@ def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion()
     assert ball.peak_force == BALL.force(x, v).max()
 
 
-def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
+def test_a_motion_faster_than_law_or_filter_is_flagged():
     fast = design(HuntCrossley(K=300.0, B=9000.0, n=1.0), noise=0.05)
     assert "the law becomes adhesive" in fast.planned.notes[0]
     assert fast.better.motion.top_speed <= 300.0 / 9000.0
@@ -370,7 +370,7 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
 LAW = GUESS[:6]
 
 
-def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(printed):
+def test_design_prints_precision_and_the_next_command(printed):
     out = printed("design", *LAW, "--noise", "0.05")
     for words in ("after 0.5 s", "after 20 s", "within 5%", "within 1%", "100 mm/s", "eq. 10"):
         assert words in out

@@ -140,7 +140,7 @@ def test_relaxing_and_plain_laws_give_the_same_stiffness(tmp_path, run):
     assert "Hz" not in run("identify", file, "--law", "hunt-crossley")[1].splitlines()[1]
 
 
-def test_too_few_samples_to_compare_laws_give_the_numbers_of_hunt_and_crossley():
+def test_too_few_samples_give_hunt_crossley():
     """A law with memory has then only its start, of which every bar is 10¹⁰⁰."""
     whole = FAULTS["memory"]
     channels = ("time", "penetration", "velocity", "force")

@@ -126,7 +126,7 @@ def test_a_material_that_pulls_is_called_adhesive_and_not_relaxing(pull):
     assert abs(stiffness.value - truth) < 2.0 * stiffness.whole_error
 
 
-def test_friction_of_the_probe_or_what_pulls_on_it_in_air_is_no_adhesion():
+def test_friction_or_a_pull_in_air_is_not_adhesion():
     rubbed = touches(lambda x, v: faults.pushed(x, v) + 0.3 * np.tanh(1e3 * v))
     tied = touches(lambda x, v: faults.pushed(x, v) - 40.0 * x)
     light = touches(lambda x, v: faults.pushed(x, v))
@@ -166,7 +166,7 @@ def test_a_damping_of_uncertain_sign_is_not_trusted():
 
 
 @pytest.mark.parametrize("noise", [0.03, 0.3, 1.0])
-def test_the_open_sign_of_a_springs_damping_is_said_of_the_damping_alone(noise):
+def test_an_open_sign_of_damping_marks_the_damping_alone(noise):
     """Seeds 0 and 1, of either sign; the force reaches 14 N."""
     time, x, v = faults.motion()
     force = faults.pushed(x, v, palpate.HuntCrossley(K=9000.0, B=0.0, n=1.4))
@@ -233,7 +233,7 @@ def test_a_small_error_of_the_velocity_biases_the_damping_alike():
     assert palpate.diagnose(faults.with_velocity(1.04)).verdict.damping == "trust"
 
 
-def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_does():
+def test_the_bias_by_noise_of_the_velocity_is_reported():
     found = palpate.diagnose(faults.with_velocity(noise=0.3), "variable-projection")
     [finding] = [f for f in found.findings if f.check == "velocity noise"]
     there = found.working_depth
@@ -244,7 +244,7 @@ def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_doe
     assert grave(faults.with_velocity(noise=0.1)) == []
 
 
-def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
+def test_coarse_steps_and_held_values_are_checked_first():
     coarse, fine = (
         named(palpate.prepare(time=TIME, penetration=step * np.round(X / step), force=NOISY))
         for step in (2e-4, 2e-5)
@@ -283,7 +283,7 @@ def test_a_held_channel_is_read_where_it_changes(beat, channel):
 
 
 @pytest.mark.parametrize("turning", [False, True])
-def test_the_samples_at_which_a_pose_or_a_force_in_space_changes_are_used(turning):
+def test_held_poses_and_wrenches_are_read_where_they_change(turning):
     """Of a load cell of 80 Hz on a robot of 500 Hz; in a tool that turns too."""
     time = TIME[::2]
     late = np.ceil(np.floor(np.arange(time.size) / 6.25 + 1e-9) * 6.25 - 1e-9).astype(int)
@@ -428,7 +428,7 @@ def written(folder, header: str, depth: float, force: float, step: float = 1e-3)
         ("time_s,depth_m,load_N", False),
     ],
 )
-def test_an_si_unit_that_a_file_states_is_trusted_and_a_suffix_is_not(tmp_path, header, trusted):
+def test_a_stated_si_unit_is_trusted_and_a_suffix_is_not(tmp_path, header, trusted):
     found = palpate.diagnose(written(tmp_path, header, 7e-3, 2e4, step=0.5))
     assert (found.verdict.stiffness == "trust") is trusted
     units = {each.check for each in found.findings if str(each.check).endswith(" unit")}
@@ -454,7 +454,7 @@ def test_the_unit_of_one_channel_does_not_answer_for_another():
 
 
 @pytest.mark.parametrize("fault", ["penetration", "force"])
-def test_millimetres_and_millinewtons_under_a_name_in_si_are_not_trusted(fault):
+def test_wrong_units_under_an_si_name_are_not_trusted(fault):
     names = {"time_s": TIME, "penetration_m": X, "force_N": NOISY}
     column = {"penetration": "penetration_m", "force": "force_N"}[fault]
     found = palpate.diagnose(palpate.Recording({**names, column: 1e3 * names[column]}))

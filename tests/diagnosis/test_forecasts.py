@@ -226,7 +226,7 @@ def test_a_recent_part_that_predicts_better_is_offered() -> None:
 
 
 @pytest.mark.parametrize("last, mark", [(1.6, "trust"), (0.4, "do-not-trust")])
-def test_a_last_third_that_the_others_do_not_predict_is_not_trusted(last: float, mark: str) -> None:
+def test_an_unpredicted_last_third_is_not_trusted(last: float, mark: str) -> None:
     result = identify(swinging(last=last))
     assert result.law.power_law  # two materials are no memory
     diagnosis = result.diagnosis

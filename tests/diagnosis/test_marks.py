@@ -246,7 +246,7 @@ def test_a_law_that_relaxes_needs_a_withdrawal_or_a_hold():
     assert not result.law.relaxes
 
 
-def test_a_velocity_column_that_is_too_small_is_in_the_bar_of_the_damping():
+def test_a_too_small_velocity_widens_the_bar_of_the_damping():
     """By 3 % of the damping, which is no reason to distrust it."""
     time, x, v = touches()
     force = faults.noisy(faults.pushed(x, v))

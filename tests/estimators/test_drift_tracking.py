@@ -70,7 +70,7 @@ def test_a_material_that_does_not_drift_is_not_lost(name: str) -> None:
 
 
 @pytest.mark.parametrize("correlation", [0.7, 0.9])
-def test_its_bars_hold_in_correlated_noise(correlation: float) -> None:
+def test_error_bars_hold_in_correlated_noise(correlation: float) -> None:
     motion, own = three_sines(5.0), np.sqrt(1.0 - correlation**2)
     clean, truth, away = PVC.force(motion.x, motion.v), PVC.force(10e-3, 0.0), []
     for seed in range(20):

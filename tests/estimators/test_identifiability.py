@@ -198,7 +198,7 @@ def test_identification_widens_the_bars_of_the_papers_methods(method, law):
     assert own.min() < 70
 
 
-def test_identification_leaves_the_bars_of_variable_projection_as_they_are() -> None:
+def test_identify_keeps_the_bars_of_variable_projection() -> None:
     motion = three_sines(1.0)
     force = PVC.force(motion.x, motion.v) + coloured(len(motion), 1)
     found = identify(contact_of(motion, force))

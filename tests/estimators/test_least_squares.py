@@ -109,7 +109,7 @@ def test_a_refused_row_changes_nothing(arguments, status):
         ),
     ],
 )
-def test_a_row_of_another_size_or_of_anything_but_numbers_is_an_error(row, error, words):
+def test_a_row_of_wrong_size_or_type_is_an_error(row, error, words):
     engine = taught(2)
     before = engine._state()
     for call in (lambda: engine.update(row, 1.0), lambda: engine.predict(row)):

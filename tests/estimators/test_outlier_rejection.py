@@ -109,7 +109,7 @@ def test_lost_positions_that_smear_the_velocity_cost_little() -> None:
 
 
 @pytest.mark.parametrize("law", [BALL, PVC])
-def test_of_a_clean_recording_nothing_is_left_out(law: HuntCrossley) -> None:
+def test_nothing_of_a_clean_recording_is_excluded(law: HuntCrossley) -> None:
     motion, force = probed(law, 2)
     clean = law.force(motion.x, motion.v)
     for seen in (force, clean, *(0.125 * np.round(8.0 * each) for each in (force, clean))):
@@ -158,7 +158,7 @@ def test_after_leaving_contact_the_next_sample_follows_nothing() -> None:
 @pytest.mark.parametrize(
     "after", [HuntCrossley(K=2100.0, B=2100.0, n=1.0), HuntCrossley(K=300.0, B=3000.0, n=1.0)]
 )
-def test_another_material_is_not_swallowed(after: HuntCrossley) -> None:
+def test_a_new_material_is_not_rejected_as_outliers(after: HuntCrossley) -> None:
     at = 3000
     estimator = WITH.replace(change_detector=ChangeDetector())
     for seed in range(5):

@@ -155,7 +155,7 @@ def test_custom_laws_and_methods_pass_the_conformance_tests(promise, name, regis
     promise(kind, conformance.variants(kind)["everything"])
 
 
-def test_a_method_of_ones_own_takes_the_place_of_the_least_squares_of_its_law(registered):
+def test_a_custom_method_replaces_the_default_of_its_law(registered):
     contact_estimator.register(StickyRLS)
     assert palpate.ESTIMATORS["sticky"] is StickyRLS
     assert pickle.loads(pickle.dumps(palpate.ESTIMATORS["fung"]())).law_type is Fung
@@ -171,7 +171,7 @@ def fitted(law, seed, seconds=2.0):
 
 
 @pytest.mark.parametrize("name", TRUTHS)
-def test_the_optimum_and_the_bars_are_those_of_the_samples_themselves(name, registered):
+def test_binned_samples_keep_the_optimum_and_the_bars(name, registered):
     truth = TRUTHS[name]
     estimate, signals = fitted(truth, seed=1)
     x, v, force = signals.arrays

@@ -97,7 +97,7 @@ def test_a_pause_above_the_surface_keeps_the_bars_at_the_bound(step, surface):
     assert np.mean(inside) > 0.85  # 24 intervals of 95 %, of which three belong together
 
 
-def test_under_forgetting_the_standard_errors_err_on_the_safe_side():
+def test_with_forgetting_standard_errors_are_conservative():
     """P × the noise variance takes weights for variances: (Σwφφᵀ)⁻¹ where the estimates scatter by
     (Σwφφᵀ)⁻¹ (Σw²φφᵀ) (Σwφφᵀ)⁻¹, which is less.
     """
@@ -123,7 +123,7 @@ def test_under_forgetting_the_standard_errors_err_on_the_safe_side():
     np.testing.assert_allclose(ratio, excess, rtol=0.09)  # as above
 
 
-def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
+def test_noise_proportional_to_force_widens_the_bars():
     t = 1e-3 * np.arange(8000)
     law = HuntCrossley(K=1e5, B=2e5, n=2.0)
     x, v = 6e-3 + 4e-3 * np.sin(9.0 * t), 36e-3 * np.cos(9.0 * t)
@@ -194,7 +194,7 @@ def test_the_single_stage_says_where_light_contact_ruins_its_errors(exponent, le
     assert (np.mean(held) < 0.8) == flagged
 
 
-def test_the_single_stages_own_standard_errors_are_too_small_and_a_finding_says_so():
+def test_too_small_errors_of_the_single_stage_are_reported():
     """White noise, a law that holds: the interval still misses the stiffness of a light contact."""
     motion, law = probing.three_sines(5.0), MATERIALS["sponge"]
     force, depth = law.force(motion.x, motion.v), float(np.median(motion.x))

@@ -265,7 +265,7 @@ def test_fewer_than_two_hundred_samples_are_identified(count):
     assert felt.damping.value == pytest.approx(exact.imag / felt.frequency, rel=0.06)
 
 
-def test_laws_with_memory_that_do_not_compete_yet_are_said_to_be_missing():
+def test_laws_that_do_not_compete_yet_are_named():
     brief = learned(pressed(MEMORY), forgetting=palpate.ConstantForgetting(0.93)).verdict()
     assert brief.samples < 20.0
     assert any("too few samples yet to compare laws with memory" in flag for flag in brief.flags)
@@ -297,7 +297,7 @@ def test_frequencies_that_the_motion_did_not_contain_are_refused():
         ViscoelasticContact().dynamic_stiffness()
 
 
-def test_options_choose_the_candidates_and_those_that_are_gone_are_refused():
+def test_options_choose_the_candidate_laws():
     offered = {str(each) for each in ViscoelasticContact(damping="half-space").offered}
     assert offered == {"Kelvin–Voigt", "half-space", "half-space with relaxation"}
     alone = learned(pressed(law_of("none", RELAXATIONS["one time"])), damping="none").verdict()

@@ -252,7 +252,7 @@ def test_a_law_with_memory_is_exported_as_its_nearest_plain_law(law):
     assert "τ = " in statement.law_lines()[0]
 
 
-def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(toy):
+def test_two_powers_of_depth_are_exported_as_one_with_its_error(toy):
     made = exports.export(ExtendedKelvinVoigt(K1=500.0, K2=2e4, B=3.0), "toy")
     assert 1.0 < made.statement.nearest.law.n < 2.0
     assert 0.1 < made.statement.compared.percent < 1.0
@@ -335,7 +335,7 @@ def test_a_negative_damping_is_refused_or_exported_as_zero(toy):
         exports.export(HuntCrossley(K=-2000.0, B=5.0, n=1.0), "toy", allow=True)
 
 
-def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
+def test_an_unstable_time_step_is_refused(toy):
     toy(largest_step=1.5e-3)
     assert any("stability limit" in w for w in exports.export(BALL.law, "toy").statement.warnings)
     with pytest.raises(ExportRefusedError, match=r"below 1\.5 ms"):
@@ -440,7 +440,7 @@ def test_the_command_prints_the_claim_and_writes_the_files(run, printed, saved, 
     assert whole["claim"] == json.loads(first)["claim"]
 
 
-def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved, tmp_path, toy):
+def test_a_refused_export_ends_with_status_3(run, saved, tmp_path, toy):
     toy(factor=1.1)
     status, out, _ = run("export", saved, "--to", "toy", "-o", tmp_path)
     assert status == 3
@@ -570,7 +570,7 @@ def _properties(text: str, kind: str) -> list[dict[str, str]]:
         (KELVIN_VOIGT_LAW, {}),
     ],
 )
-def test_both_texts_say_the_same_of_both_bodies_and_what_the_plant_must_be(law, further) -> None:
+def test_both_files_for_drake_describe_the_same_bodies(law, further) -> None:
     files = fitted("drake", law, **further).files(["a note -- of two hyphens"])
     sdf, urdf = _properties(files["contact.sdf"], "sdf"), _properties(files["contact.urdf"], "urdf")
     assert sdf == urdf
@@ -662,7 +662,7 @@ def test_the_modulus_holds_for_the_given_radius_only() -> None:
     assert len(large.findings) == 1
 
 
-def test_each_geometry_has_parameters_of_its_own_and_the_tip_is_rigid() -> None:
+def test_each_geometry_has_its_own_parameters() -> None:
     fragment = fitted("opensim", HERTZ_LAW, tip_radius=RADIUS)
     text = fragment.files(["a note"])["contact.osim"]
     assert "a note" in text

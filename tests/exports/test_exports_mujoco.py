@@ -144,7 +144,7 @@ def test_a_contact_pair_states_when_it_pulls():
     assert "withdrawn faster than 1.2 m/s from a depth of 10 mm" in said
 
 
-def test_the_callback_leaves_other_models_and_the_callback_before_it_alone(tmp_path):
+def test_the_callback_leaves_other_models_alone(tmp_path):
     files = fitted(BALL_LAW, form="callback").files(["a note"])
     write(tmp_path, files)
     module = runpy.run_path(str(tmp_path / "palpate_contact.py"))

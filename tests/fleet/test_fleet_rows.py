@@ -200,7 +200,7 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
 
 @searching_or_not
 @pytest.mark.parametrize("spoil", ["spiked", "clipped"])
-def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
+def test_identify_many_rejects_outliers_like_identify(spoil, surface):
     x, v, f = curves(1)
     rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
     assert not any("excluded" in flag for flag in texts(rounded[0]))
@@ -407,7 +407,7 @@ def rig(ratio, *, stiffness=(1000.0, 1400.0, 2500.0, 6000.0), frequency=12.0):
     return rows(damping, 0.01 * np.abs(damping), quantity="damping", **table)
 
 
-def test_one_ratio_of_damping_to_stiffness_in_every_file_is_a_lag_of_the_rig():
+def test_a_constant_damping_ratio_is_a_lag_of_the_rig():
     lag = rig_lag_of(rig([0.031, 0.0325, 0.032, 0.030]))
     assert lag.time == pytest.approx(0.0315)
     assert (lag.files, lag.span) == (4, 6.0)
@@ -483,7 +483,7 @@ def test_a_map_has_values_and_errors_over_places():
     assert "none of 2 places has a force at 5 mm; 2 places were not pressed" in found.summary
 
 
-def test_a_map_at_one_depth_has_the_dynamic_stiffness_at_the_frequency_of_each_row():
+def test_a_map_has_the_dynamic_stiffness_of_each_row():
     touch = relaxing_contact()
     table = identify_many([touch])
     [row] = table.to_pylist()
@@ -495,7 +495,7 @@ def test_a_map_at_one_depth_has_the_dynamic_stiffness_at_the_frequency_of_each_r
     assert deeper.value[0] == pytest.approx(expected)
 
 
-def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
+def test_a_map_marks_places_with_untrusted_numbers():
     """By a verdict where there is one, else by what the checks of the data found, or by flags."""
     table = rows(
         [1.0, 2.0, 3.0, 4.0],
@@ -561,7 +561,7 @@ def test_maps_are_drawn(printed, tmp_path, by):
     assert "standard error" in text
 
 
-def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
+def test_scattered_places_are_drawn_as_dots():
     from palpate.fleet.figures import draw_map
 
     random = np.random.default_rng(2)

@@ -132,7 +132,7 @@ def test_a_resumed_fleet_gives_the_same_results(seconds, workers, recordings, tm
     assert read_seconds(tmp_path / "in-two").num_rows == tables[0].num_rows
 
 
-def test_batches_of_uneven_files_take_about_as_long_and_the_longest_come_first(tmp_path):
+def test_batches_are_balanced_and_the_longest_come_first(tmp_path):
     lengths = [200, 400, 800, 1600, 3200, 6400, 12800, 25600]
     for k in range(48):
         write_contact(contact(samples=lengths[k % 8]), tmp_path / f"{k:03d}.csv")

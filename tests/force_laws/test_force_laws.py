@@ -222,7 +222,7 @@ def relaxation(request):
     return request.param
 
 
-def test_a_step_is_felt_with_the_instantaneous_stiffness_and_relaxes_to_the_relaxed_one(relaxation):
+def test_a_step_relaxes_from_instantaneous_to_relaxed_stiffness(relaxation):
     law = law_with(relaxation)
     state = law.step(law.rest(), 5e-3, 1e-9)
     # In a nanosecond the quickest branch of 1 ms loses a millionth of its part.

@@ -45,7 +45,7 @@ def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):
     assert identify(CONTACT).method == "variable-projection"  # unless it is told
 
 
-def test_identify_keeps_the_settings_it_is_given_and_leaves_the_estimator_as_it_is(kind):
+def test_identify_does_not_change_the_given_estimator(kind):
     gate, scale = ContactGate(5e-4, 0.5), Scale(1e-3, 1e-2, 1.0)
     given = kind(
         outlier_rejection=OutlierRejection(20.0),
@@ -100,7 +100,7 @@ def test_the_figures_of_merit_are_of_the_samples_taken(kind):
         assert math.isnan(result.violated_fraction)
 
 
-def test_compare_gives_every_method_and_the_regressions_the_same_samples():
+def test_compare_gives_every_method_the_same_samples():
     results = compare(CONTACT)
     assert list(results) == list(ESTIMATORS)
     for method, result in results.items():

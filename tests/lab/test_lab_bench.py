@@ -144,7 +144,7 @@ def test_a_material_pushes_where_it_is_touched_and_nowhere_else(name):
     assert (force[~inside] == 0.0).all()
 
 
-def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
+def test_a_held_material_relaxes_with_its_time_constant():
     material = lab.Relaxing(lab.RELAXING_SPONGE.law, 150.0, 0.5)
     depth = np.full_like(TIME, 0.01)
     force = material.force(TIME[1:], HERE[1:], depth[1:], HERE[1:])

@@ -105,7 +105,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("output", [pytest.param("closed", marks=pytest.mark.slow), "full"])
-def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path, output):
+def test_a_blocked_output_ends_nothing(recording, tmp_path, output):
     copy = tmp_path / "copy.mcap"
     arguments = f"{recording} --record {copy} --no-page --no-diagnosis --speed 20"
     where = {"closed": ">&-", "full": "> /dev/full"}[output]
@@ -366,7 +366,7 @@ def test_a_recording_is_read_back_as_it_arrived(recorded):
     np.testing.assert_array_equal(stamps, [round(1e9 * time) for time in LATER])
 
 
-def test_a_recording_is_identified_without_a_word_about_its_channels(recorded):
+def test_channels_of_a_recording_are_recognised(recorded):
     law = palpate.identify(str(recorded)).estimate.law
     assert law.stiffness_at(8e-3) == pytest.approx(MATERIALS["ball"].stiffness_at(8e-3), rel=0.02)
 

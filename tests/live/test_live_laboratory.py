@@ -80,7 +80,7 @@ def test_the_last_command_in_a_transition_wins():
     assert time.perf_counter() - began < 5.0
 
 
-def test_a_simulation_that_breaks_down_begins_again_on_the_first_material():
+def test_a_diverged_simulation_restarts_on_the_first_material():
     bench = ongoing(lab.TwinPantograph())
     advanced(bench, 3.0)
     bench.change(lab.Homogeneous(HuntCrossley(K=1e9, B=1e9, n=1.0), "a rock"))
@@ -120,7 +120,7 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
     source.close()
 
 
-def test_its_process_ends_with_the_loop():
+def test_the_process_of_the_diagnosis_ends_with_the_loop():
     source = Laboratory("ball", probe="ideal")
     source.open()
     pid = source._process.pid

@@ -100,7 +100,7 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     assert [loop.estimator.law_type.symbols[k] for k in shown] == ["K", "n", "B", "M"]
 
 
-def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
+def test_published_numbers_are_those_of_the_estimator_in_si():
     loop, _, verdict = watched(arrivals(*swung(ONE_TIME)))
     own, numbers = loop.estimator.dynamic_stiffness(), verdict.numbers()
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
@@ -277,7 +277,7 @@ def test_the_diagnosis_uses_a_known_exponent_and_the_chosen_depth(samples):
     assert {line["at"].split(",")[0] for line in page["numbers"]} == {"at 5 mm"}
 
 
-def test_it_is_of_the_last_seconds_of_one_clock(samples):
+def test_the_live_diagnosis_uses_the_last_seconds_of_one_clock(samples):
     short = recent(samples, 1.0, LATE)
     assert short[-1, 0] - short[0, 0] == pytest.approx(1.0, abs=2e-3)
     earlier = samples.copy()
@@ -305,7 +305,7 @@ def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
     assert page["reason"]
 
 
-def test_it_says_when_it_is_no_longer_of_what_the_loop_does(samples):
+def test_an_outdated_live_verdict_is_marked(samples):
     status = {**STATUS, "counts": {"changes": 1}, "tare": None}
     page = diagnose_samples(recent(samples, 1.0, LATE), status)
     assert why_outdated(page, status) == ""
@@ -341,7 +341,7 @@ class Heard(Replay):
 
 
 @pytest.mark.slow
-def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
+def test_the_verdict_is_printed_while_the_loop_runs(tmp_path):
     source = Heard(palpate.Contact(**vars(pressed(30.0))))
     source.said = tmp_path / "said"
     status = run(source, None, [Diagnosing(every=1.0), Reading(source.said)])

@@ -81,7 +81,7 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     assert "N/m" in describe_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
 
 
-def test_the_estimate_is_there_50_times_a_second_at_each_change_and_at_the_end():
+def test_estimates_are_published_at_50_hz_and_at_changes():
     commands = [(605, LiveCommand("reset")), (1333, LiveCommand("hold"))]
     _, each = looped(SCRIPT, commands=commands)
     _, rows = looped(SCRIPT, commands=commands, every_sample=False)
@@ -124,7 +124,7 @@ def depths_shown(depths, every=0.2):
 
 
 @pytest.mark.parametrize("every", [0.033, 0.2], ids=["the page", "the console"])
-def test_the_shown_depth_stays_while_the_motion_repeats_and_follows_another(every):
+def test_the_shown_depth_follows_a_new_motion(every):
     time = T * np.arange(60_000)
     # Its median lies between 8.8 and 8.9 mm, on either side in turns.
     swing = 8.85e-3 + 3e-3 * np.sin(2.0 * np.pi * 0.7 * time) + 2e-4 * np.sin(0.3 * time)
@@ -337,7 +337,7 @@ PRESSING = {
 
 
 @pytest.mark.parametrize("motion, words", PRESSING.values(), ids=PRESSING)
-def test_a_tare_begun_in_contact_is_refused_and_taken_once_the_probe_is_lifted(motion, words):
+def test_a_tare_in_contact_waits_until_the_probe_is_lifted(motion, words):
     script = at_rest(*motion)
     loop, rows = looped(script, OnlinePreparation(tare_time=0.5))
     assert (column(rows, "state") == State.TARING).all()
@@ -385,7 +385,7 @@ def test_a_run_without_a_successful_tare_fails_with_the_reason(run, tmp_path):
     assert "or omit --tare" in err
 
 
-def test_another_estimator_and_what_there_is_not():
+def test_commands_change_what_exists_and_refuse_the_rest():
     commands = [
         (500, LiveCommand("estimator", {"method": "single-stage"})),
         (600, LiveCommand("estimator", {"method": "magic"})),

@@ -202,7 +202,7 @@ def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
     assert seen.page({})["state"] == "dead"  # it has been, and says nothing more
 
 
-def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
+def test_an_estimate_is_shown_by_its_own_law(watched):
     (samples, estimates), shared_json, seen = watched
 
     def write(*times, **columns):

@@ -286,7 +286,7 @@ def test_a_name_that_is_not_this_machines_is_refused(page, host):
 @pytest.mark.parametrize(
     "origin", [None, "null", "http://elsewhere.example", "http://127.0.0.1:1", "file://"]
 )
-def test_another_site_gets_no_socket(page, origin):
+def test_another_origin_gets_no_socket(page, origin):
     with pytest.raises(InvalidStatus, match="403"):
         page.socket(origin=origin)
 
@@ -478,7 +478,7 @@ NO_REQUESTS = [b"\x00\xff\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b"A" * 100_000]
 
 
 @pytest.mark.long
-def test_malformed_frames_and_requests_end_their_connections_and_are_counted(page):
+def test_malformed_requests_end_their_connections(page):
     before = page.counts()["malformed"]
     sent = [(handshaken, each) for each in MALFORMED.values()]
     sent += [(connected, each) for each in NO_REQUESTS]

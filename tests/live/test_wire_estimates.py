@@ -333,7 +333,7 @@ def test_an_address_in_use_is_one_clear_line() -> None:
     robot.close()
 
 
-def test_nobody_there_is_one_clear_line() -> None:
+def test_a_missing_publisher_is_one_line() -> None:
     address = f"zenoh:/palpate?connect=tcp/127.0.0.1:{free_port()}"
     with pytest.raises(PalpateError, match=r"^zenoh: no answer from tcp/.*rmw_zenohd") as caught:
         open_publisher(address)

@@ -335,7 +335,7 @@ def now(monkeypatch):
     return times
 
 
-def test_samples_that_had_been_waiting_were_there_as_their_stamps_say(now):
+def test_queued_samples_arrived_at_their_stamps(now):
     now[0] = 100.0
     receipt = Receipt()
     assert receipt.there(0, waited=True) == 100.0

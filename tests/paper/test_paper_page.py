@@ -71,7 +71,7 @@ def page(report):
     return Reading((report.folder / "report.html").read_text(encoding="utf-8"))
 
 
-def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, report):
+def test_the_page_has_every_claim_with_its_verdict(page, report):
     for each in report.judgements:
         for words in (each.claim.words, each.verdict_text, each.claim.where, each.ours_text):
             assert words in page.words
@@ -96,7 +96,7 @@ def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, repor
     assert "fig01-drawing-clip" in text
 
 
-def test_the_page_needs_nothing_beside_it_and_every_link_has_its_target(report, page):
+def test_the_page_is_self_contained_and_its_links_work(report, page):
     text = (report.folder / "report.html").read_text(encoding="utf-8")
     assert page.open == re.findall("<script|<link|<img", text) == []
     assert len(page.names) == len(set(page.names))
@@ -189,7 +189,7 @@ def test_it_judges_draws_of_what_the_paper_leaves_open(run, tiny, tmp_path, monk
     assert answers == {"a.even": "101", "b.even": "101"}
 
 
-def test_it_compares_the_methods_on_recordings_of_others(run, tmp_path):
+def test_the_benchmark_compares_the_methods_on_real_recordings(run, tmp_path):
     """Without simulation, and by the file alone; here of a ball, whose truth nobody uses."""
     bench = lab.Bench(lab.BALL, lab.THREE_SINES, lab.IdealProbe())
     good, bad = tmp_path / "ball.csv", tmp_path / "bad.csv"
@@ -421,7 +421,7 @@ CHANGES = [
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=str)
-def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(stored, change):
+def test_only_outcomes_of_this_version_and_seed_are_reused(stored, change):
     folder, path = stored
     assert running.read_outcome(folder, Tiny(seconds=1e-9), 1) is None  # of another setting
     assert running.read_outcome(folder, Tiny(), 2) is None  # absent

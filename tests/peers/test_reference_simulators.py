@@ -94,7 +94,7 @@ def test_the_identified_parameters_are_those_that_were_set(name, estimator, most
 
 
 @pytest.mark.parametrize("name", REFERENCE_SIMULATORS)
-def test_through_a_noisy_sensor_what_was_set_lies_within_the_error_bars(name) -> None:
+def test_error_bars_hold_with_a_noisy_sensor(name) -> None:
     law, unforgetting = REFERENCE_SIMULATORS[name].law, ConstantForgetting(1.0)
     kelvin_voigt = KelvinVoigtRLS(forgetting=unforgetting) if name in KELVIN_VOIGT else None
     for seed in range(5):
@@ -183,7 +183,7 @@ def test_an_equal_tip_softens_opensims_contact_by_root_eight(tip, share) -> None
 
 
 @pytest.mark.parametrize("stepping", ["sap", "continuous", "tamsi", "lagged"])
-def test_sap_ignores_the_dissipation_and_the_others_the_relaxation_time(stepping) -> None:
+def test_sap_uses_the_relaxation_time_and_others_the_dissipation(stepping) -> None:
     if stepping == "sap":
         otherwise = probed(DrakeProbe(stepping, dissipation=5.0 * DISSIPATION))
     else:
@@ -207,7 +207,7 @@ def test_the_force_belongs_to_the_state_after_the_step_and_not_before() -> None:
 
 
 @pytest.mark.parametrize("stepping", ["tamsi", "lagged", "similar", "sap"])
-def test_the_depth_beside_a_force_of_a_discrete_plant_is_that_before_the_step(stepping) -> None:
+def test_a_discrete_plant_pairs_force_with_the_earlier_depth(stepping) -> None:
     probe = DrakeProbe(stepping)
     before, depth = [], []
     for k in range(1, 301):

@@ -242,7 +242,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert prepare(recorded, spot=1.0).prepared.places == ()
 
 
-def test_the_fit_of_a_probe_that_travels_is_that_of_the_law_of_each_place():
+def test_a_travelling_probe_is_fitted_by_the_law_of_each_place():
     """Laws that relax, each with the state in which its place began, not the place before."""
     relaxing = [
         GeneralisedHuntCrossley(K=k, n=1.2, B=0.0, p=1.2, M=k, relaxation=FlatSpectrum(0.05, 5.0))

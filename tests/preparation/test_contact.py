@@ -22,7 +22,7 @@ def at(time, segment=None) -> Contact:
     return Contact(time, penetration=ones, velocity=ones, force=ones, segment=segment)
 
 
-def test_the_repr_of_a_recording_a_contact_and_columns_fits_a_screen():
+def test_reprs_fit_a_screen():
     source = f"/data/{'long/' * 30}{'probe' * 20}.csv"
     channels = {"time_s": np.zeros(600), "fz\x1b[31m": np.zeros(600)}
     many = channels | {f"joint_{k}.position": np.zeros(10**4) for k in range(900)}
@@ -151,7 +151,7 @@ SPELLINGS = {
 
 
 @pytest.mark.parametrize("plain, spelled", SPELLINGS.values(), ids=SPELLINGS)
-def test_numbers_are_numbers_however_they_are_spelled_and_left_as_they_are(kind, plain, spelled):
+def test_samples_may_be_numbers_of_any_type(kind, plain, spelled):
     for channel in (each for each in spelled if isinstance(each, np.ndarray)):
         channel.flags.writeable = False
     trace = kind().replay(*spelled)

@@ -344,7 +344,7 @@ def test_the_samples_of_a_slow_clock_are_spread_within_its_ticks(tick, rate):
         prepare(Recording(columns), strict=True)
 
 
-def test_a_slow_clock_with_a_gap_or_a_changing_rate_stays_within_its_ticks():
+def test_times_of_a_slow_clock_stay_within_its_ticks():
     time, arrays = in_ticks(0.01, 500.0)
     keep = np.ones(time.size, dtype=bool)
     keep[300:500] = False
@@ -399,7 +399,7 @@ def test_rows_written_twice_are_dropped_with_a_note(way, tmp_path):
     assert finding.message == "palpate dropped 4 rows that were written twice, of 504"
 
 
-def test_times_that_repeat_with_other_values_are_still_refused_from_arrays():
+def test_repeated_times_in_arrays_are_refused():
     arrays = {name: np.array(values[:500]) for name, values in ARRAYS.items()}
     arrays["time"][20] = arrays["time"][19]
     with pytest.raises(InvalidParameterError, match="time must be finite and increase"):
@@ -428,7 +428,7 @@ def test_a_commanded_position_calls_for_care(name):
 
 
 @pytest.mark.parametrize("name", [option.name for option in dataclasses.fields(Options)])
-def test_an_option_is_described_once_for_python_the_command_line_and_the_docs(name):
+def test_each_option_is_described_once(name):
     parameter = inspect.signature(prepare).parameters[name]
     assert parameter.default == getattr(Options(), name)
     assert prepare.__doc__.count(f"\n    {name} : ") == 1

@@ -140,7 +140,7 @@ def test_an_invalid_threshold_is_refused_by_its_option(name, bad):
     assert repr(bad) in str(caught.value)
 
 
-def test_near_the_surface_the_depth_decides_and_not_the_noise_of_the_force():
+def test_near_the_surface_the_depth_decides_on_contact():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
     gate = choose_gate(contact)
     assert gate.break_force == 0.0

@@ -76,7 +76,7 @@ def test_the_offset_of_two_clocks_is_found_with_its_error(offset, rates):
     assert damping < 2.0
 
 
-def test_a_date_against_a_clock_from_zero_is_an_offset_like_another():
+def test_a_dated_clock_against_one_from_zero_is_an_offset():
     at, depth, later, force = touched(offset=37e-3)
     stamps = (1.7e18 + 1e9 * later).astype(np.int64).astype("M8[ns]")
     force_file = Recording({"t": stamps, "Fz_N": force}, source="ft.csv")
@@ -86,7 +86,7 @@ def test_a_date_against_a_clock_from_zero_is_an_offset_like_another():
     assert "ft.csv's clock is 1700000000.037" in contact.provenance["clocks"]
 
 
-def test_with_half_space_damping_the_error_of_the_offset_is_that_of_the_damping():
+def test_half_space_damping_hides_a_clock_offset():
     """A force that is late by 7 ms without damping fits nearly as well: no fit can tell."""
     for seed in range(2):
         at, depth, later, force = touched("half-space", seed=seed)
@@ -103,7 +103,7 @@ def test_with_half_space_damping_the_error_of_the_offset_is_that_of_the_damping(
 
 
 @pytest.mark.parametrize("offset, moved", [(0.2e-3, False), (37e-3, True)])
-def test_clocks_that_both_show_the_date_are_moved_only_by_a_significant_offset(offset, moved):
+def test_dated_clocks_move_only_by_a_significant_offset(offset, moved):
     at, depth, later, force = touched("half-space", pose=50.0, push=100.0, offset=offset)
     stamps = [(1.7e18 + 1e9 * each).astype(np.int64) for each in (at, later)]
     pose = Recording({"t": stamps[0], "penetration_m": depth}, {"t": "ns"}, "pose.csv")
@@ -116,7 +116,7 @@ def test_clocks_that_both_show_the_date_are_moved_only_by_a_significant_offset(o
     assert contact.delay.standard_error > 0.0
 
 
-def test_a_drift_of_the_clock_is_reported_with_a_remedy_and_widens_the_bar():
+def test_a_drifting_clock_is_reported_and_widens_the_bar():
     [steady, drifting] = (touched(drift=drift) for drift in (0.0, 1e-3))
     results = [
         palpate.prepare(pose, companion=push)

@@ -45,7 +45,7 @@ def clean():
     return identify(faults.clean())
 
 
-def test_every_representation_is_a_line_with_the_numbers_and_their_errors(clean):
+def test_every_repr_is_one_line_with_numbers_and_errors(clean):
     modulus = clean.elastic_modulus(palpate.FlatPunch(radius=5e-3))
     quantities = clean.energy, clean.passivity, clean.restitution(), modulus
     for each in (*quantities, clean.law_verdict, clean.estimate, clean.trace):
@@ -104,7 +104,7 @@ def test_the_rebound_has_the_systematic_error_of_the_damping():
     assert abs(e.value - exact) < 2.0 * e.systematic
 
 
-def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
+def test_negative_or_insignificant_damping_is_reported():
     law = HuntCrossley(K=9000.0, B=9.0, n=1.4)
     found = identify(contact_of(exciting(law, noise=0.5, seed=1))).restitution()
     bound = math.hypot(found.coefficient.standard_error, found.coefficient.systematic)
@@ -164,7 +164,7 @@ def test_an_export_repeats_the_marks_of_the_diagnosis():
     assert "for the kelvin-voigt law it depends on the body's mass" in words
 
 
-def test_the_loss_of_a_linear_damper_in_a_cycle_is_the_ellipse_of_its_force():
+def test_the_loss_of_a_damper_is_the_area_of_its_ellipse():
     """π B ω a² of a sine; on its way in K x̄ 2a + half of that goes in."""
     law, rate, swing, depth = KelvinVoigt(K=1500.0, B=8.0), 7.0, 3e-3, 8e-3
     contact = sine(law, rate=rate, swing=swing, depth=depth)
@@ -325,7 +325,7 @@ def test_a_hunt_crossley_law_pulls_beyond_one_over_its_dissipation():
     assert faster.measured_there < 0.0  # this material, which is none, does pull
 
 
-def test_a_kelvin_voigt_law_pulls_at_light_touch_where_the_material_does_not():
+def test_a_kelvin_voigt_law_pulls_at_light_touch():
     contact = contact_of(tapping(HuntCrossley(K=1500.0, B=6000.0, n=1.0), seconds=6.0, noise=0.01))
     result = identify(contact, "kelvin-voigt")
     found = result.passivity
@@ -344,7 +344,7 @@ def test_a_kelvin_voigt_law_pulls_at_light_touch_where_the_material_does_not():
     assert found.measured_fraction > 0.05
 
 
-def test_the_numbers_of_every_method_are_in_the_json_object_and_can_be_written():
+def test_json_has_the_numbers_of_every_method():
     for name, result in palpate.compare(faults.clean()).items():
         whole = json.loads(json.dumps(result.as_dict(), allow_nan=False))
         assert whole["restitution"] == result.restitution().as_dict(), name

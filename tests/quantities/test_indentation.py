@@ -80,7 +80,7 @@ def test_another_tip_than_the_true_one_is_not_trusted():
     assert "to the power 2.00" in found.modulus.remarks[0]
 
 
-def test_a_curve_without_contact_and_a_depth_beyond_the_ball_have_no_modulus():
+def test_impossible_curves_and_depths_have_no_modulus():
     x = np.linspace(0.0, 1e-6, 500)
     noise = np.random.default_rng(2).normal(size=500)
     for force in (-x, np.full(500, np.nan)):

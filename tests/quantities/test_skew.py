@@ -41,7 +41,7 @@ def test_a_touch_that_is_not_on_a_spring_is_refused(name):
             palpate.skew(contact)
 
 
-def test_a_slow_touch_is_used_with_care_and_asks_for_a_quicker_one():
+def test_a_slow_touch_asks_for_a_quicker_one():
     contact, late = touch(1, slow=0.3, quick=1.5)
     found = palpate.skew(contact)
     assert found.mark == "with-care"

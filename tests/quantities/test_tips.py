@@ -160,7 +160,7 @@ def test_impossible_options_are_refused_before_reading(refused, options, words):
     assert words in refused("identify", "no such file.csv", *options)
 
 
-def test_the_table_ends_with_a_line_each_and_those_of_a_tip_and_a_speed(run, tmp_path):
+def test_the_table_ends_with_the_requested_quantities(run, tmp_path):
     recording = tmp_path / "ball.csv"
     palpate.write_contact(pressed(BALL), recording)
 
@@ -216,9 +216,7 @@ def test_the_exact_relation_is_solved_to_rounding(d):
     "stiffness, exponent, mass", [(1e5, 1.0, 0.2), (1e6, 1.5, 1.0), (4e8, 2.0, 30.0)]
 )
 @pytest.mark.parametrize("d", [0.03, 0.5, 3.0, 30.0])
-def test_a_body_that_falls_on_the_law_rebounds_by_it_whatever_its_mass(
-    stiffness, exponent, mass, d
-):
+def test_a_falling_body_of_any_mass_rebounds_by_the_law(stiffness, exponent, mass, d):
     """Against the equation of motion, integrated step by step."""
     speed, b = 0.7, d / 0.7
 
@@ -310,7 +308,7 @@ def test_nonsense_is_refused_by_the_name_of_the_argument(call, words):
 SPECIMEN = palpate.Specimen(area=3.14e-4, height=0.2)
 
 
-def test_the_modulus_of_a_compressed_cylinder_is_found_with_the_bar_of_its_stiffness():
+def test_the_modulus_of_a_cylinder_has_the_bar_of_its_stiffness():
     stiffness = MODULUS * SPECIMEN.area / SPECIMEN.height
     x = exciting(palpate.HuntCrossley(K=stiffness, B=stiffness, n=1.0), seconds=3.0, noise=2e-4)
     contact = Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
@@ -327,7 +325,7 @@ def test_the_modulus_of_a_compressed_cylinder_is_found_with_the_bar_of_its_stiff
     assert "kPa for a specimen of 314 mm² and 200 mm height" in result.summary()
 
 
-def test_a_specimen_is_remarked_on_or_refused_by_its_strain_and_shape():
+def test_strain_and_shape_of_a_specimen_are_checked():
     result = identified(BALL)
     depth = result.diagnosis.working_depth.depth
     wide = result.compression_modulus(palpate.Specimen(area=1e-3, height=2.0 * depth))

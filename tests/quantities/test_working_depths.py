@@ -23,7 +23,7 @@ def late():
 
 
 @pytest.mark.parametrize("method", ["single-stage", "drift-tracking"])
-def test_the_error_bars_hold_for_a_method_that_is_off_the_least_squares(method):
+def test_error_bars_hold_for_methods_off_the_least_squares(method):
     found = palpate.identify(EXAMPLES / "tapping.csv", method)
     truth = read_truth(found.contact.provenance)
     for there in found.working_depths:

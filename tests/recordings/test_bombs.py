@@ -307,7 +307,7 @@ HOSTILE = {
 @pytest.mark.long
 @pytest.mark.skipif(sys.platform != "linux", reason="the peak is read from /proc")
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_small_file_that_needs_much_memory_or_runs_code_is_refused_in_a_line(name, tmp_path):
+def test_a_bomb_or_a_file_with_code_is_refused_in_one_line(name, tmp_path):
     """The process of its own needs 90 MB to begin with."""
     made, words = HOSTILE[name]
     path = tmp_path / name

@@ -54,7 +54,7 @@ def same(left: np.ndarray, right: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_numbers_come_back_to_the_last_bit_and_only_those_asked_for(name, tmp_path):
+def test_requested_numbers_are_read_exactly(name, tmp_path):
     write, path = WRITERS[name], tmp_path / name
     # A format is known by its content before its suffix.
     path = path.with_suffix(".csv") if name == "packed.h5" else path
@@ -206,7 +206,7 @@ def test_columns_of_arrow_are_flattened_and_their_times_exact(tmp_path):
         assert recording.omissions == ("column 'uneven' holds lists of 0 to 2 values",)
 
 
-def test_units_in_the_description_of_a_column_and_the_index_of_pandas_are_read(tmp_path):
+def test_units_and_index_of_pandas_columns_are_read(tmp_path):
     frame = pandas.DataFrame({"force": [1.0, 2.0]}, index=pandas.Index([0.0, 0.1], name="time_s"))
     table = pa.Table.from_pandas(frame)
     described = table.schema.field(0).with_metadata({"unit": "mN"})
@@ -276,7 +276,7 @@ def test_a_file_that_ends_too_early_is_said_to_be_cut_off(write, tmp_path):
         open_recording(cut(path, path.stat().st_size * 2 // 3))
 
 
-def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
+def test_complete_batches_of_a_truncated_feather_file_are_read(tmp_path):
     path = write_feather(tmp_path / "cut.feather", chunksize=100)
     recording = open_recording(cut(path, path.stat().st_size * 2 // 3))
     count = len(recording.channels["force_N"])
@@ -289,7 +289,7 @@ def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
 
 
 @pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])
-def test_the_whole_variables_of_a_matlab_file_that_is_cut_off_are_read(packed, tmp_path):
+def test_complete_variables_of_a_truncated_matlab_file_are_read(packed, tmp_path):
     path = write_mat5(tmp_path / "cut.mat", do_compression=packed)
     recording = open_recording(cut(path, -200))
     assert set(recording.channels) == {"time_s", "penetration_m"}
@@ -304,7 +304,7 @@ def damage(path, at: int) -> None:
     path.write_bytes(content)
 
 
-def test_a_damaged_column_of_parquet_is_lost_and_the_others_are_read(tmp_path):
+def test_only_the_damaged_column_of_parquet_is_lost(tmp_path):
     columns = {"time_s": COLUMNS["time_s"], "force_N": COLUMNS["force_N"]}
     kind = {"row_group_size": 100, "use_dictionary": False, "compression": "gzip"}
     path = write_parquet(tmp_path / "bad.parquet", columns, **kind)
@@ -375,7 +375,7 @@ def test_channels_that_are_not_series_of_numbers_are_skipped(tmp_path):
         assert words in " ".join(recording.omissions)
 
 
-def test_an_object_of_matlab_is_left_out_with_what_to_save_instead(tmp_path):
+def test_a_matlab_object_is_skipped_with_a_remedy(tmp_path):
     path = write_mat73(tmp_path / "object.mat", {"force": np.arange(5.0)})
     with h5py.File(path, "r+") as file:
         made = file.create_dataset("ts", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], np.uint32))
@@ -386,7 +386,7 @@ def test_an_object_of_matlab_is_left_out_with_what_to_save_instead(tmp_path):
     assert "save s = struct('time', ts.Time, 'data', ts.Data) instead" in recording.omissions[0]
 
 
-def test_links_to_other_files_and_to_groups_above_are_not_followed(tmp_path):
+def test_links_out_of_a_group_are_not_followed(tmp_path):
     path = write_hdf5(tmp_path / "links.h5")
     with h5py.File(path, "r+") as file:
         file["elsewhere"] = h5py.ExternalLink("/etc/passwd", "/x")

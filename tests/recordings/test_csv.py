@@ -62,7 +62,7 @@ def test_columns_of_other_names_are_mapped_in_any_order(tmp_path):
 
 
 @pytest.mark.parametrize("labels", [list("aabbb"), [0, 0, 1, 1, 1], ["1.0", "1", "x", "x", "x"]])
-def test_time_runs_back_and_velocity_jumps_at_a_segments_border_only(tmp_path, labels):
+def test_time_and_velocity_jump_between_segments_only(tmp_path, labels):
     times, depths = ["0.1", "0.2", "0", "0.1", "0.2"], "11137"
     rows = [[time, depth, "2"] for time, depth in zip(times, depths, strict=True)]
     header = (*HEADER, "segment")

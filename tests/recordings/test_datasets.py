@@ -58,7 +58,7 @@ def check_law(contact, each, *, mark="trust"):
     assert result.diagnosis.verdict.stiffness == mark
 
 
-def test_each_episode_is_right_without_an_option_and_free_air_is_no_contact(stored):
+def test_episodes_need_no_option_and_free_air_is_no_contact(stored):
     path, given = stored
     for number in (1, 5, *FREE):
         each = given[number]

@@ -180,7 +180,7 @@ def cdr(tmp_path, definition: str, bodies: list[bytes], form: str = "ros2msg"):
     return open_recording(files.raw_mcap(tmp_path / "own.mcap", messages, {"/own": schema}))
 
 
-def test_each_pair_of_frames_of_tf_has_channels_and_a_clock_of_its_own(tmp_path) -> None:
+def test_each_transform_has_its_own_channels_and_clock(tmp_path) -> None:
     pairs = [("base", "tool"), ("base", "camera")]
     messages = [
         MAKER.transforms(stamp, row, *pairs[: 1 + (k % 3 == 0)])

@@ -129,7 +129,7 @@ def test_progress_runs_from_nothing_to_all(tmp_path, monkeypatch):
     assert said[-1] == 1.0
 
 
-def test_a_compressed_recording_is_read_whatever_its_name_and_members(tmp_path):
+def test_compressed_recordings_of_any_name_are_read(tmp_path):
     content = text_of(rows_of()).encode()
     # Members that follow each other, and zeros behind them, are one text.
     members = gzip.compress(content[:9999]) + gzip.compress(content[9999:]) + bytes(600)
@@ -235,7 +235,7 @@ def test_another_program_may_give_the_standard_input(tmp_path):
     assert (done.stdout.decode().strip(), done.stderr) == ("600 standard input", b"")
 
 
-def test_of_a_file_that_was_cut_off_every_whole_row_is_read(tmp_path):
+def test_complete_rows_of_a_truncated_file_are_read(tmp_path):
     """Wherever a writer was stopped: each row is one that it wrote, or it is not there."""
     content = text_of(rows_of()).encode()
     wrote = open_recording(written(tmp_path / "t.csv", content))

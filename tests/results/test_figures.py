@@ -144,7 +144,7 @@ def test_a_figure_leads_with_stiffness_and_damping_at_working_depth(method):
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_spectrum_is_drawn_as_a_stem_for_each_time_that_has_a_stiffness(dark):
+def test_a_spectrum_is_drawn_as_stems(dark):
     spectrum = palpate.RelaxationSpectrum((0.01, 0.02, 0.04, 0.5), (0.0, 1500.0, 500.0, 3000.0))
     law = palpate.GeneralisedHuntCrossley(K=8e3, n=1.5, B=60.0, p=0.5, relaxation=spectrum)
     look = style.choose_look(dark=dark, width=None)
@@ -193,7 +193,7 @@ def test_the_last_bar_drawn_is_the_whole_error_of_the_result():
     assert heights[0] < heights[1]
 
 
-def test_stiffness_over_time_ends_at_the_result_and_its_band_at_the_error_bar():
+def test_the_stiffness_curve_ends_at_the_result_and_its_bar():
     result = of_example("ball")
     axes = figure_of_example("ball").axes[2]
     depth = result.diagnosis.working_depth.depth
@@ -411,7 +411,7 @@ def test_the_same_result_gives_the_same_file(tmp_path):
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
-def test_a_figure_that_was_there_survives_one_that_cannot_be_drawn(tmp_path):
+def test_a_failed_figure_keeps_the_old_file(tmp_path):
     path = tmp_path / "out.xyz"
     path.write_text("mine")
     with pytest.raises(RecordingError):

@@ -51,7 +51,7 @@ def test_the_page_is_whole_and_fetches_nothing(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
-def test_the_numbers_with_their_marks_stand_first_then_the_picture_then_the_tables(report, ball):
+def test_a_page_shows_numbers_then_pictures_then_tables(report, ball):
     words = Reading(report).words
     order = (
         *(each.value for each in view.number_lines(ball)),
@@ -92,7 +92,7 @@ def test_every_section_has_the_same_words_in_every_output(report, ball, run):
                 assert " ".join(words.split()) in each
 
 
-def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws():
+def test_each_segment_between_changes_is_a_row():
     result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.segment_table(result)
     assert len(section.rows) == 2
@@ -127,7 +127,7 @@ def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
     assert values.index("Each by itself") < values.index("One law for all places, an average")
 
 
-def test_the_map_shows_the_stiffness_its_error_and_the_verdict_of_each_place(places):
+def test_the_map_shows_stiffness_error_and_verdict(places):
     figure = drawn.draw_places(places)
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     along_normal = np.argmax(np.abs(places.segments[0].place.normal.vector))
@@ -163,9 +163,7 @@ def test_a_contact_that_says_nothing_has_no_error_bars():
 
 @pytest.mark.long
 @pytest.mark.parametrize("law", [None, "auto"])
-def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
-    run, tmp_path, monkeypatch, law
-):
+def test_a_report_diagnoses_and_draws_once_per_method(run, tmp_path, monkeypatch, law):
     done = Counter()
 
     def counted(where, name, of=lambda *_: ""):
@@ -185,7 +183,7 @@ def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
     assert done["draw MixedModeRenderer"] == 2
 
 
-def test_only_a_drawing_that_is_wider_than_the_phone_asks_to_scroll():
+def test_only_a_drawing_wider_than_the_phone_scrolls():
     """The live page has the same styles, and its charts fit."""
     rules = re.findall(r"([^{}]+)\{[^{}]*Scroll the figure sideways", STYLE + DRAWINGS)
     assert [rule.strip().splitlines()[-1].strip() for rule in rules] == [

@@ -89,7 +89,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("words", BROKEN)
-def test_a_file_that_is_no_payload_is_one_line_that_names_the_field(words, tmp_path):
+def test_an_invalid_payload_file_is_refused_by_field(words, tmp_path):
     path = tmp_path / "tool.toml"
     FULL.save(path)
     path.write_text(edited(path.read_text("utf-8"), *BROKEN[words]), "utf-8")
