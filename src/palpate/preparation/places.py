@@ -120,8 +120,8 @@ class _Path:
             ordered = np.partition(inside, middle, axis=1)
             place = 0.5 * (ordered[:, middle[0]] + ordered[:, middle[1]])
         squares = self._across(inside - place[:, None], start, stop)
-        largest = np.nanmax if self.gaps else np.max
-        return place, float(np.sqrt(largest(squares, initial=0.0)))
+        largest = np.nanmax(squares, initial=0.0) if self.gaps else squares.max(initial=0.0)
+        return place, float(np.sqrt(largest))
 
     def _across(self, offsets: Floats, start: int, stop: int) -> Floats:
         """The squares of vectors, shape (3, k), across the normal of an interval."""
