@@ -26,7 +26,7 @@ assert identify is palpate.identifying.identify
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_what_is_not_there_is_an_attribute_error():
+def test_an_unknown_name_is_an_attribute_error():
     with pytest.raises(AttributeError, match="module 'palpate' has no attribute 'identity'"):
         palpate.identity  # noqa: B018 - asking is the test
     assert not hasattr(palpate, "__wrapped__")
@@ -70,7 +70,7 @@ def described(thing) -> bool:
     return bool(SIGNATURE.sub("", inspect.getdoc(thing) or "").strip())
 
 
-def test_what_is_public_has_a_docstring():
+def test_public_names_have_docstrings():
     assert len(MEMBERS) > 200
     things = dict(zip(NAMES, OWN, strict=True)) | MEMBERS
     assert [name for name, thing in things.items() if not described(thing)] == []

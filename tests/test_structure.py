@@ -125,7 +125,7 @@ def test_the_trunk_imports_no_limb_and_a_limb_no_other():
     assert "palpate.lab" in lab  # they were found at all
 
 
-def test_every_noun_is_one_class():
+def test_every_class_name_occurs_once():
     nouns = defaultdict(list)
     for name, path in modules():
         for node in ast.walk(tree(path)):

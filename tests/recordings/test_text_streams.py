@@ -122,7 +122,7 @@ def test_progress_runs_from_nothing_to_all(tmp_path, monkeypatch):
     assert said[-1] == 1.0
 
 
-def test_a_compressed_recording_is_read_whatever_its_name_and_members(tmp_path):
+def test_compressed_recordings_of_any_name_are_read(tmp_path):
     content = text_of(rows_of()).encode()
     # Members that follow each other, and zeros behind them, are one text.
     members = gzip.compress(content[:9999]) + gzip.compress(content[9999:]) + bytes(600)
@@ -134,7 +134,7 @@ def test_a_compressed_recording_is_read_whatever_its_name_and_members(tmp_path):
 
 
 @pytest.mark.parametrize("left", [0.3, 0.7, 0.999])
-def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, left):
+def test_a_truncated_compressed_recording_is_read_to_its_end(tmp_path, left):
     packed = gzip.compress(text_of(rows_of()).encode())
     path = written(tmp_path / "t.csv.gz", packed[: int(left * len(packed))])
     read = open_recording(path)
@@ -153,7 +153,7 @@ def test_of_a_compressed_recording_that_ends_early_the_rest_is_read(tmp_path, le
 
 
 @pytest.mark.slow
-def test_what_is_made_to_take_long_does_not(tmp_path):
+def test_hostile_files_are_read_quickly(tmp_path):
     """Each would take hours by the square of its length."""
     begin = "t,v\n0,1\n"
     for content in (
@@ -228,7 +228,7 @@ def test_another_program_may_give_the_standard_input(tmp_path):
     assert (done.stdout.decode().strip(), done.stderr) == ("600 standard input", b"")
 
 
-def test_of_a_file_that_was_cut_off_every_whole_row_is_read(tmp_path):
+def test_complete_rows_of_a_truncated_file_are_read(tmp_path):
     """Wherever a writer was stopped: each row is one that it wrote, or it is not there."""
     content = text_of(rows_of()).encode()
     wrote = open_recording(written(tmp_path / "t.csv", content))

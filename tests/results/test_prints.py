@@ -74,7 +74,7 @@ def test_every_result_prints_in_lines_that_can_be_read(results):
         assert "array(" not in words, name
 
 
-def test_what_is_printed_has_the_numbers(results):
+def test_printed_results_have_the_numbers(results):
     assert "2000" in str(results["working depth"])
     assert "variable-projection: <Identification" in str(results["compare"])
     assert str(np.round(float(results["stiffness"]))).startswith("2000")

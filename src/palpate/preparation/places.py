@@ -131,6 +131,7 @@ class _Path:
         self.time = time
         self.radius = radius
         self.columns = np.ascontiguousarray(position.T)
+        self.gaps = bool(np.isnan(self.columns).any())
         finite = np.nan_to_num(force)
         weighted = finite * row_norms(finite)[:, None]
         self.weighted = np.concatenate([np.zeros((1, 3)), np.cumsum(weighted, axis=0)])
@@ -143,10 +144,15 @@ class _Path:
     def extent(self, start: int, stop: int) -> tuple[Floats, float]:
         """The median position of an interval, and the largest distance from it across n."""
         inside = self.columns[:, start:stop]
-        median = np.nanmedian if np.isnan(inside).any() else np.median  # three times as quick
-        place: Floats = median(inside, axis=1)
+        if self.gaps:
+            place: Floats = np.nanmedian(inside, axis=1)
+        else:  # as np.median, which takes three times as long for a short interval
+            middle = (stop - start - 1) // 2, (stop - start) // 2
+            ordered = np.partition(inside, middle, axis=1)
+            place = 0.5 * (ordered[:, middle[0]] + ordered[:, middle[1]])
         squares = self._across(inside - place[:, None], start, stop)
-        return place, float(np.sqrt(np.nanmax(squares, initial=0.0)))
+        largest = np.nanmax(squares, initial=0.0) if self.gaps else squares.max(initial=0.0)
+        return place, float(np.sqrt(largest))
 
     def _across(self, offsets: Floats, start: int, stop: int) -> Floats:
         """The squares of vectors, shape (3, k), across the normal of an interval."""

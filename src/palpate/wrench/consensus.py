@@ -193,7 +193,7 @@ def largest_consensus(
 
 def _observe(sample: Blocks, delay: float, known: Payload | None) -> tuple[Floats, Floats]:
     """Return the specific force, and the sensor's force less the inertia of a known tool."""
-    motion = sample.motion_before(delay, 9)
+    motion = sample.motion_before(delay, 3 if known is None else 9)
     g = motion[:, :3]
     force = sample.wrench[:, :3]
     if known is None:
@@ -230,5 +230,6 @@ def _search_delay(
 def _squares(g: Floats, f: Floats, mass: Floats, mount: Floats, bias: Floats) -> Floats:
     """Return |f − m Qᵀg − b|² of each block by each hypothesis, N²."""
     residual = f - mass[:, None, None] * g @ mount - bias[:, None]
-    squares: Floats = (residual**2).sum(axis=2)
+    x, y, z = np.moveaxis(residual**2, 2, 0)
+    squares: Floats = x + y + z
     return squares

@@ -53,11 +53,14 @@ SIZE = 17
 # columns to fix
 OF_MOUNT = range(13, 16)
 EVERYTHING = range(16)
+# The matrices e× of the three axes, and the inertia tensors whose entries are 1.
+CROSSES = np.cross(np.eye(3), np.eye(3)[:, None])
+TENSORS = np.eye(6)[:, TENSOR]
 
 
 def skew(vectors: Floats) -> Floats:
     """Return the matrices v× of vectors, shape (k, 3, 3)."""
-    return np.cross(np.eye(3), vectors[..., None, :])
+    return np.tensordot(vectors, CROSSES, axes=1)
 
 
 def rotation(vector: Floats) -> Floats:
@@ -75,8 +78,7 @@ def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     square = np.trace(products, axis1=1, axis2=2)[:, None, None]
     swing = square * np.eye(3) - skew(a) - products
     by_moment = -skew(g + swing @ lever)
-    tensors = np.eye(6)[:, TENSOR]
-    by_inertia = np.moveaxis(-(a @ tensors) - np.cross(w, w @ tensors), 0, 2)
+    by_inertia = np.moveaxis(-(a @ TENSORS) - np.cross(w, w @ TENSORS), 0, 2)
     columns = np.zeros((len(g), 6, 13))
     columns[:, :3, MASS] = g
     columns[:, :3, ARM] = columns[:, :3, LEVER] = swing
