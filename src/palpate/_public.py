@@ -2,6 +2,7 @@
 
 from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
+from palpate._headers import get_include as get_include
 from palpate.channels import Columns as Columns
 from palpate.contact import Contact as Contact
 from palpate.contact import VelocityFilter as VelocityFilter
