@@ -1,4 +1,4 @@
-"""What stays stable, as lines: public names of Python with their arguments, and those of the headers.
+"""What stays stable, as lines: public names of Python with their arguments, and of the headers.
 
 ``python tests/stable_names.py`` writes them to ``stable_names.txt``, after a change that is meant.
 """

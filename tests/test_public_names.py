@@ -8,12 +8,11 @@ import subprocess
 import sys
 
 import pytest
+import stable_names
 
 import palpate
 from palpate import figures
 from palpate.preparation import velocity
-
-import stable_names
 
 
 def test_a_name_is_there_when_it_is_asked_for_and_not_before():
@@ -84,7 +83,8 @@ def test_what_is_public_has_a_docstring():
 def test_a_functions_docstring_names_its_parameters():
     for function in FUNCTIONS:
         words = inspect.getdoc(function)
-        assert "Parameters\n-----" in words, function
+        if inspect.signature(function).parameters:
+            assert "Parameters\n-----" in words, function
         assert [n for n in inspect.signature(function).parameters if n not in words] == [], function
 
 
