@@ -16,6 +16,7 @@ KINDS = ("repository", "documentation", "email")
 FIELDS = (
     ("pyproject.toml", 'repository = "', '"', "repository"),
     ("pyproject.toml", 'documentation = "', '"', "documentation"),
+    ("pyproject.toml", 'email = "', '"', "email"),
     ("CITATION.cff", 'repository-code: "', '"', "repository"),
     ("package.xml", '<maintainer email="', '"', "email"),
     ("package.xml", '<url type="repository">', "<", "repository"),

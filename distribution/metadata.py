@@ -29,7 +29,7 @@ def with_absolute_links(text: str, repository: str, version: str) -> str:
 
 
 def dynamic_metadata(settings: Mapping[str, str], project: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields ``readme`` and ``urls`` of the project."""
+    """Return the fields ``readme``, ``urls`` and ``authors`` of the project."""
     readme = Path("README.md").read_text(encoding="utf-8")
     repository = settings["repository"]
     urls = {}
@@ -42,4 +42,11 @@ def dynamic_metadata(settings: Mapping[str, str], project: Mapping[str, Any]) ->
         }
     if settings["documentation"]:
         urls["Documentation"] = settings["documentation"]
-    return {"readme": {"content-type": "text/markdown", "text": readme}, "urls": urls}
+    author = {"name": "The palpate developers"}
+    if settings["email"]:
+        author["email"] = settings["email"]
+    return {
+        "readme": {"content-type": "text/markdown", "text": readme},
+        "urls": urls,
+        "authors": [author],
+    }
