@@ -290,9 +290,11 @@ void each_row(std::size_t rows, std::size_t size, std::size_t threads,
       for (std::size_t row = first; row < last; ++row) work(row, spare.data() + worker * size);
     }
   };
+#ifndef __EMSCRIPTEN__  // Pyodide has one thread
   std::vector<std::jthread> others;
   others.reserve(workers - 1);
   for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(run, worker);
+#endif
   run(0);
 }
 

@@ -5,6 +5,7 @@ import typing as _typing
 from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
 from palpate._core import __version__ as __version__
+from palpate._headers import get_include as get_include
 from palpate.channels import Columns as Columns
 from palpate.contact import Contact as Contact
 from palpate.contact import Delay as Delay
