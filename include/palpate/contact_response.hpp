@@ -61,8 +61,8 @@ struct LawResponse {
   double offset, offset_variance;  // N, N²
   // How far the damping is wrong by a force that the law does not explain, relative to a law that
   // was compared with laws with memory: without them relaxation looks like damping. (With 4.5, the
-  // damping of three materials that relax is usable and wrong by more than 60 % for 5 ms in a second
-  // of contact, with 6 never: benchmarks.online.)
+  // damping of three materials that relax is usable and wrong by more than 60 % for 5 ms in a
+  // second of contact, with 6 never: benchmarks.online.)
   double damping_misfit = 6.0;
 };
 
@@ -287,7 +287,7 @@ class ContactWatch {
   static constexpr std::uint16_t repeats = 20;
   static constexpr std::uint16_t slow_air = 4096;
   static constexpr float misfit_gain = 1.0F / 512.0F;
-  static constexpr float unconverged = 128.0F;  // samples at the start of a contact
+  static constexpr float unconverged = 128.0F;             // samples at the start of a contact
   static constexpr double largest_stiffness_error = 0.15;  // of the value
   static constexpr double largest_damping_error = 0.3;
   static constexpr double smallest = 1e-300;
@@ -310,7 +310,8 @@ class ContactWatch {
 
   // The mean of ln K′ by the law and by the old law times the ratio, weighted by their variances.
   void hold_anchor(LawResponse& law, double depth) const noexcept {
-    const auto [known, at, exponent, error] = anchor_;
+    const double known = anchor_.stiffness, at = anchor_.depth;
+    const double exponent = anchor_.exponent, error = anchor_.error;
     const double expected = known * bounded_exp((exponent - 1.0) * std::log(depth / at));
     const double later = count_ / 50.0;
     const double variance = error * error * (1.0 + later * later);

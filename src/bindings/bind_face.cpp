@@ -208,10 +208,9 @@ void bind_face(nb::module_& module) {
           nb::arg("penetration"), nb::arg("velocity"),
           "Force [N] that the present estimate predicts for the sensor at a penetration [m] and "
           "velocity [m/s]; out of contact only the offset.")
-      .def(
-          "_estimate", &estimate_as, nb::arg("kind"), nb::arg("depth"), nb::arg("bounds"),
-          nb::sig("def _estimate(self, kind: type, depth: float, bounds: "
-                  "collections.abc.Sequence[float]) -> Any"))
+      .def("_estimate", &estimate_as, nb::arg("kind"), nb::arg("depth"), nb::arg("bounds"),
+           nb::sig("def _estimate(self, kind: type, depth: float, bounds: "
+                   "collections.abc.Sequence[float]) -> Any"))
       .def("reset", &Face::reset, "Forget everything but the settings.")
       .def(
           "leave_contact", [](Face& self) { self.core().leave_contact(); },
