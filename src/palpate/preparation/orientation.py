@@ -66,14 +66,10 @@ def order_in_doubt(source: str, names: Sequence[str]) -> RecordingError:
 
 def largest_turn(orientation: Floats) -> float:
     """Return the largest angle between the orientation and its value halfway, rad."""
-    finite = orientation[finite_rows(orientation)]
-    length = row_norms(finite)
-    unit = finite[length > 0.0] / length[length > 0.0, None]
-    if not len(unit):
+    turns = orientation[finite_rows(orientation) & orientation.any(axis=1)]
+    if not len(turns):
         return 0.0
-    typical = unit[len(unit) // 2]
-    cosine = np.clip(np.abs(unit @ typical), 0.0, 1.0)  # q and −q are one orientation
-    return 2.0 * math.acos(float(np.percentile(cosine, 1.0)))
+    return float(np.percentile(_angle_between(turns, turns[len(turns) // 2]), 99.0))
 
 
 def report_turning_weight(orientation: Floats, weight: float | None) -> list[Finding]:
@@ -132,7 +128,7 @@ def find_firm_presses(force: Floats) -> Mask:
 
 
 def _angle_between(a: Floats, b: Floats) -> Floats:
-    """Return the angles of the rotations between quaternions, rad."""
+    """Return the angles of the rotations between quaternions, rad; q and −q are one rotation."""
     lengths = row_norms(a) * row_norms(b)
     cosine = np.abs((a * b).sum(axis=-1)) / lengths
     angle: Floats = 2.0 * np.arccos(np.minimum(cosine, 1.0))

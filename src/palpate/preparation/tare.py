@@ -150,7 +150,7 @@ def find_free_air(time: Floats, height: Floats, force: Floats) -> Mask | None:
     """
     step = typical_step(time)
     fewest = min(max(FREE_TIME / step if step > 0.0 else math.inf, FEWEST_FREE), ENOUGH_FREE)
-    f = force[:, None] if force.ndim == 1 else force
+    f = force.reshape(len(force), -1)
     finite = finite_rows(height, f)
     h = height[finite]
     if h.size < fewest:
@@ -200,7 +200,7 @@ def estimate_baseline(time: Floats, force: Floats, free: Mask) -> Baseline:
     free : numpy.ndarray of bool, shape (k,)
         Samples in free air.
     """
-    f = force[:, None] if force.ndim == 1 else force
+    f = force.reshape(len(force), -1)
     free = free & finite_rows(f)
     t = time[free]
     mean = f[free].mean(axis=0)

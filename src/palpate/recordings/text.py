@@ -264,12 +264,6 @@ class _Column:
         """Whether its values are one number each."""
         return self.kind in ("numbers", *_DTYPES)
 
-    def rows_to_skip(self, cells: Sequence[str]) -> list[int]:
-        """Indices of the rows to skip, because they have no valid time."""
-        if self.kind not in _DTYPES:
-            return []
-        return [k for k, cell in enumerate(cells) if self._value(cell) is None]
-
     def extend(self, values: Values, wrong: int = 0, blank: int = 0) -> None:
         """Add parsed values; ``wrong`` of them are not numbers, and ``blank`` are empty."""
         self.pieces.append(values)
@@ -288,7 +282,7 @@ class _Column:
             wrong = len(cells) - sum(map(self.is_number, cells))
             self.extend(labels, wrong, sum(not cell.strip() for cell in cells))
             return
-        values = list(map(self._value, cells))
+        values = list(map(self.value, cells))
         unread = [k for k, value in enumerate(values) if value is None]
         if unread and self.wrong is None:
             self.wrong = self.size + unread[0], cells[unread[0]]
@@ -297,7 +291,8 @@ class _Column:
         blank = sum(not cells[k].strip() for k in unread)
         self.extend(np.array(numbers, self.dtype), len(unread), blank)
 
-    def _value(self, cell: str) -> float | list[float] | None:
+    def value(self, cell: str) -> float | list[float] | None:
+        """Return the number, or the vector, in a cell; None if it has none."""
         if self.kind == "vectors":
             vector = parse_vector(cell, self.decimal)
             return vector if vector is not None and len(vector) == self.width else None
@@ -545,24 +540,24 @@ class _Table:
             block = block[cut:]
             if not self._take_at_once(piece, row):
                 lines = self.text.decode(piece).split("\n")[:-1]
-                records = list(self._records(lines, row, self._lose))
-                if records:
-                    rows, cells = zip(*records, strict=True)
-                    self._add_cells(rows, self._transpose(cells))
+                self._add_records(self._records(lines, row, self._lose))
             row += piece.count(b"\n")
 
-    def _add_cells(self, rows: Sequence[int], columns: Sequence[Sequence[str]]) -> None:
-        keep = np.ones(len(rows), dtype=bool)
-        for column, cells in zip(self.columns, columns, strict=True):
-            for k in column.rows_to_skip(cells):
-                if keep[k]:
-                    self._lose(f"has no valid time in column {column.name!r}", rows[k], cells[k])
-                keep[k] = False
-        if not keep.all():
-            columns = [list(itertools.compress(cells, keep)) for cells in columns]
-            rows = list(itertools.compress(rows, keep))
-        for column, cells in zip(self.columns, columns, strict=True):
-            column.take(cells)
+    def _add_records(self, records: Iterable[tuple[int, list[str]]]) -> None:
+        """Add records, except those without a valid time."""
+        clocks = [(k, column) for k, column in enumerate(self.columns) if column.kind in _DTYPES]
+        rows: list[int] = []
+        timed: list[list[str]] = []
+        for row, cells in records:
+            wrong = [(column, cells[k]) for k, column in clocks if column.value(cells[k]) is None]
+            if wrong:
+                column, cell = wrong[0]
+                self._lose(f"has no valid time in column {column.name!r}", row, cell)
+            else:
+                rows.append(row)
+                timed.append(cells)
+        for column, values in zip(self.columns, self._transpose(timed), strict=True):
+            column.take(values)
         self.rows.append(rows)
 
     def _records(
