@@ -179,8 +179,8 @@ def relaxing_result(motion, *branches):
 
 
 def strokes():
-    """8 s of presses from free air at 0.8 and 3 Hz."""
-    time = 1e-3 * np.arange(8000)
+    """5 s of presses from free air at 0.8 and 3 Hz."""
+    time = 1e-3 * np.arange(5000)
     slow, fast = 1.6 * np.pi * time, 6.0 * np.pi * time
     depth = 6e-3 - 7e-3 * np.cos(slow) + 1.5e-3 * np.sin(fast)
     return SimpleNamespace(time=time, penetration=depth, velocity=np.gradient(depth, time))
