@@ -94,7 +94,10 @@ def _together(value: float, errors: list[float]) -> str:
     largest, place = _last_place(max(errors))
     power = max(_power(value), _power(largest)) if value else _power(largest)
     return _join_numbers(
-        " ± ", [(value, _format_to_place), *((error, _error) for error in errors)], place, power
+        " ± ",
+        [(value, _format_to_place), *((error, _error) for error in errors)],
+        place,
+        power,
     )
 
 
@@ -143,8 +146,8 @@ def _power(value: float) -> int:
     return Decimal(repr(float(value))).adjusted() if value else 0
 
 
-def _trim_zeros(words: str) -> str:
-    return words.rstrip("0").rstrip(".") if "." in words else words
+def _trim_zeros(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def _ten_to(power: int) -> str:

@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def printable(words: str) -> str:
-    """``words`` with control characters escaped, because a terminal would obey them."""
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in words)
+def printable(text: str) -> str:
+    """``text`` with control characters escaped, because a terminal would obey them."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 class PalpateError(Exception):
@@ -56,8 +56,8 @@ class ExportRefusedError(PalpateError, ValueError):
         The statement on which the refusal rests.
     """
 
-    def __init__(self, words: str, statement: "Any" = None) -> None:
-        super().__init__(words)
+    def __init__(self, text: str, statement: "Any" = None) -> None:
+        super().__init__(text)
         self.statement = statement
 
 

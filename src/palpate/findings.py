@@ -127,9 +127,9 @@ def _restore(given: tuple[Any, ...], otherwise: Remedy | None) -> Remedy:
     return Remedy(*given, otherwise=otherwise)
 
 
-def stated(words: str) -> Remedy:
+def stated(text: str) -> Remedy:
     """Return a next step in the words of who states it."""
-    return Remedy(NextStep.STATED, words)
+    return Remedy(NextStep.STATED, text)
 
 
 Mark: TypeAlias = Literal["trust", "with-care", "do-not-trust"]

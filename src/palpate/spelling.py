@@ -102,9 +102,9 @@ def options_in_advice() -> Iterator[None]:
         _commanded = before
 
 
-def spell_advice(words: str) -> str:
+def spell_advice(text: str) -> str:
     """Return a sentence that names options, with the arguments of functions unless commanded."""
-    return words if _commanded else _OPTION.sub(_as_argument, words)
+    return text if _commanded else _OPTION.sub(_as_argument, text)
 
 
 def _as_argument(found: re.Match[str]) -> str:

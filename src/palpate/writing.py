@@ -130,9 +130,9 @@ def quote(text: str) -> str:
     return _escape_signs(json.dumps(text, ensure_ascii=False))
 
 
-def escape_markdown(words: str) -> str:
+def escape_markdown(text: str) -> str:
     """Return a line that Markdown shows as it is, without tags, cells, links or code."""
-    return " ".join(words.split()).translate(_MARKDOWN)
+    return " ".join(text.split()).translate(_MARKDOWN)
 
 
 def encode_text(text: str) -> bytes:

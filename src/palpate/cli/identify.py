@@ -107,7 +107,7 @@ def identify(
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
-        watch = partial(_show_progress, words="comparing with every method")
+        watch = partial(_show_progress, text="comparing with every method")
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
@@ -146,13 +146,13 @@ def _identify_parts(result: "Identification", *, changes: bool) -> "Identificati
         return result.by_segment()
     prepared = result.contact.prepared
     if prepared is not None and prepared.places:
-        return result.by_place(partial(_show_progress, words="identifying each place"))
+        return result.by_place(partial(_show_progress, text="identifying each place"))
     return result
 
 
-def _show_progress(items: Sequence[Item], words: str) -> Iterable[Item]:
+def _show_progress(items: Sequence[Item], text: str) -> Iterable[Item]:
     """Go through items, with a bar."""
-    with bar(words) as progress:
+    with bar(text) as progress:
         for k, item in enumerate(items):
             yield item
             progress(k + 1, len(items))

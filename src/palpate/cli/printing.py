@@ -93,9 +93,9 @@ def say_path(console: Console, words: str, style: str = "") -> None:
     console.print(Text(printable(words), style), soft_wrap=True)
 
 
-def say_command(console: Console, words: str, style: str = "") -> None:
+def say_command(console: Console, text: str, style: str = "") -> None:
     r"""Print a command to be copied: broken before its options, with a \ that the shell joins."""
-    joined = re.sub(" (?!--)", "\xa0", words)  # prevents a line break
+    joined = re.sub(" (?!--)", "\xa0", text)  # prevents a line break
     folder = textwrap.TextWrapper(max(console.width - _GAP, 1), subsequent_indent="  ")
     folder.break_long_words = folder.break_on_hyphens = False
     for line in " \\\n".join(folder.wrap(joined)).split("\n"):
@@ -191,8 +191,8 @@ def _flatten(title: str) -> str:
     return title.replace("\n", ", ").strip()
 
 
-def _width(words: str) -> int:
-    return max(map(cell_len, words.split("\n")))
+def _width(text: str) -> int:
+    return max(map(cell_len, text.split("\n")))
 
 
 def open_with_progress(
@@ -206,7 +206,7 @@ def open_with_progress(
 
 
 @contextmanager
-def bar(words: str) -> Iterator[Callable[..., None]]:
+def bar(text: str) -> Iterator[Callable[..., None]]:
     """Show the progress of a task, and the remaining time.
 
     It yields a function of the number done and the total (default: 1, for a fraction). Nothing is
@@ -219,7 +219,7 @@ def bar(words: str) -> Iterator[Callable[..., None]]:
     from rich.progress import Progress
 
     with Progress(console=Terminal(stderr=True), transient=True) as shown:
-        task = shown.add_task(escape(printable(words)), total=None)
+        task = shown.add_task(escape(printable(text)), total=None)
         yield lambda done, total=1: shown.update(task, completed=done, total=total)
 
 

@@ -22,13 +22,16 @@ ADVICE = {
     ),
     2: Check.DAMPING.finding("damping not identifiable", Remedy(NextStep.VARY_SPEED)),
     4: Check.EXPONENT_RANGE.finding(
-        "exponent at the edge of its range", "check that the penetration is 0 at the surface"
+        "exponent at the edge of its range",
+        "check that the penetration is 0 at the surface",
     ),
     8: Check.SURFACE_RANGE.finding(
-        "surface at the edge of its range", "record the approach through free air"
+        "surface at the edge of its range",
+        "record the approach through free air",
     ),
     64: Check.OFFSET_PRIOR.finding(
-        "force offset larger than the tare's uncertainty allows", "tare again out of contact"
+        "force offset larger than the tare's uncertainty allows",
+        "tare again out of contact",
     ),
     16: Check.TRACKING.finding(
         "not tracking yet: the exponent is not yet identifiable from this motion",
@@ -402,7 +405,8 @@ class Trace:
     def taken(self) -> NDArray[np.bool_]:
         """Whether each sample entered the estimate; shape (k,)."""
         taken: NDArray[np.bool_] = np.isin(
-            self.status, (Status.UPDATED, Status.GUARDED, Status.RESTARTED)
+            self.status,
+            (Status.UPDATED, Status.GUARDED, Status.RESTARTED),
         )
         return taken
 

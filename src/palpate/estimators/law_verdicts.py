@@ -354,7 +354,8 @@ def _law_findings(evidence: Evidence, model_ranking: tuple[RankedModel, ...]) ->
 def judge_evidence(evidence: Evidence, estimate: Estimate) -> LawVerdict:
     """Return the verdict from an estimator's evidence and its simultaneous estimate."""
     selected_score = next(
-        (score for index, score, _ in evidence.rows if index == evidence.chosen), 0.0
+        (score for index, score, _ in evidence.rows if index == evidence.chosen),
+        0.0,
     )
     ranked = sorted(evidence.rows, key=lambda row: (row[0] != evidence.chosen, row[1]))
     model_ranking = tuple(

@@ -109,7 +109,8 @@ class Oscillation:
         """
         law = self.laws[0]
         return dynamic_response(law, depth, frequency), self._columns.standard_errors(
-            depth, frequency
+            depth,
+            frequency,
         )
 
     def stiffness_after(self, depth: float, time: float) -> tuple[float, float, float]:

@@ -20,9 +20,10 @@ _LONGEST = 40
 
 def force_error(force: Floats, reference: Floats, judged: NDArray[np.bool_]) -> float:
     """Return 100 rms(F − F_reference)/rms(F_reference) over the judged samples, %."""
-    error = force[judged] - reference[judged]
-    energy = float(np.sum(reference[judged] ** 2))
-    return 100.0 * math.sqrt(float(np.sum(error**2)) / energy) if energy > 0.0 else math.nan
+    expected = reference[judged]
+    error = expected - force[judged]
+    energy = float(expected @ expected)
+    return 100.0 * math.sqrt(float(error @ error) / energy) if energy > 0.0 else math.nan
 
 
 @dataclass(frozen=True, slots=True)

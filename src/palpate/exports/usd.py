@@ -69,7 +69,8 @@ class Usd(Engine):
             engine_law=law,
             exact=is_kelvin_voigt(request.law),
             findings=make_warnings(
-                *_ALWAYS, *([explicit] if request.time_step >= 0.5 * limit else [])
+                *_ALWAYS,
+                *([explicit] if request.time_step >= 0.5 * limit else []),
             ),
         )
 

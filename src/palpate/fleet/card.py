@@ -269,7 +269,8 @@ def _cautions(table: Table) -> Iterator[str]:
     rated = f"{rounded(1.0 / step, 3)} Hz"
     if _LARGE < max(_medians(shares)) < math.inf:
         change = _middle(
-            shares, lambda share: "more than itself" if share > 1.0 else _percent(share)
+            shares,
+            lambda share: "more than itself" if share > 1.0 else _percent(share),
         )
         yield (
             f"Damping at {rated}: a force that is one sample ({rounded(1e3 * step, 3)} ms) late or "

@@ -381,8 +381,8 @@ def _count_kinds(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, int, str]]
     return sorted(kinds, key=lambda kind: -kind[1])
 
 
-def _mask_numbers(words: str) -> str:
-    return _NUMBER.sub("…", words)
+def _mask_numbers(text: str) -> str:
+    return _NUMBER.sub("…", text)
 
 
 @dataclass(frozen=True, slots=True)

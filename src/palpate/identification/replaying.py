@@ -54,7 +54,8 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
 def _longest_relaxation_time(contact: Contact) -> float:
     """Return the longest relaxation time that a recording can distinguish from a constant, s."""
     return max(
-        0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0, 4.0 * contact.sample_time
+        0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0,
+        4.0 * contact.sample_time,
     )
 
 

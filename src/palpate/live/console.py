@@ -211,8 +211,8 @@ class Console:
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
 
-    def _print(self, words: str, end: str = "\n") -> None:
-        self._heard = self._heard and print_line(words, end)
+    def _print(self, text: str, end: str = "\n") -> None:
+        self._heard = self._heard and print_line(text, end)
 
     def _look(self) -> None:
         self._depth.see(self._watching.take())

@@ -463,7 +463,8 @@ class RosWire(Wire):
         header = types["std_msgs/msg/Header"](time, "")
         pairs = [
             types["diagnostic_msgs/msg/KeyValue"](
-                name, value if isinstance(value, str) else f"{value:.15g}"
+                name,
+                value if isinstance(value, str) else f"{value:.15g}",
             )
             for name, value in values.items()
         ]

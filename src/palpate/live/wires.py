@@ -442,7 +442,8 @@ class Pairing:
         if len(self._leaders) > WAITING:
             self._leaders.popleft()
             self._count_unpaired(
-                1, f"{WAITING} samples of one topic arrived without any of the other"
+                1,
+                f"{WAITING} samples of one topic arrived without any of the other",
             )
         return self._take_complete_pairs()
 
@@ -494,10 +495,10 @@ class Pairing:
         )
         return None
 
-    def _count_unpaired(self, count: int, words: str) -> None:
+    def _count_unpaired(self, count: int, text: str) -> None:
         if count:
             self._counts.unpaired += count
-            self._counts.last_fault = words
+            self._counts.last_fault = text
 
 
 def _between(before: Any, after: Any, part: float) -> Any:

@@ -70,10 +70,10 @@ def document(title: str, style: str, parts: Iterable[str]) -> str:
 """
 
 
-def badge(mark: str, words: str = "") -> str:
+def badge(mark: str, text: str = "") -> str:
     """Return a verdict as HTML, with its sign and colour."""
     sign = f'<span aria-hidden="true">{SIGNS[mark]}</span>'
-    return f'<span class="badge {_CLASSES[mark]}">{sign} {escape(words or spoken(mark))}</span>'
+    return f'<span class="badge {_CLASSES[mark]}">{sign} {escape(text or spoken(mark))}</span>'
 
 
 def definitions(pairs: Mapping[str, str]) -> Iterator[str]:

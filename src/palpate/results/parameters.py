@@ -111,8 +111,8 @@ def _growth(law: GeneralisedHuntCrossley) -> str | None:
     return "n − 1" if law.p == law.n - 1.0 else None
 
 
-def _bound(law: ForceLaw, k: int, words: str) -> ParameterRow:
-    return ParameterRow(k, law.names()[k], law.symbols[k], "", words)
+def _bound(law: ForceLaw, k: int, text: str) -> ParameterRow:
+    return ParameterRow(k, law.names()[k], law.symbols[k], "", text)
 
 
 def format_signed(value: float, digits: int) -> str:

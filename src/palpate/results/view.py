@@ -303,9 +303,9 @@ def sort_by_verdict(places: "Iterable[Identified]") -> "list[Identified]":
     return sorted(places, key=badness)
 
 
-def _sentence(words: str) -> str:
+def _sentence(text: str) -> str:
     """Begin with a capital letter, unless it is an option, and end with a full stop."""
-    return f"{words[:1].upper()}{words[1:]}{'' if words.endswith(('.', '?')) else '.'}"
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?')) else '.'}"
 
 
 def fit_rows(result: "Identified") -> list[tuple[str, str]]:

@@ -108,7 +108,8 @@ def _draw_motions(
     limits = design.limits
     depth = figures.choose_scale(max(motion.of.peak_penetration for motion in motions), "m")
     speed = figures.choose_scale(
-        max([limits.speed, *(each.of.peak_speed for each in motions)]), "m/s"
+        max([limits.speed, *(each.of.peak_speed for each in motions)]),
+        "m/s",
     )
     least_penetration = limits.least_penetration
     right = limits.peak_penetration
