@@ -5,7 +5,8 @@ import pytest
 
 import palpate
 from benchmarks.bank.springs import touch
-from palpate import design, exports, lab
+from palpate import exports, lab
+from palpate.lab import design
 
 LAW = palpate.HuntCrossley(K=2000.0, B=2000.0, n=1.3)
 LONGEST = 200  # characters of a line that dataclass would print
