@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import palpate
-
 
 def get_include() -> str:
     """Return the folder of the C++ headers, for ``-I``.
@@ -23,6 +21,6 @@ def get_include() -> str:
     >>> Path(palpate.get_include(), "palpate", "palpate.hpp").exists()
     True
     """
-    source = Path(__file__).parents[2]
-    folders = [Path(each, "include") for each in palpate.__path__] + [source / "include"]
-    return str(next(each for each in folders if each.is_dir()))
+    package = Path(__file__).parent
+    wheel, source = package / "include", package.parents[1] / "include"
+    return str(wheel if wheel.is_dir() else source)
