@@ -16,8 +16,8 @@ import palpate
 from benchmarks.common.recordings import recorded
 from benchmarks.common.report import run_command
 from palpate import exports
-from palpate.figures.style import Look, figure_style, save
-from palpate.results.colours import DARK, LIGHT, Theme
+from palpate.output.figures.style import Look, figure_style, save
+from palpate.output.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
 from palpate.writing import write_bytes
 

@@ -43,8 +43,8 @@ from palpate import (
     ViscoelasticContact,
     lab,
 )
-from palpate.estimators.contact_estimator import CompiledEstimator
 from palpate.force_laws import ForceLaw, HuntCrossley
+from palpate.method.estimators.contact_estimator import CompiledEstimator
 from palpate.validation import Floats
 
 COUNT = 19e-6  # m, a count of the encoders at the tip: 5.5 µm rms

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from benchmarks.common.timing import resident
 from benchmarks.common.workers import in_new_process
-from palpate.recordings import open_recording
+from palpate.input.recordings import open_recording
 
 WRITTEN = 100_000  # rows at once
 LIMIT = 15.0  # s for 1e7 rows of four numbers

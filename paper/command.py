@@ -99,7 +99,7 @@ def reproduce(
         return
     from palpate.errors import require_mujoco
 
-    import_module("palpate.figures")  # raises before the work if matplotlib is not installed
+    import_module("palpate.output.figures")  # raises before the work if matplotlib is not installed
     require_mujoco()
     from paper.running import judge_draws, run_paper
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Figure
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import choose_look, figure_style
+from palpate.output.figures.style import choose_look, figure_style
 from paper.judging import (
     JUDGES,
     Judge,

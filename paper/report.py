@@ -17,8 +17,8 @@ from typing import Any
 
 import palpate
 from palpate import __version__, lab
-from palpate.reports import html
-from palpate.reports.html import inline
+from palpate.output.reports import html
+from palpate.output.reports.html import inline
 from palpate.writing import as_json, write_text
 from paper.choices import Share, shares
 from paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file

@@ -24,7 +24,7 @@ from palpate import cli
 from palpate.spelling import options_in_advice
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
-UNDRAWN = "palpate.reports.identification.drawing", lambda *_: iter(())
+UNDRAWN = "palpate.output.reports.identification.drawing", lambda *_: iter(())
 
 # Tables are as wide as in a pipe, whoever runs the tests: parallel runs say their own width.
 os.environ.pop("COLUMNS", None)
@@ -234,7 +234,7 @@ def without(monkeypatch):
 
     def hide(module: str) -> None:
         monkeypatch.setitem(sys.modules, module, None)
-        for name in [each for each in sys.modules if each.startswith("palpate.figures")]:
+        for name in [each for each in sys.modules if each.startswith("palpate.output.figures")]:
             monkeypatch.delitem(sys.modules, name)
 
     return hide

@@ -11,8 +11,8 @@ import pytest
 import stable_names
 
 import palpate
-from palpate import figures
-from palpate.preparation import velocity
+from palpate.input.preparation import velocity
+from palpate.output import figures
 
 
 def test_a_name_is_there_when_it_is_asked_for_and_not_before():
@@ -20,7 +20,7 @@ def test_a_name_is_there_when_it_is_asked_for_and_not_before():
 import sys, palpate
 assert "numpy" not in sys.modules
 assert "identify" in dir(palpate)
-assert palpate.settings.Scale is palpate.Scale
+assert palpate.method.settings.Scale is palpate.Scale
 from palpate import *
 assert identify is palpate.identifying.identify
 """

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from palpate import InvalidParameterError
-from palpate.estimators import ESTIMATORS
 from palpate.fleet.running import holding_interrupts, open_client
-from palpate.preparation.normal import parse_normal
+from palpate.input.preparation.normal import parse_normal
+from palpate.method.estimators import ESTIMATORS
 
 PALPATE = (sys.executable, "-m", "palpate")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="process groups are POSIX's")
@@ -274,7 +274,7 @@ def test_the_summary_names_a_recorder_that_ended_early():
 def test_places_that_differ_in_their_last_digits_have_no_steep_slope():
     from types import SimpleNamespace
 
-    from palpate.diagnosis.material import largest_pull
+    from palpate.identification.diagnosis.material import largest_pull
 
     count = 400
     free = np.arange(count) < 200

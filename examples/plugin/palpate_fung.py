@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import ForceLaw, Recording
-from palpate.recordings import Format, Request
+from palpate.input.recordings import Format, Request
 
 Floats = NDArray[np.float64]
 

@@ -351,7 +351,7 @@ void bind_curves(nb::module_& module) {
   module.def("fit_curves", &fit_curves, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg() = "",
-             "The core of palpate.estimators.batch_fit.fit_curves, one row per curve.");
+             "The core of palpate.method.estimators.batch_fit.fit_curves, one row per curve.");
   module.def("fit_samples", &fit_samples, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              "(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F.");
 }

@@ -14,7 +14,7 @@ class NextStep(Enum):
     """A next step, with its sentence; ``{}`` stands for a number or a name.
 
     Whether a step applies is decided where it is made, and whether it is predicted to lower an
-    error bar in :func:`palpate.diagnosis.bars.best_remedy`.
+    error bar in :func:`palpate.identification.diagnosis.bars.best_remedy`.
     """
 
     # Other options for the same recording.

@@ -20,9 +20,9 @@ from rich.cells import cell_len
 from robots import hand, table_of
 
 import palpate
-from palpate.channels.frames import rotate_to_base
 from palpate.cli.application import COMMANDS
 from palpate.digits import with_error
+from palpate.input.channels.frames import rotate_to_base
 from palpate.writing import as_toml
 
 

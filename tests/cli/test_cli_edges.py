@@ -14,9 +14,9 @@ import pytest
 from recordings import HEADER, changed, recording, rows_of, text_of, written
 
 import palpate
-from palpate import figures
 from palpate.cli.application import COMMANDS
-from palpate.recordings.recording import read_truth
+from palpate.input.recordings.recording import read_truth
+from palpate.output import figures
 
 PALPATE = [sys.executable, "-m", "palpate"]
 FULL = Path("/dev/full")
@@ -205,7 +205,7 @@ def test_a_number_of_any_length_is_one_line(refused, tmp_path, option, digits):
 HELPED = f"""
 import sys
 from palpate.cli import main
-slow = "numpy", "matplotlib", "palpate.lab", "palpate.estimators"
+slow = "numpy", "matplotlib", "palpate.lab", "palpate.method.estimators"
 for command in ("--version", "", *{COMMANDS}):
     sys.argv[1:] = [command] if command == "--version" else [*command.split(), "--help"]
     main()

@@ -11,10 +11,10 @@ import pytest
 from containers import COLUMNS, write_hdf5, write_jpk, write_parquet
 from recordings import recording
 
-from palpate.figures.strips import MOST_STRIPS, draw_strips
-from palpate.recordings import Faults, Recording
-from palpate.recordings.survey import survey
-from palpate.recordings.times import clock_rank, clock_unit
+from palpate.input.recordings import Faults, Recording
+from palpate.input.recordings.survey import survey
+from palpate.input.recordings.times import clock_rank, clock_unit
+from palpate.output.figures.strips import MOST_STRIPS, draw_strips
 
 
 def test_warnings_are_printed_without_control_characters(printed, tmp_path):
@@ -152,7 +152,7 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
         types={"/ft": "geometry_msgs/msg/WrenchStamped"},
         faults={"/ft.f": Faults(1, 1, "abc")},
     )
-    monkeypatch.setattr("palpate.recordings.open_recording", lambda *a, **k: made)
+    monkeypatch.setattr("palpate.input.recordings.open_recording", lambda *a, **k: made)
     out = run("info", recording(tmp_path))[1]
     fault = "fault: /ft.f: 1 of 2 values are not numbers; the first, at sample 1, is abc"
     assert all(words in out for words in ("geometry_msgs/msg/WrenchStamped", "tool", fault))

@@ -10,10 +10,10 @@ import pytest
 
 import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
+from palpate.input.recordings.recording import read_truth
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
-from palpate.recordings.recording import read_truth
-from palpate.results.truth import comparable
+from palpate.output.results.truth import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.contact import Delay
+from palpate.method.contact import Delay
 
 CLEAN = palpate.HuntCrossley(K=9000.0, B=15000.0, n=1.4)
 
@@ -83,7 +83,7 @@ def test_a_fleet_and_several_files_take_the_same_delay_out():
     alone = palpate.identify(palpate.prepare(**{**arrays, "time": contact.time}, delay="find"))
     assert table["B"][0].as_py() == pytest.approx(alone.law.B, rel=1e-9)
     one, other = recording(5e-3, delay=5e-3), recording(5e-3, delay=(5e-3, 2e-3))
-    both = palpate.preparation.preparing.join_contacts([one, other])
+    both = palpate.input.preparation.preparing.join_contacts([one, other])
     assert both.delay == other.delay
 
 

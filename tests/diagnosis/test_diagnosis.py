@@ -10,17 +10,17 @@ from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 import palpate
 from benchmarks.bank import material_faults, sensor_faults
 from palpate import lab
-from palpate.diagnosis import Data
-from palpate.diagnosis.causes import NUISANCES
-from palpate.diagnosis.delay import _earlier_samples, find_delay
-from palpate.diagnosis.fit import Fit, FitInput
-from palpate.diagnosis.recording import CHECKS, SOME
-from palpate.estimators.least_squares import mean_error, robust_covariance
 from palpate.findings import MAY_CAP, NextStep, worst
-from palpate.preparation.held import hold_length
-from palpate.preparation.preparing import join_contacts
-from palpate.preparation.velocity import find_spikes
-from palpate.recordings.units import unit_size
+from palpate.identification.diagnosis import Data
+from palpate.identification.diagnosis.causes import NUISANCES
+from palpate.identification.diagnosis.delay import _earlier_samples, find_delay
+from palpate.identification.diagnosis.fit import Fit, FitInput
+from palpate.identification.diagnosis.recording import CHECKS, SOME
+from palpate.input.preparation.held import hold_length
+from palpate.input.preparation.preparing import join_contacts
+from palpate.input.preparation.velocity import find_spikes
+from palpate.input.recordings.units import unit_size
+from palpate.method.estimators.least_squares import mean_error, robust_covariance
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -90,7 +90,7 @@ def test_a_law_that_is_selected_has_what_another_lacks(name):
     assert not any(each.check == name and each.z > 0.0 for each in diagnosis.findings)
     assert diagnosis.verdict == palpate.Verdict("trust", "with-care", "with-care")
     assert diagnosis.remedy.step is NextStep.IN_STEP
-    known = dataclasses.replace(CAUSES[name], delay=palpate.contact.Delay(0.0, 1e-4))
+    known = dataclasses.replace(CAUSES[name], delay=palpate.method.contact.Delay(0.0, 1e-4))
     assert palpate.diagnose(known).verdict.overall == "trust"
 
 
@@ -558,7 +558,7 @@ def test_a_method_far_from_its_least_squares_is_reported():
         worse, result.estimate.covariance, status=result.estimate.status, samples=1000
     )
     given = FitInput(result.data, result.trace, estimate)
-    found = palpate.diagnosis.diagnose_parts(given)
+    found = palpate.identification.diagnosis.diagnose_parts(given)
     assert found.verdict.stiffness == "do-not-trust"
     assert "method" in [finding.check for finding in found.findings]
 

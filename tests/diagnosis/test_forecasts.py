@@ -22,10 +22,10 @@ from palpate.findings import Check, Finding
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
-from palpate.preparation.from_penetration import Prepared
-from palpate.preparation.places import Place, divide_by_place
-from palpate.preparation.settings import Preparation
-from palpate.preparation.surface import Surface
+from palpate.input.preparation.from_penetration import Prepared
+from palpate.input.preparation.places import Place, divide_by_place
+from palpate.input.preparation.settings import Preparation
+from palpate.input.preparation.surface import Surface
 
 LAW = HuntCrossley(K=2e6, B=4e5, n=2.0)  # 50 N at 5 mm
 GATE = ContactGate(1e-5, 1e-3, 1e-3)

@@ -8,11 +8,11 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
-from palpate.diagnosis.bars import BarPart, best_remedy
-from palpate.diagnosis.causes import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
 from palpate.findings import Check, NextStep, Remedy
-from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
+from palpate.identification.diagnosis.bars import BarPart, best_remedy
+from palpate.identification.diagnosis.causes import FACTOR, NUISANCES, remaining_part
+from palpate.input.preparation.velocity import estimate_velocities, filter_gain, velocity_of
 
 LAW = faults.LAW
 Floats = np.ndarray
@@ -27,7 +27,9 @@ def touches(rate: float = 500.0, seconds: float = 6.0) -> tuple[Floats, Floats, 
     return time, x, v
 
 
-def found(time: Floats, x: Floats, force: Floats, **options) -> palpate.diagnosis.Diagnosis:
+def found(
+    time: Floats, x: Floats, force: Floats, **options
+) -> palpate.identification.diagnosis.Diagnosis:
     contact = palpate.prepare(time=time, penetration=x, force=force, **options)
     return palpate.identify(contact).diagnosis
 
@@ -97,7 +99,7 @@ def test_a_misfit_is_in_the_bars(part):
 
 def test_a_law_flat_at_the_working_depth_takes_no_misfit(monkeypatch):
     """As a registered law with a plateau may be: its stiffness there is 0, beside a force."""
-    monkeypatch.setattr(palpate.diagnosis.fit.Fit, "stiffness", lambda fit, law: 0.0)
+    monkeypatch.setattr(palpate.identification.diagnosis.fit.Fit, "stiffness", lambda fit, law: 0.0)
     there = palpate.diagnose(faults.clean(1)).working_depth
     assert math.isfinite(there.stiffness.systematic)
 
@@ -345,7 +347,7 @@ def test_a_clean_fast_motion_is_trusted_and_its_damping_is_right():
 # A lag that the law cannot tell from damping.
 
 
-def kelvin(**given) -> palpate.diagnosis.Diagnosis:
+def kelvin(**given) -> palpate.identification.diagnosis.Diagnosis:
     """F = 1300 x + 17 v in touches at 1 kHz, by the law that is selected."""
     time, x, v = touches(1000.0)
     force = np.where(x > 0.0, 1300.0 * x + 17.0 * v, 0.0)

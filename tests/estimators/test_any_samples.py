@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate import Status
-from palpate.estimators import ESTIMATORS
+from palpate.method.estimators import ESTIMATORS
 
 NUMBERS = st.one_of(st.floats(), st.floats(-0.02, 0.05), st.floats(-50.0, 50.0))
 SAMPLES = st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=30)

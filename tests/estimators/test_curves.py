@@ -19,7 +19,7 @@ from benchmarks.curves import (
 )
 from benchmarks.curves import parameters as columns
 from palpate import CurveFits, HuntCrossley, InvalidParameterError, fit_curves
-from palpate.estimators.least_squares import fit_surface_position, least_squares
+from palpate.method.estimators.least_squares import fit_surface_position, least_squares
 
 # ``python -m benchmarks.curves`` asks the same of hundreds of curves.
 SURFACES = UNKNOWN["surface_range"]

@@ -167,7 +167,7 @@ def test_a_change_of_the_material_is_found_with_it():
 
 
 def test_a_fixed_exponent_is_shown_as_fixed(tmp_path, undrawn):
-    from palpate.figures import draw
+    from palpate.output.figures import draw
 
     result = identify(contact_of(), palpate.VariableProjection(exponent=1.5))
     assert "1.5 (fixed)" in result.summary()

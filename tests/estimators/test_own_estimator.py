@@ -14,9 +14,10 @@ from cases import contact_of, exciting
 from scipy import optimize
 
 import palpate
-from palpate import Status, figures, force_laws
-from palpate.estimators import contact_estimator
+from palpate import Status, force_laws
 from palpate.lab.design.precision import cramer_rao_bound
+from palpate.method.estimators import contact_estimator
+from palpate.output import figures
 from palpate.validation import instance, number_in
 
 

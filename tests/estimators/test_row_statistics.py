@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from palpate.preparation.gate import LARGEST
-from palpate.preparation.resolution import estimate_resolutions, noise_of
-from palpate.preparation.velocity import find_spikes, largest_of, spikes_of_rows, step_of
+from palpate.input.preparation.gate import LARGEST
+from palpate.input.preparation.resolution import estimate_resolutions, noise_of
+from palpate.input.preparation.velocity import find_spikes, largest_of, spikes_of_rows, step_of
 
 # So many that cells are looked through, and so few that they are not.
 SIZES = [1, 2, 3, 4, 5, 6, 127, 128, 129, 1000, 2001]

@@ -8,10 +8,10 @@ from scipy import stats
 
 import palpate
 from palpate import ConstantForgetting, Contact, HuntCrossley, Scale, identify
-from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit, FitInput, standard_errors
-from palpate.estimators.least_squares import robust_covariance
+from palpate.identification.diagnosis import Data
+from palpate.identification.diagnosis.fit import Fit, FitInput, standard_errors
 from palpate.lab.design.precision import cramer_rao_bound
+from palpate.method.estimators.least_squares import robust_covariance
 
 RUNS, SAMPLES = 1000, 100
 # A count of hits among RUNS at 95 % falls outside these limits once in a thousand seeds.

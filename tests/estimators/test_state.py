@@ -15,7 +15,7 @@ from cases import KINDS, MATERIALS, exciting, knowledge, tapping
 
 import palpate
 from palpate import ChangeDetector, InvalidParameterError, OutlierRejection
-from palpate.estimators import CompiledEstimator
+from palpate.method.estimators import CompiledEstimator
 
 SIGNALS = tapping(MATERIALS["pvc"], noise=0.02, seed=11)
 

@@ -6,7 +6,7 @@ from cases import MATERIALS, contact_of, exciting, knowledge, tapping
 
 import palpate
 from palpate import ESTIMATORS, InvalidParameterError, Trace, compare, diagnose, identify
-from palpate.figures import draw
+from palpate.output.figures import draw
 
 # Contact is lost and made again, and some samples are bad.
 SIGNALS = tapping(MATERIALS["ball"], noise=0.02, seed=1)
@@ -124,7 +124,7 @@ def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
 @pytest.mark.parametrize("trace", [False, 0.2, 50])
 @pytest.mark.parametrize("table", ["trace.parquet", "trace.csv"])
 def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypatch):
-    from palpate.reports import identification
+    from palpate.output.reports import identification
 
     monkeypatch.setattr(identification, "has_pyarrow", lambda: table == "trace.parquet")
     monkeypatch.setattr(identification, "page", lambda *_: "")  # which is drawn for seconds

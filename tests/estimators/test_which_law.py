@@ -13,15 +13,15 @@ from palpate import (
     GeneralisedHuntCrossley,
     InvalidParameterError,
     SingleRelaxation,
-    figures,
     identify,
 )
-from palpate.diagnosis.material import relaxation_remedy
-from palpate.diagnosis.outcome import ModelSelection
-from palpate.estimators.by_law import estimator_by_law, law_names
-from palpate.estimators.law_verdicts import Candidate, LawVerdict, RankedModel
-from palpate.results import view
-from palpate.results.parameters import parameter_rows
+from palpate.identification.diagnosis.material import relaxation_remedy
+from palpate.identification.diagnosis.outcome import ModelSelection
+from palpate.method.estimators.by_law import estimator_by_law, law_names
+from palpate.method.estimators.law_verdicts import Candidate, LawVerdict, RankedModel
+from palpate.output import figures
+from palpate.output.results import view
+from palpate.output.results.parameters import parameter_rows
 
 # Of faults.LAW's stiffness; where the damper grows otherwise it is as large at 8 mm.
 N = faults.LAW.n

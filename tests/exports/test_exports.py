@@ -26,7 +26,6 @@ from export_cases import (
 
 import palpate
 from palpate import ExtendedKelvinVoigt, GeneralisedHuntCrossley, HuntCrossley, KelvinVoigt, exports
-from palpate.diagnosis import Verdict
 from palpate.digits import format_hertz
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports import Engine, Fragment, ProbeMotion, Replayed
@@ -38,8 +37,9 @@ from palpate.exports.statement import ExportedLaw
 from palpate.exports.texts import hash_comment, xml_comment
 from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
+from palpate.identification.diagnosis import Verdict
 from palpate.lab import BALL, PVC, TISSUE
-from palpate.results.saved import SCHEMA_VERSION, result_dict
+from palpate.output.results.saved import SCHEMA_VERSION, result_dict
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 

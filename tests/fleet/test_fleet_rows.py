@@ -19,7 +19,6 @@ from palpate import (
     identify,
     identify_many,
 )
-from palpate.estimators.estimate import ADVICE
 from palpate.findings import Check, Finding
 from palpate.fleet.files import Results, list_sources, read_results
 from palpate.fleet.maps import (
@@ -38,6 +37,7 @@ from palpate.fleet.rows import finding_cell, table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, sources_digest, tasks_table
 from palpate.identification.checks import NEGATIVE_STIFFNESS
+from palpate.method.estimators.estimate import ADVICE
 
 
 def cell(severity, check, message):
@@ -596,7 +596,7 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     assert "Outliers" not in page
     assert "<h2>Findings" not in page
     assert "not checked" not in page
-    monkeypatch.setattr("palpate.reports.html.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.output.reports.html.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "palpate checked neither the data nor the fits" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37

@@ -40,7 +40,7 @@ def recordings(tmp_path_factory):
 def test_a_folder_of_all_kinds_becomes_a_row_each(
     printed, refused, recordings, tmp_path, monkeypatch, threaded
 ):
-    monkeypatch.setattr("palpate.reports.html.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.output.reports.html.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
     out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert "9 contacts in" in out
@@ -388,7 +388,7 @@ if __name__ == "__main__":
     run_fleet([{str(tmp_path / "all")!r}], Path({str(tmp_path / "results")!r}), workers=1)
 """
     ending = """
-import os, palpate.recordings.text as reader
+import os, palpate.input.recordings.text as reader
 read = reader.read
 def ended(path, request):
     if path.name == "touch-001.csv":

@@ -29,9 +29,13 @@ from palpate import (
     compare,
     identify,
 )
-from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.estimate import prediction_rmse_percent, rmse_percent, violated_fraction
-from palpate.preparation.gate import choose_gate, suggest_scale
+from palpate.input.preparation.gate import choose_gate, suggest_scale
+from palpate.method.estimators.contact_estimator import CompiledEstimator
+from palpate.method.estimators.estimate import (
+    prediction_rmse_percent,
+    rmse_percent,
+    violated_fraction,
+)
 
 RECORDED = Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv"
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))

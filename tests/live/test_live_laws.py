@@ -12,7 +12,6 @@ from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
-from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
 from palpate.live.diagnosing import Diagnosing, build_contact, diagnose_samples, recent
@@ -25,7 +24,8 @@ from palpate.live.sinks import why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import NUMBERS, headline, law_card_texts, verdict_on
 from palpate.live.wires import AFTER, Fields, describe_status, parse_address
-from palpate.results.view import describe_place, number_lines
+from palpate.method.estimators.by_law import estimator_by_law
+from palpate.output.results.view import describe_place, number_lines
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {

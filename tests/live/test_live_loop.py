@@ -9,7 +9,6 @@ from scripted import PLACE, Scripted, Silence, T, arrivals, column, looped, meas
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
-from palpate.estimators.estimate import Trace
 from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
 from palpate.live.console import ShownDepth, describe_depth
@@ -18,6 +17,7 @@ from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
 from palpate.live.sources import Arrival, EndOfSourceError, Replay
 from palpate.live.view import verdict_on
+from palpate.method.estimators.estimate import Trace
 
 TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)

@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, Status
-from palpate.estimators import ESTIMATORS
 from palpate.force_laws import HuntCrossley
 from palpate.lab import MATERIALS
 from palpate.live.console import read_numbers
@@ -36,6 +35,7 @@ from palpate.live.ring import (
     Writer,
 )
 from palpate.live.sinks import Session, Watching
+from palpate.method.estimators import ESTIMATORS
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
 DELAY = 0.009

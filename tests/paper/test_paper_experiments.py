@@ -8,8 +8,8 @@ import pytest
 from paper_cases import SEED
 
 from palpate import ConstantForgetting, HuntCrossley, KelvinVoigt, KelvinVoigtRLS, SingleStageRLS
-from palpate.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
-from palpate.figures.style import as_svg
+from palpate.method.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
+from palpate.output.figures.style import as_svg
 from paper import running
 from paper.changes import correction, palpated, stiffer
 from paper.choices import DRAWS, choosing, draws, shares

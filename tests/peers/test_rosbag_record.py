@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from palpate.errors import RecordingError
-from palpate.recordings import open_recording
+from palpate.input.recordings import open_recording
 from peers.rosbag_publisher import numbers
 
 pytestmark = [pytest.mark.peers, pytest.mark.slow]

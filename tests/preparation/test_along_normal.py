@@ -19,12 +19,12 @@ from palpate import (
     identify,
     prepare,
 )
-from palpate.channels.frames import rotate_to_base
 from palpate.digits import with_error
-from palpate.preparation.normal import normal_from_forces, parse_normal
-from palpate.preparation.orientation import largest_turn
-from palpate.preparation.surface import find_surface
-from palpate.preparation.touch import never_touches
+from palpate.input.channels.frames import rotate_to_base
+from palpate.input.preparation.normal import normal_from_forces, parse_normal
+from palpate.input.preparation.orientation import largest_turn
+from palpate.input.preparation.surface import find_surface
+from palpate.input.preparation.touch import never_touches
 
 
 def turn(axis, angle) -> np.ndarray:

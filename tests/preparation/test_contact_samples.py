@@ -23,8 +23,8 @@ from scipy.stats import binom
 
 import palpate
 from palpate import Contact, Scale, Status, VariableProjection, identify, lab
+from palpate.input.preparation.resolution import suggest_surface_deviation
 from palpate.lab.design.precision import cramer_rao_bound
-from palpate.preparation.resolution import suggest_surface_deviation
 
 SCALE = Scale(10e-3, 0.1, 20.0)
 GEL = palpate.HuntCrossley(K=5e4, B=1.5e5, n=2.2)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.channels import choose_roles
-from palpate.channels.signals import build_signals
+from palpate.input.channels import choose_roles
+from palpate.input.channels.signals import build_signals
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 DEPTH = 5e-3 + 2e-3 * np.sin(8.0 * TIME)

@@ -6,7 +6,7 @@ import pytest
 
 import palpate
 from palpate import HuntCrossley, RecordingError
-from palpate.channels.roles import choose_roles
+from palpate.input.channels.roles import choose_roles
 
 LAW = HuntCrossley(K=2000.0, B=1500.0, n=1.2)
 

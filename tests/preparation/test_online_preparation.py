@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 import palpate
 from palpate import InvalidParameterError, OnlinePreparation, Status
-from palpate.preparation.velocity import estimate_velocities, velocity_of, window_samples
+from palpate.input.preparation.velocity import estimate_velocities, velocity_of, window_samples
 
 T = 1e-3
 LATE = 9  # samples: half a window of 15, and the two that tell of a lost position

@@ -21,10 +21,10 @@ import palpate
 from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Settings
-from palpate.preparation.options import Options, describe_option
-from palpate.preparation.preparing import join_contacts
-from palpate.preparation.velocity import velocity_of
-from palpate.recordings import opening
+from palpate.input.preparation.options import Options, describe_option
+from palpate.input.preparation.preparing import join_contacts
+from palpate.input.preparation.velocity import velocity_of
+from palpate.input.recordings import opening
 
 CHANNELS = ("time", "penetration", "velocity", "force")
 ARRAYS = {name: getattr(SIGNALS, name) for name in ("time", "penetration", "force")}
@@ -219,7 +219,7 @@ def test_a_new_format_needs_one_module_and_one_row(monkeypatch, tmp_path):
     module = types.ModuleType("toy_format")
     module.read = lambda path, request: recorded()
     monkeypatch.setitem(sys.modules, "toy_format", module)
-    row = palpate.recordings.Format("toy", (".toy",), "toy_format")
+    row = palpate.input.recordings.Format("toy", (".toy",), "toy_format")
     monkeypatch.setattr(opening, "FORMATS", [*opening.FORMATS, row])
     (tmp_path / "a.TOY").write_bytes(b"toy")
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))

@@ -13,11 +13,11 @@ from robots import hand, topics_of
 
 import palpate
 from palpate import MissingChannelError, Recording, RecordingError, prepare
-from palpate.channels import Columns
-from palpate.channels.clocks import gaps, select_increasing_rows
-from palpate.channels.roles import choose_roles
-from palpate.channels.signals import build_signals
-from palpate.channels.vectors import find_vectors
+from palpate.input.channels import Columns
+from palpate.input.channels.clocks import gaps, select_increasing_rows
+from palpate.input.channels.roles import choose_roles
+from palpate.input.channels.signals import build_signals
+from palpate.input.channels.vectors import find_vectors
 
 SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
 

@@ -13,9 +13,9 @@ from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
-from palpate.preparation.gate import choose_gate, suggest_scale
-from palpate.preparation.resolution import noise_of
-from palpate.preparation.touch import find_touches
+from palpate.input.preparation.gate import choose_gate, suggest_scale
+from palpate.input.preparation.resolution import noise_of
+from palpate.input.preparation.touch import find_touches
 
 # 20 000 fourth differences hold at least a fifth as many independent ones; the median absolute
 # deviation of n is good to 1.17/√n: 3 of those are 5.6 %.

@@ -8,11 +8,11 @@ from containers import write_hdf5
 from scipy.optimize import nnls
 
 import palpate
-from palpate.contact import Delay
-from palpate.estimators.least_squares import nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.preparation.clock_offset import rough_offset
-from palpate.recordings import Recording
+from palpate.input.preparation.clock_offset import rough_offset
+from palpate.input.recordings import Recording
+from palpate.method.contact import Delay
+from palpate.method.estimators.least_squares import nonnegative
 
 LAWS = {
     "hunt-crossley": GeneralisedHuntCrossley(K=9000.0, n=1.4, B=15000.0, p=1.4),

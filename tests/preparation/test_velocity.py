@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 import palpate
 import palpate._core as core
 from palpate import VelocityFilter, prepare
-from palpate.preparation.velocity import (
+from palpate.input.preparation.velocity import (
     FEWEST_OF_SPLINE,
     estimate_velocities,
     filter_gain,

@@ -14,10 +14,10 @@ from cases import contact_of, exciting, tapping
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
 from palpate.digits import percent, with_error
-from palpate.preparation.touch import find_touches
-from palpate.quantities.derived import build_path
-from palpate.quantities.energy import find_loops
-from palpate.results.saved import derived_dict
+from palpate.identification.quantities.derived import build_path
+from palpate.identification.quantities.energy import find_loops
+from palpate.input.preparation.touch import find_touches
+from palpate.output.results.saved import derived_dict
 
 LAW = faults.LAW
 

@@ -11,8 +11,12 @@ import palpate
 from benchmarks.fleets.force_curves import COUNT, force_curve
 from palpate import Cone, FlatPunch, Pyramid, Recording, RecordingError, Sphere
 from palpate.findings import Check
-from palpate.quantities.elastic_modulus import TIPS
-from palpate.quantities.indentation import fit_approach, fit_force_curve, prepare_force_curve
+from palpate.identification.quantities.elastic_modulus import TIPS
+from palpate.identification.quantities.indentation import (
+    fit_approach,
+    fit_force_curve,
+    prepare_force_curve,
+)
 
 RADIUS = 5e-6
 TIP = "sphere:radius=5um"

@@ -25,7 +25,7 @@ from palpate import (
     restitution,
 )
 from palpate.cli.options import parse_specimen, parse_tip
-from palpate.quantities.restitution import compute_approximations, restitution_slope
+from palpate.identification.quantities.restitution import compute_approximations, restitution_slope
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
 REDUCED = MODULUS / (1.0 - POISSON**2)

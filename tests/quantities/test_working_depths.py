@@ -9,7 +9,7 @@ from cases import contact_of, exciting
 
 import palpate
 from palpate.errors import InvalidParameterError
-from palpate.recordings.recording import read_truth
+from palpate.input.recordings.recording import read_truth
 
 HARD = palpate.HuntCrossley(K=228e3, B=2e3, n=2.0)
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"

@@ -6,7 +6,7 @@ import sys
 import attacks
 import pytest
 
-from palpate.recordings.opening import FORMATS
+from palpate.input.recordings.opening import FORMATS
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a process for each file is forked")
 

@@ -30,7 +30,7 @@ from containers import (
 )
 
 from palpate import MissingExtraError, RecordingError, errors, prepare
-from palpate.recordings import FORMATS, Recording, open_recording
+from palpate.input.recordings import FORMATS, Recording, open_recording
 
 RNG = np.random.default_rng(5)
 NOW = 1_763_800_000_123_456_789  # ns since 1970; a float is exact to 256 of them

@@ -9,8 +9,8 @@ import pytest
 from recordings import HEADER, SIGNALS, changed, recording, rows_of, text_of, written
 
 from palpate import Columns, RecordingError, open_recording, prepare, write_contact
-from palpate.preparation.velocity import velocity_of
-from palpate.recordings.units import unit_in_name
+from palpate.input.preparation.velocity import velocity_of
+from palpate.input.recordings.units import unit_in_name
 
 
 def with_column(rows, values):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from palpate import RecordingError
-from palpate.recordings import open_recording
-from palpate.recordings.messages import containers
+from palpate.input.recordings import open_recording
+from palpate.input.recordings.messages import containers
 
 GIVEN = files.values()
 

@@ -13,7 +13,7 @@ from recordings import FOLDER, files, has_penetration
 
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
-from palpate.preparation.places import divide_by_place
+from palpate.input.preparation.places import divide_by_place
 
 
 def one_of_each_set(*patterns: str) -> list:

@@ -159,8 +159,8 @@ def blocks(header: str = "F\th\tt\n") -> str:
 
 @pytest.mark.parametrize("size", [200, 1 << 20])
 def test_blocks_below_the_same_header_are_contacts(tmp_path, monkeypatch, size):
-    monkeypatch.setattr("palpate.recordings.text.BLOCK", size)
-    monkeypatch.setattr("palpate.recordings.text.CHUNK", 177)
+    monkeypatch.setattr("palpate.input.recordings.text.BLOCK", size)
+    monkeypatch.setattr("palpate.input.recordings.text.CHUNK", 177)
     path = written(tmp_path / "r.txt", blocks().encode("latin-1"))
     with pytest.raises(RecordingError, match=r"no unit of the penetration .*line 6.*; pass") as e:
         prepare(path)

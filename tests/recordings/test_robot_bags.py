@@ -17,10 +17,10 @@ from robots import hand
 from scipy.spatial.transform import Rotation
 
 from palpate import MissingChannelError, Recording, RecordingError, identify, prepare
-from palpate.channels import Columns
-from palpate.channels.frames import interpolate_rotation
-from palpate.channels.roles import choose_roles
-from palpate.recordings import open_recording
+from palpate.input.channels import Columns
+from palpate.input.channels.frames import interpolate_rotation
+from palpate.input.channels.roles import choose_roles
+from palpate.input.recordings import open_recording
 
 MAKER = files.Maker()
 START = 1_700_000_000_000_000_000

@@ -17,7 +17,7 @@ import pytest
 from recordings import HEADER, SIGNALS, recording, rows_of, text_of, written
 
 from palpate import RecordingError, open_recording, prepare
-from palpate.recordings import opening, text
+from palpate.input.recordings import opening, text
 
 POSIX = pytest.mark.skipif(os.name != "posix", reason="no such pipes or devices")
 

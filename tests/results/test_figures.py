@@ -16,14 +16,15 @@ from drawn import Drawn
 from recordings import recording
 
 import palpate
-from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, lab
-from palpate.figures import style
-from palpate.figures.panels import JOINED, draw_spectrum
-from palpate.figures.style import DARK, LIGHT
+from palpate import ESTIMATORS, InvalidParameterError, RecordingError, lab
 from palpate.findings import spoken
 from palpate.identification.ranking import rank
 from palpate.lab.design import Motion, design
 from palpate.lab.design.figures import draw_design
+from palpate.output import figures
+from palpate.output.figures import style
+from palpate.output.figures.panels import JOINED, draw_spectrum
+from palpate.output.figures.style import DARK, LIGHT
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")
 

@@ -14,13 +14,13 @@ from report_reading import Reading
 from robots import table_of, travelling
 
 import palpate
-from palpate.figures import identified as drawn
-from palpate.figures.field import draw_field
-from palpate.figures.style import as_svg, choose_look
 from palpate.identification import identified
-from palpate.reports.html import DRAWINGS, STYLE
-from palpate.reports.identification import Circumstances, page
-from palpate.results import view
+from palpate.output.figures import identified as drawn
+from palpate.output.figures.field import draw_field
+from palpate.output.figures.style import as_svg, choose_look
+from palpate.output.reports.html import DRAWINGS, STYLE
+from palpate.output.reports.identification import Circumstances, page
+from palpate.output.results import view
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))

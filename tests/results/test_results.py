@@ -18,8 +18,8 @@ import pytest
 
 import palpate
 from palpate.errors import RecordingError
-from palpate.recordings import table_files
-from palpate.reports import identification
+from palpate.input.recordings import table_files
+from palpate.output.reports import identification
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 BALL = EXAMPLES / "ball.csv"

@@ -20,7 +20,7 @@ from payloads import (
 )
 
 from palpate import InvalidParameterError, PayloadCompensation, Status
-from palpate.channels.frames import multiply, rotate
+from palpate.input.channels.frames import multiply, rotate
 
 
 def compensated(compensation, time, wrench, orientations=None):

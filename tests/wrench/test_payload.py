@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 import palpate
 from palpate import Recording, RecordingError, prepare
-from palpate.preparation.force_frame import compensate_log
-from palpate.preparation.settings import Preparation
-from palpate.recordings.units import GRAVITY
-from palpate.wrench.fit import regressors, rotation, skew
-from palpate.wrench.motion import motion_of
-from palpate.wrench.payload import Payload
+from palpate.input.preparation.force_frame import compensate_log
+from palpate.input.preparation.settings import Preparation
+from palpate.input.recordings.units import GRAVITY
+from palpate.input.wrench.fit import regressors, rotation, skew
+from palpate.input.wrench.motion import motion_of
+from palpate.input.wrench.payload import Payload
 
 
 def without(recording: Recording, word: str) -> Recording:

@@ -9,10 +9,10 @@ from payloads import PAYLOAD, turn
 from ruamel.yaml import YAML
 
 from palpate import Columns, Payload, Recording, RecordingError, prepare
-from palpate.channels.frames import rotate
 from palpate.exports.ros_parameters import ros_parameters
 from palpate.findings import Check
-from palpate.wrench.payload import LARGEST
+from palpate.input.channels.frames import rotate
+from palpate.input.wrench.payload import LARGEST
 
 FULL = replace(
     PAYLOAD,

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import palpate
 from palpate import Recording, RecordingError, prepare
-from palpate.channels import Columns
-from palpate.preparation import Preparation
-from palpate.preparation.force_frame import measure_payload
+from palpate.input.channels import Columns
+from palpate.input.preparation import Preparation
+from palpate.input.preparation.force_frame import measure_payload
 
 SETUP = Setup(seed=5, **IDEAL | {"delay": 0.01})
 

@@ -134,7 +134,7 @@ def inputs_of(command: Mapping[str, Any]) -> Iterator[Path]:
         for each in value if isinstance(value, tuple) else (value,):
             if name in OUTPUTS or not (isinstance(each, Path) or name in _NAMES_OF_FILES):
                 continue
-            from palpate.recordings.opening import whole_recording
+            from palpate.input.recordings.opening import whole_recording
 
             path = Path(each)
             if not (name in _RESULTS and path.is_dir()):

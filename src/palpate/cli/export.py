@@ -78,7 +78,7 @@ def export(
     """
     from palpate.exports.exporting import export as run
     from palpate.exports.exporting import save_statement
-    from palpate.results.saved import RESULT, TRACES, load_result
+    from palpate.output.results.saved import RESULT, TRACES, load_result
 
     saved = load_result(result)
     inputs = [saved.folder / name for name in (RESULT, *TRACES)]

@@ -114,7 +114,7 @@ def fleet(
     from palpate.fleet.files import disk_name, list_sources
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
-    from palpate.recordings.opening import whole_recording
+    from palpate.input.recordings.opening import whole_recording
 
     shape, ratio = parse_material(tip, poisson)
     listed = list_sources(sources, leave_out=output)
@@ -187,7 +187,7 @@ def _settings(
 
 def require_figures() -> None:
     """Raise before the work starts if matplotlib is not installed."""
-    import_module("palpate.figures")
+    import_module("palpate.output.figures")
 
 
 def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: bool) -> None:
@@ -232,7 +232,7 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
     from palpate.fleet.rows import touches_nothing
-    from palpate.recordings.opening import MAPS
+    from palpate.input.recordings.opening import MAPS
 
     table = read_results(found.folder)
     shown = maps.list_quantities(table)

@@ -26,10 +26,10 @@ from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
-    from palpate.contact import Contact
-    from palpate.estimators import ContactEstimator
+    from palpate.identification.quantities.elastic_modulus import Tip
     from palpate.identifying import Identification
-    from palpate.quantities.elastic_modulus import Tip
+    from palpate.method.contact import Contact
+    from palpate.method.estimators import ContactEstimator
 
 
 Item = TypeVar("Item")
@@ -84,13 +84,13 @@ def identify(
     drawing.check()
     destination = None
     if output is not None:  # once it is known that it can be written there
-        from palpate.reports.identification import Destination
+        from palpate.output.reports.identification import Destination
 
         destination = Destination(output, [file for file in files if str(file) != "-"])
     choosing.check()
     contact = reading.contact(files, choosing.options, tip=query.tip)
     if query.tip is not None:
-        from palpate.quantities.indentation import find_force_curve
+        from palpate.identification.quantities.indentation import find_force_curve
 
         if find_force_curve(contact) is not None:
             reading = replace(reading, exponent=query.tip.exponent)
@@ -103,7 +103,7 @@ def identify(
     if hold_out:
         result = result.hold_out()
     result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
-    drawing.save("palpate.figures.draw", result)
+    drawing.save("palpate.output.figures.draw", result)
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
@@ -135,7 +135,7 @@ def _find_stated_tip(contact: "Contact") -> "Tip | None":
     radius = None if prepared is None else prepared.recording.settings.get("tip radius")
     if radius is None:
         return None
-    from palpate.quantities.elastic_modulus import Sphere
+    from palpate.identification.quantities.elastic_modulus import Sphere
 
     return Sphere(radius)
 
@@ -184,7 +184,7 @@ def diagnose(
         Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
-    from palpate.results.saved import describe_contact
+    from palpate.output.results.saved import describe_contact
 
     depth = judging.depth
     contact = reading.contact(files, choosing.options)
@@ -232,6 +232,6 @@ def compare(
     results = reading.compared(contact)
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}
-    drawing.save("palpate.figures.draw_comparison", results)
+    drawing.save("palpate.output.figures.draw_comparison", results)
     print_identifications(files, list(results.values()), drawing.figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict for result in results.values()])

@@ -11,13 +11,13 @@ import numpy as np
 from rich.cells import cell_len
 from rich.text import Text
 
-from palpate.channels.roles import explain_roles
 from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
 from palpate.digits import format_quantity, rounded
 from palpate.errors import RecordingError, printable
-from palpate.recordings.datasets import DataSet
-from palpate.recordings.recording import Recording
-from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
+from palpate.input.channels.roles import explain_roles
+from palpate.input.recordings.datasets import DataSet
+from palpate.input.recordings.recording import Recording
+from palpate.input.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
 
 #: Version of the JSON; it increases when a field is removed or changes its meaning.
@@ -78,7 +78,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
 
 def print_curves(file: Path, max_size: float | None, *, as_json: bool) -> None:
     """Print a line for each of the first curves of a force map, or all curves as JSON."""
-    from palpate.recordings.opening import FORCE_CURVES
+    from palpate.input.recordings.opening import FORCE_CURVES
 
     reader = FORCE_CURVES.reader()
     count = reader.count_curves(file)

@@ -86,7 +86,7 @@ def lab(
         --relaxation-stiffnesses, each repeated for every relaxation time.
     """
     from palpate import lab as laboratory
-    from palpate.recordings.table_files import write_contact
+    from palpate.input.recordings.table_files import write_contact
 
     check_outputs([output, picture] if picture else [output])
     check_marked(output, _MADE)
@@ -101,7 +101,7 @@ def lab(
     )
     bench = laboratory.Bench(_material(material, law), _trajectory(trajectory), probe, sensors)
     if picture is not None:
-        from palpate.figures import check_figure
+        from palpate.output.figures import check_figure
 
         check_figure(picture)
         if ideal:

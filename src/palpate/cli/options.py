@@ -14,12 +14,12 @@ from cyclopts import Group, Parameter
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
-    from palpate.diagnosis import Verdict
-    from palpate.estimators import ContactEstimator
     from palpate.findings import Mark
-    from palpate.quantities.derived import QueryOptions
-    from palpate.quantities.elastic_modulus import Tip
-    from palpate.quantities.specimen import Specimen
+    from palpate.identification.diagnosis import Verdict
+    from palpate.identification.quantities.derived import QueryOptions
+    from palpate.identification.quantities.elastic_modulus import Tip
+    from palpate.identification.quantities.specimen import Specimen
+    from palpate.method.estimators import ContactEstimator
 
 # The headings under which help shows the options.
 WHAT = Group("Options", sort_key=1)
@@ -58,7 +58,7 @@ _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
 
 def _laws(_: object) -> Iterable[str]:
-    from palpate.estimators.by_law import law_names
+    from palpate.method.estimators.by_law import law_names
 
     return law_names()
 
@@ -74,7 +74,7 @@ def names_in(*registries: str, prefix: str = "") -> Callable[[object], Iterable[
 
 
 Law: TypeAlias = Annotated[str | None, Parameter(metavar="LAW", completer=_laws)]
-_METHOD = Parameter(metavar="METHOD", completer=names_in("palpate.estimators.ESTIMATORS"))
+_METHOD = Parameter(metavar="METHOD", completer=names_in("palpate.method.estimators.ESTIMATORS"))
 Method: TypeAlias = Annotated[str | None, _METHOD]
 
 
@@ -101,13 +101,13 @@ class MethodOptions:
 
     @cached_property
     def _found(self) -> "tuple[type[ContactEstimator], dict[str, Any]]":
-        from palpate.estimators.by_law import estimator_by_law
+        from palpate.method.estimators.by_law import estimator_by_law
 
         return estimator_by_law(self.law, self.method)
 
     def choose_default_law(self, exponent: float | None = None) -> "MethodOptions":
         """Return law auto if neither law nor method is requested and it can take the exponent."""
-        from palpate.estimators import ViscoelasticContact
+        from palpate.method.estimators import ViscoelasticContact
 
         low, high = ViscoelasticContact.exponents
         known = exponent is None or low <= exponent <= high
@@ -141,15 +141,15 @@ class FigureOptions:
             if self.width is not None:
                 raise InvalidParameterError("--width needs a figure: pass --figure FILE too")
             return
-        from palpate.figures import check_figure
+        from palpate.output.figures import check_figure
 
         self._metres()
         check_figure(self.figure)
 
     def save(self, draw: str, what: Any) -> None:
-        """Draw with a function such as ``palpate.figures.draw``, if a figure is requested."""
+        """Draw with a function such as ``palpate.output.figures.draw``, if requested."""
         if self.figure is not None:
-            from palpate.figures import save
+            from palpate.output.figures import save
 
             module, _, name = draw.rpartition(".")
             rendered = getattr(import_module(module), name)(
@@ -160,7 +160,7 @@ class FigureOptions:
             save(rendered, self.figure)
 
     def _metres(self) -> float | None:
-        from palpate.figures.style import NARROWEST, WIDEST
+        from palpate.output.figures.style import NARROWEST, WIDEST
 
         width = None if self.width is None else quantity("--width", self.width, "penetration")
         if width is None or NARROWEST <= width <= WIDEST:
@@ -235,7 +235,7 @@ class QuantityOptions:
     @property
     def query(self) -> "QueryOptions":
         """The request, SI."""
-        from palpate.quantities.derived import QueryOptions
+        from palpate.identification.quantities.derived import QueryOptions
 
         speed = positive("--impact-speed", self.impact_speed, "velocity", 1e6)
         tip, ratio = parse_material(self.tip, self.poisson)
@@ -250,7 +250,7 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     If ``channel`` is a mapping from units to sizes, the number has one of its units; without a unit
     it has the first.
     """
-    from palpate.recordings.units import UNITS
+    from palpate.input.recordings.units import UNITS
 
     found = _NUMBER.match(text)
     units = UNITS[channel] if isinstance(channel, str) else channel
@@ -338,7 +338,7 @@ def parse_tip(text: str) -> "Tip":
     InvalidParameterError
         The text has none of the forms, or a size is out of its range.
     """
-    from palpate.quantities.elastic_modulus import Cone, FlatPunch, Pyramid, Sphere
+    from palpate.identification.quantities.elastic_modulus import Cone, FlatPunch, Pyramid, Sphere
 
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))
@@ -365,7 +365,7 @@ def parse_specimen(text: str) -> "Specimen":
     InvalidParameterError
         The text does not have this form, or a size is out of its range.
     """
-    from palpate.quantities.specimen import Specimen
+    from palpate.identification.quantities.specimen import Specimen
 
     parts = (each.partition("=") for each in text.split(","))
     sizes = {name.strip(): size for name, _, size in parts}

@@ -33,7 +33,7 @@ from palpate.cli.reading import negative_number_parameter, parse_delay
 from palpate.digits import percent
 
 if TYPE_CHECKING:
-    from palpate.wrench import Payload
+    from palpate.input.wrench import Payload
 
 _READ = cyclopts.Parameter(group=READ)
 _UNKNOWN_TORQUE = 10.0  # N·m: standard error of the bias without a torque
@@ -75,7 +75,7 @@ class LogOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """Return the settings of the preparation."""
-        from palpate.channels import Columns
+        from palpate.input.channels import Columns
 
         names = ("time", "position", "orientation", "orientation_form", "force", "torque")
         named = {name: getattr(self, name) for name in names}
@@ -122,8 +122,8 @@ def payload(
         Print one JSON object instead of text.
     """
     from palpate.exports.ros_parameters import ros_parameters as parameters
-    from palpate.preparation.force_frame import measure_payload
-    from palpate.preparation.settings import Preparation
+    from palpate.input.preparation.force_frame import measure_payload
+    from palpate.input.preparation.settings import Preparation
     from palpate.validation import plain
     from palpate.writing import check_marked, check_outputs, write_text
 
@@ -140,7 +140,7 @@ def payload(
     if ros_parameters is not None:
         frame = measured.sensor_frame or "ft_sensor"
         write_text(ros_parameters, parameters(found, sensor_frame=frame))
-    drawing.save("palpate.figures.payload.draw_payload", measured)
+    drawing.save("palpate.output.figures.payload.draw_payload", measured)
     if as_json:
         fields = plain(found.as_dict())
         print_json({"file": str(log), "mark": found.mark, "verdict": verdict_on(found), **fields})

@@ -25,8 +25,8 @@ from palpate.errors import printable
 if TYPE_CHECKING:
     from palpate.findings import Finding
     from palpate.identifying import Identification
-    from palpate.recordings import Recording
-    from palpate.results.view import Line, Styled, ViewSection
+    from palpate.input.recordings import Recording
+    from palpate.output.results.view import Line, Styled, ViewSection
 
 Cell: TypeAlias = str | Text
 
@@ -199,7 +199,7 @@ def open_with_progress(
     file: Path, channels: Sequence[str] | None, *, max_size: float | None, **options: Any
 ) -> "Recording":
     """Open a recording with options of :func:`palpate.open_recording`, and show a bar."""
-    from palpate.recordings import open_recording
+    from palpate.input.recordings import open_recording
 
     with bar(f"reading {file}") as progress:
         return open_recording(file, channels, progress=progress, max_size=max_size, **options)
@@ -241,11 +241,11 @@ def print_identifications(
 ) -> None:
     """Print the identification of a file, or several identifications side by side."""
     if as_json:
-        from palpate.results.saved import describe_contact
+        from palpate.output.results.saved import describe_contact
 
         print_json(describe_contact(files, results))
         return
-    from palpate.results import view
+    from palpate.output.results import view
 
     if len(results) > 1:
         sections = [*view.comparison_sections(results), view.preparation_section(results)]
@@ -264,7 +264,7 @@ def print_identifications(
 
 def print_diagnosis(result: "Identification") -> None:
     """Print the verdict, its numbers, and every finding with its remedy."""
-    from palpate.results import view
+    from palpate.output.results import view
 
     _print(result.contact.source or "contact", view.diagnosis_sections(result))
 

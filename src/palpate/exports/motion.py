@@ -12,7 +12,7 @@ from palpate import lab
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
-from palpate.results.saved import SavedResult
+from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats
 
 #: Most states at which an engine computes the force; slow engines have a lower limit.

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.quantities.restitution import restitution
+from palpate.identification.quantities.restitution import restitution
 from palpate.validation import Floats
 
 # Steps per half period of the spring alone: restitution e is accurate to 10⁻⁶.
@@ -51,7 +51,8 @@ class Drop:
 def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
     """Return the impact that reaches a depth [m] by a law, with its restitution.
 
-    For p = n from the exact relation of :mod:`palpate.quantities.restitution`, else by integration.
+    For p = n from the exact relation of :mod:`palpate.identification.quantities.restitution`, else
+    by integration.
     """
     force = law.force
     step = half_period(law, mass, depth) / _STEPS

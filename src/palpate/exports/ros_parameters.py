@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from palpate.wrench.payload import Payload
+from palpate.input.wrench.payload import Payload
 from palpate.writing import MADE, quote
 
 

@@ -14,7 +14,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from palpate._core import __version__
-from palpate.diagnosis import Diagnosis, Verdict
 from palpate.digits import format_hertz, parameter, rounded
 from palpate.errors import (
     ExportRefusedError,
@@ -22,7 +21,6 @@ from palpate.errors import (
     MissingExtraError,
     RecordingError,
 )
-from palpate.estimators import VariableProjection
 from palpate.exports.engine import Engine, Fragment, make_refusals, make_warnings
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.nearest_law import (
@@ -35,9 +33,11 @@ from palpate.exports.replay_errors import Drop, drop_to, force_error
 from palpate.exports.texts import law_numbers, length, percent
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.identification.diagnosis import Diagnosis, Verdict
+from palpate.identification.quantities.elastic_modulus import Sphere
 from palpate.identifying import Identification, identify
-from palpate.quantities.elastic_modulus import Sphere
-from palpate.results.saved import SavedResult
+from palpate.method.estimators import VariableProjection
+from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats, finite_or_none, shown
 
 #: Types that can be exported.

@@ -18,11 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
-from palpate.contact import Contact, VelocityFilter
-from palpate.diagnosis import Data
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
-from palpate.estimators import ContactEstimator, VariableProjection
-from palpate.estimators.batch_fit import CurveFits, fit_curves
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
     Row,
@@ -38,13 +34,17 @@ from palpate.fleet.rows import (
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.identification import checks
+from palpate.identification.diagnosis import Data
+from palpate.identification.quantities import indentation
 from palpate.identification.replaying import resolve_estimator
-from palpate.preparation import velocity as velocities
-from palpate.preparation.gate import choose_gate
-from palpate.preparation.preparing import prepare
-from palpate.preparation.touch import find_load_transfer
-from palpate.quantities import indentation
-from palpate.recordings.recording import Recording, printable
+from palpate.input.preparation import velocity as velocities
+from palpate.input.preparation.gate import choose_gate
+from palpate.input.preparation.preparing import prepare
+from palpate.input.preparation.touch import find_load_transfer
+from palpate.input.recordings.recording import Recording, printable
+from palpate.method.contact import Contact, VelocityFilter
+from palpate.method.estimators import ContactEstimator, VariableProjection
+from palpate.method.estimators.batch_fit import CurveFits, fit_curves
 from palpate.validation import Floats, number_in, real_array, whole_in
 
 
@@ -152,7 +152,7 @@ def fit_and_reject(
     curves : Curves
         The contacts.
     chosen : dict
-        Options of :func:`palpate.estimators.batch_fit.fit_curves`.
+        Options of :func:`palpate.method.estimators.batch_fit.fit_curves`.
     rejects : bool
         Whether to exclude outliers.
     threads : int

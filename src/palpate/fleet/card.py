@@ -328,7 +328,7 @@ def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
 
 def _page(card: Card, table: Table) -> str:
     from palpate.fleet.figures import draw_card, draw_distributions
-    from palpate.reports import html
+    from palpate.output.reports import html
 
     numbers = [(escape(name), escape(words)) for name, words in card.numbers]
     worst = [tuple(map(escape, row)) for row in card.worst]

@@ -5,10 +5,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import figures
 from palpate.fleet.maps import JUDGED, Map, Repeats, describe_frequencies, numbers
 from palpate.fleet.rows import AT_DEPTH
 from palpate.fleet.tasks import Table
+from palpate.output import figures
 from palpate.validation import Floats
 
 if TYPE_CHECKING:

@@ -18,8 +18,8 @@ from palpate._core import __version__
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
-from palpate.recordings import datasets, opening, units
-from palpate.recordings.recording import printable
+from palpate.input.recordings import datasets, opening, units
+from palpate.input.recordings.recording import printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, write_bytes, write_text
 
@@ -133,7 +133,7 @@ def disk_name(name: str) -> str:
 
 
 def _open_group(name: str) -> Any:
-    groups = needed("palpate.recordings.zarr_groups", "an array of contacts")
+    groups = needed("palpate.input.recordings.zarr_groups", "an array of contacts")
     path = Path(disk_name(name))
     try:
         opening.check_folder(path)

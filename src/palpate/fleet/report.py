@@ -16,7 +16,7 @@ from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
 from palpate.fleet.files import REPORT, read_manifest, read_results, read_seconds
 from palpate.fleet.maps import map_of
 from palpate.fleet.tasks import Table
-from palpate.reports import html
+from palpate.output.reports import html
 from palpate.writing import write_text
 
 #: Most rows of a table on the page; the dataset has all of them.

@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.contact import Contact
-from palpate.diagnosis import Quantity
 from palpate.errors import NoContactError, RecordingError
-from palpate.estimators.estimate import Estimate
 from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
+from palpate.identification.diagnosis import Quantity
+from palpate.identification.quantities import indentation
+from palpate.identification.quantities.elastic_modulus import ElasticModulus
 from palpate.identifying import Identification, identify
-from palpate.preparation.delay import find_delay
-from palpate.preparation.places import divide_by_place
-from palpate.quantities import indentation
-from palpate.quantities.elastic_modulus import ElasticModulus
+from palpate.input.preparation.delay import find_delay
+from palpate.input.preparation.places import divide_by_place
+from palpate.method.contact import Contact
+from palpate.method.estimators.estimate import Estimate
 from palpate.validation import Floats
 
 Row = dict[str, Any]

@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from palpate._core import __version__
-from palpate.contact import Contact
 from palpate.errors import FleetError, InvalidParameterError
 from palpate.fleet.arrays import (
     Given,
@@ -33,8 +32,9 @@ from palpate.fleet.arrays import (
 from palpate.fleet.files import Results, disk_name, list_sources, read_curves
 from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
-from palpate.preparation import prepare
-from palpate.recordings import datasets, open_recording, opening
+from palpate.input.preparation import prepare
+from palpate.input.recordings import datasets, open_recording, opening
+from palpate.method.contact import Contact
 from palpate.spelling import options_in_advice
 from palpate.validation import Floats, whole_in
 

@@ -14,16 +14,16 @@ import numpy as np
 
 from palpate import errors
 from palpate._core import __version__
-from palpate.channels import Columns
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.force_laws import ForceLaw
+from palpate.identification.quantities.derived import QueryOptions
+from palpate.identification.quantities.elastic_modulus import Tip
 from palpate.identification.replaying import resolve_estimator
-from palpate.preparation.gate import requested_gate
-from palpate.preparation.settings import Preparation
-from palpate.quantities.derived import QueryOptions
-from palpate.quantities.elastic_modulus import Tip
+from palpate.input.channels import Columns
+from palpate.input.preparation.gate import requested_gate
+from palpate.input.preparation.settings import Preparation
+from palpate.method.contact import Contact
+from palpate.method.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.validation import shown
 
 #: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
@@ -248,7 +248,8 @@ class Settings:
         identification; ``"full"`` gives each contact a verdict and takes some fifty times as long.
     tip : Tip, optional
         The tip of the probe, for Young's modulus. Of force curves only the approach is then used:
-        :func:`palpate.quantities.indentation.fit_approach`. Default: none, and no modulus.
+        :func:`palpate.identification.quantities.indentation.fit_approach`. Default: none, and no
+        modulus.
     poisson_ratio : float, optional
         Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, assumed.
     minimum_penetration, minimum_force : float, optional

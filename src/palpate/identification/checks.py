@@ -8,27 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status
-from palpate.contact import Contact
-from palpate.diagnosis import Data
-from palpate.diagnosis.causes import CARE
-from palpate.diagnosis.excitation import few_samples
-from palpate.diagnosis.fit import reference_scale
-from palpate.diagnosis.sensor import outlier_finding
 from palpate.digits import percent, rounded
 from palpate.errors import NoContactError, RecordingError
-from palpate.estimators import ContactEstimator
-from palpate.estimators.batch_fit import CurveFits
-from palpate.estimators.estimate import (
+from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.force_laws import HuntCrossley
+from palpate.identification.diagnosis import Data
+from palpate.identification.diagnosis.causes import CARE
+from palpate.identification.diagnosis.excitation import few_samples
+from palpate.identification.diagnosis.fit import reference_scale
+from palpate.identification.diagnosis.sensor import outlier_finding
+from palpate.input.preparation.touch import depends_on_position
+from palpate.method.contact import Contact
+from palpate.method.estimators import ContactEstimator
+from palpate.method.estimators.batch_fit import CurveFits
+from palpate.method.estimators.estimate import (
     Estimate,
     Trace,
     flag_findings,
     prediction_rmse_percent,
     violated_fraction,
 )
-from palpate.findings import Check, Finding, NextStep, Remedy
-from palpate.force_laws import HuntCrossley
-from palpate.preparation.touch import depends_on_position
-from palpate.settings import ContactGate
+from palpate.method.settings import ContactGate
 from palpate.validation import Floats, Mask
 
 NEGATIVE_STIFFNESS = Check.NEGATIVE_STIFFNESS.finding(

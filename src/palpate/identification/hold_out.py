@@ -5,10 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact
 from palpate.digits import percent, rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.method.contact import Contact
 from palpate.validation import Floats
 
 # A law that predicts worse than this multiple of Hunt–Crossley's error is not to be trusted.

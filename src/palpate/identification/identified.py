@@ -12,8 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate._core import Status
-from palpate.contact import Contact
-from palpate.diagnosis import (
+from palpate.digits import format_quantity, rounded
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.force_laws import steps_over_breaks
+from palpate.identification.checks import check_approach, check_estimate, why_nothing
+from palpate.identification.diagnosis import (
     Data,
     Diagnosis,
     Episode,
@@ -23,34 +27,8 @@ from palpate.diagnosis import (
     diagnose_parts,
     stack_depths,
 )
-from palpate.diagnosis.fit import DEEP, FitInput, force_along
-from palpate.digits import format_quantity, rounded
-from palpate.errors import InvalidParameterError, RecordingError
-from palpate.estimators import ContactEstimator, LawVerdict, VariableProjection, ViscoelasticContact
-from palpate.estimators.estimate import (
-    Estimate,
-    Trace,
-    Traced,
-    check_trace,
-    prediction_rmse_percent,
-    rmse_percent,
-    samples_in_estimate,
-    violated_fraction,
-)
-from palpate.estimators.law_verdicts import Candidate
-from palpate.estimators.oscillation import Oscillation
-from palpate.findings import Check, Finding, NextStep, Remedy
-from palpate.force_laws import steps_over_breaks
-from palpate.identification.checks import check_approach, check_estimate, why_nothing
-from palpate.identification.replaying import (
-    defaults_from_data,
-    joint_covariance,
-    replay,
-    resolve_estimator,
-)
-from palpate.identification.weak_prior import weak_prior
-from palpate.preparation.gate import choose_gate
-from palpate.quantities.derived import (
+from palpate.identification.diagnosis.fit import DEEP, FitInput, force_along
+from palpate.identification.quantities.derived import (
     QueryOptions,
     compression_modulus_from,
     compute_instantaneous_stiffness,
@@ -63,11 +41,38 @@ from palpate.quantities.derived import (
     passivity_from,
     restitution_from,
 )
-from palpate.settings import ChangeDetector, ContactGate, Scale
+from palpate.identification.replaying import (
+    defaults_from_data,
+    joint_covariance,
+    replay,
+    resolve_estimator,
+)
+from palpate.identification.weak_prior import weak_prior
+from palpate.input.preparation.gate import choose_gate
+from palpate.method.contact import Contact
+from palpate.method.estimators import (
+    ContactEstimator,
+    LawVerdict,
+    VariableProjection,
+    ViscoelasticContact,
+)
+from palpate.method.estimators.estimate import (
+    Estimate,
+    Trace,
+    Traced,
+    check_trace,
+    prediction_rmse_percent,
+    rmse_percent,
+    samples_in_estimate,
+    violated_fraction,
+)
+from palpate.method.estimators.law_verdicts import Candidate
+from palpate.method.estimators.oscillation import Oscillation
+from palpate.method.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
 if TYPE_CHECKING:
-    from palpate.preparation.places import Place
+    from palpate.input.preparation.places import Place
 
 _LOGGER = logging.getLogger(__name__)
 _Placed: TypeAlias = "tuple[Place, Contact]"
@@ -138,7 +143,10 @@ class Identified:
         _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(phrases) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
-            from palpate.diagnosis.timeless import findings_without_time, trace_without_time
+            from palpate.identification.diagnosis.timeless import (
+                findings_without_time,
+                trace_without_time,
+            )
 
             findings = findings_without_time(findings)
             recorded = trace_without_time(recorded)
@@ -240,7 +248,7 @@ class Identified:
         found = diagnose_parts(fit_input, depths, (*self.findings, *self._check_late_force()))
         if not self.contact.timeless:
             return found
-        from palpate.diagnosis.timeless import diagnosis_without_time
+        from palpate.identification.diagnosis.timeless import diagnosis_without_time
 
         return diagnosis_without_time(found)
 
@@ -409,7 +417,7 @@ class Identified:
         watch : callable
             Iterates over the places, for example with a progress bar.
         """
-        from palpate.preparation.places import divide_by_place
+        from palpate.input.preparation.places import divide_by_place
 
         # Keep the settings, except those that were chosen from these data.
         selection = self.selected or self
@@ -488,7 +496,7 @@ class Identified:
         """Return an estimate as it is reported: without time only its spring."""
         if not self.contact.timeless:
             return estimate
-        from palpate.diagnosis.timeless import SpringEstimate
+        from palpate.identification.diagnosis.timeless import SpringEstimate
 
         return SpringEstimate(estimate)
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis import Quantity
-from palpate.diagnosis.causes import CARE
 from palpate.digits import rounded, with_error
-from palpate.estimators import ViscoelasticContact
-from palpate.estimators.estimate import rmse_percent
 from palpate.findings import MARKS, Check
+from palpate.identification.diagnosis import Quantity
+from palpate.identification.diagnosis.causes import CARE
 from palpate.identification.identified import Identified
+from palpate.method.estimators import ViscoelasticContact
+from palpate.method.estimators.estimate import rmse_percent
 
 EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 

@@ -9,21 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.estimators import (
+from palpate.force_laws import steps_over_breaks
+from palpate.input.preparation.gate import choose_gate, suggest_scale
+from palpate.input.preparation.resolution import find_dead_band, suggest_surface_deviation
+from palpate.method.contact import Contact
+from palpate.method.estimators import (
     ESTIMATORS,
     ContactEstimator,
     VariableProjection,
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Trace, Traced, choose_trace_samples, samples_in_estimate
-from palpate.estimators.least_squares import long_run_covariance
-from palpate.force_laws import steps_over_breaks
-from palpate.preparation.gate import choose_gate, suggest_scale
-from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
-from palpate.settings import ContactGate, OutlierRejection
+from palpate.method.estimators.estimate import (
+    Trace,
+    Traced,
+    choose_trace_samples,
+    samples_in_estimate,
+)
+from palpate.method.estimators.least_squares import long_run_covariance
+from palpate.method.settings import ContactGate, OutlierRejection
 from palpate.stages import log_stage
 from palpate.validation import Floats, shown
 

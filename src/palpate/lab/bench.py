@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
+from palpate.input.preparation import prepare
+from palpate.input.preparation.resolution import deviation_of_mean
 from palpate.lab.materials import Material, Touch
 from palpate.lab.rig import (
     IdealProbe,
@@ -20,8 +21,7 @@ from palpate.lab.rig import (
     quantise,
 )
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
-from palpate.preparation import prepare
-from palpate.preparation.resolution import deviation_of_mean
+from palpate.method.contact import Contact
 from palpate.stages import log_stage
 from palpate.validation import Floats, instance, number_in
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate import figures
 from palpate.errors import InvalidParameterError, PalpateError, require_mujoco
 from palpate.lab.bench import Bench
 from palpate.lab.rig import Geometry, Simulation, TwinPantograph
 from palpate.lab.trajectories import Command
+from palpate.output import figures
 from palpate.writing import write_bytes
 
 if TYPE_CHECKING:

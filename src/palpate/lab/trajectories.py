@@ -228,7 +228,7 @@ class SplineTrajectory:
     @classmethod
     def read(cls, path: str | Path) -> "SplineTrajectory":
         """Return the motion in a CSV file's columns time_s and penetration_m."""
-        from palpate.recordings import open_recording
+        from palpate.input.recordings import open_recording
 
         recording = open_recording(path)
         time = recording.numbers("time_s")

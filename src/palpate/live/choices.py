@@ -5,9 +5,9 @@ from enum import IntEnum
 from typing import Any, Literal, get_args
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ESTIMATORS, ContactEstimator, estimator_named
-from palpate.estimators.viscoelastic import Damping, Memory
-from palpate.settings import ChangeDetector, ConstantForgetting, OutlierRejection
+from palpate.method.estimators import ESTIMATORS, ContactEstimator, estimator_named
+from palpate.method.estimators.viscoelastic import Damping, Memory
+from palpate.method.settings import ChangeDetector, ConstantForgetting, OutlierRejection
 from palpate.validation import number_in, shown
 
 #: Settings that are either off or at the library's default.

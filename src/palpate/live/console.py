@@ -15,7 +15,6 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.errors import printable
-from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS, ForceLaw
 from palpate.live.choices import State
 from palpate.live.sinks import (
@@ -36,7 +35,8 @@ from palpate.live.view import (
     seconds,
     verdict_on,
 )
-from palpate.results import view
+from palpate.method.estimators.estimate import Estimate
+from palpate.output.results import view
 from palpate.validation import Floats, or_nan
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)

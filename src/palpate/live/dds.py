@@ -6,11 +6,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.input.recordings.messages import layout
 from palpate.live import ros
 from palpate.live.ros import RosTopics, RosWire, dds_type
 from palpate.live.sources import SourceOptions
 from palpate.live.wires import parse_address
-from palpate.recordings.messages import layout
 
 if TYPE_CHECKING:
     from cyclonedds.builtin import BuiltinDataReader

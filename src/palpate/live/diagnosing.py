@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.digits import rounded
 from palpate.errors import PalpateError
-from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
 from palpate.live.sinks import PLACE, Watching, diagnosis_basis
 from palpate.live.view import answer
-from palpate.results import view
+from palpate.method.contact import Contact, Delay, VelocityFilter
+from palpate.method.estimators import ContactEstimator, estimator_named
+from palpate.output.results import view
 from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s

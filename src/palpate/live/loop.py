@@ -17,16 +17,16 @@ import numpy as np
 
 from palpate import _core
 from palpate._core import Status
-from palpate.channels.frames import UNIT_LENGTH
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.estimators import ContactEstimator
+from palpate.input.channels.frames import UNIT_LENGTH
+from palpate.input.preparation.online import OnlinePreparation
+from palpate.input.wrench import PayloadCompensation
 from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
-from palpate.preparation.online import OnlinePreparation
+from palpate.method.estimators import ContactEstimator
 from palpate.validation import Floats, finite_or_none, number_in
-from palpate.wrench import PayloadCompensation
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]

@@ -1,8 +1,8 @@
 """ROS 2's messages, which DDS and Zenoh share: positions and forces in, estimates out.
 
 The first message is decoded with its definition, as in a recording
-(:mod:`palpate.recordings.messages`). Later messages whose length fields have the same bytes have
-their numbers at the same offsets, so reading them costs only a few comparisons.
+(:mod:`palpate.input.recordings.messages`). Later messages whose length fields have the same bytes
+have their numbers at the same offsets, so reading them costs only a few comparisons.
 """
 
 import re
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from palpate.errors import InvalidParameterError, PalpateError
+from palpate.input.recordings.messages import layout
 from palpate.live.sources import SourceOptions, Value
 from palpate.live.wires import (
     NANO,
@@ -30,7 +31,6 @@ from palpate.live.wires import (
     WireSource,
     topic_names,
 )
-from palpate.recordings.messages import layout
 
 # bytes: a message with the state of a hundred named joints has about 6000. Decoding the first
 # message of this length takes up to 4 ms.

@@ -9,8 +9,9 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.findings import spoken
+from palpate.input.preparation.online import OnlinePreparation
+from palpate.input.wrench import Payload, PayloadCompensation
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import (
@@ -24,9 +25,8 @@ from palpate.live.realtime import (
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.sources import Source
-from palpate.preparation.online import OnlinePreparation
-from palpate.settings import ChangeDetector, OutlierRejection
-from palpate.wrench import Payload, PayloadCompensation
+from palpate.method.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
+from palpate.method.settings import ChangeDetector, OutlierRejection
 
 ASKED_EVERY = 0.02  # s between reads of commands
 TOLD_EVERY = 0.2  # s between writes of the status: at least four a second

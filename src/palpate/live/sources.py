@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, import_extra
+from palpate.method.contact import Contact
 from palpate.validation import number_in, shown
 
 #: A number, or a vector in the frame of the source.
@@ -300,6 +300,6 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         raise InvalidParameterError(
             f"SOURCE must be the path of a recording, or one of {known}; not {shown(address)}"
         )
-    from palpate.preparation import prepare
+    from palpate.input.preparation import prepare
 
     return Replay(prepare(Path(address), **(given.reading or {})), speed=given.speed)

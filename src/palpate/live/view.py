@@ -10,13 +10,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from palpate.digits import format_quantity, parameter, rounded, with_error
-from palpate.estimators.estimate import Estimate
-from palpate.estimators.law_verdicts import LawVerdict
-from palpate.estimators.viscoelastic import unpack_verdict
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import why_undiagnosed
-from palpate.results import view
+from palpate.method.estimators.estimate import Estimate
+from palpate.method.estimators.law_verdicts import LawVerdict
+from palpate.method.estimators.viscoelastic import unpack_verdict
+from palpate.output.results import view
 from palpate.validation import or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.

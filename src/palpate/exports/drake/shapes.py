@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimators.least_squares import least_squares, nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.method.estimators.least_squares import least_squares, nonnegative
 from palpate.validation import Floats
 
 #: Spheres are added until the spring's error is below this, %: about six for x^1.5, eight for x².

@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from palpate import figures
 from palpate.digits import rounded
 from palpate.lab.design import Design, PredictedPrecision
+from palpate.output import figures
 from palpate.validation import Floats
 
 if TYPE_CHECKING:

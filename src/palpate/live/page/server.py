@@ -24,10 +24,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
-from palpate.reports import html
+from palpate.method.estimators import estimator_named
+from palpate.output.reports import html
 from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
