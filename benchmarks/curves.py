@@ -25,10 +25,10 @@ from benchmarks.common.report import (
 )
 from benchmarks.common.timing import least_seconds, native_programs
 from palpate import InvalidParameterError, Scale, SingleStageRLS, VariableProjection, fit_curves
-from palpate.contact import Contact
-from palpate.estimators import batch_fit as core
-from palpate.estimators.batch_fit import CurveFits
-from palpate.preparation.gate import suggest_scale
+from palpate.input.preparation.gate import suggest_scale
+from palpate.method.contact import Contact
+from palpate.method.estimators import batch_fit as core
+from palpate.method.estimators.batch_fit import CurveFits
 from palpate.validation import Floats
 
 Motion = Callable[[Floats], tuple[Floats, Floats]]

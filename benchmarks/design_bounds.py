@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.common.probing import BALL, PVC, SPONGE
 from benchmarks.common.report import markdown_table, run_command, show
 from palpate import VariableProjection
-from palpate.design import Design, design
-from palpate.design.precision import PredictedPrecision
+from palpate.lab.design import Design, design
+from palpate.lab.design.precision import PredictedPrecision
 from palpate.validation import Floats
 
 # The laboratory's, with exponents between the nodes of the method's grid, 0.3 + 0.1 j.

@@ -16,8 +16,8 @@ import palpate
 from benchmarks.common.recordings import recorded
 from benchmarks.common.report import run_command
 from palpate import exports
-from palpate.figures.style import Look, save, style
-from palpate.results.colours import DARK, LIGHT, Theme
+from palpate.output.figures.style import Look, figure_style, save
+from palpate.output.results.colours import DARK, LIGHT, Theme
 from palpate.validation import Floats
 from palpate.writing import write_bytes
 
@@ -81,7 +81,10 @@ def draw(path: Path, signals: Signals, title: str, theme: Theme) -> None:
     """Draw both forces over time and over penetration, and their difference."""
     import matplotlib
 
-    with style(Look(theme)) as new_figure, matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}):
+    with (
+        figure_style(Look(theme)) as new_figure,
+        matplotlib.rc_context({"savefig.dpi": DOTS_AN_INCH}),
+    ):
         figure = new_figure(figsize=INCHES, layout="constrained")
         panels = figure.subplots(1, 3)
         _draw_panels(panels, signals, theme)

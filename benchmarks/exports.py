@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from time import perf_counter
+from typing import NoReturn
 
 import numpy as np
 from rich.console import Console
@@ -22,6 +23,7 @@ from benchmarks.common.report import Limit, Row, Section, describe_machine, publ
 from palpate import HuntCrossley, KelvinVoigt, exports, lab
 from palpate.exports.replay_errors import drop_to
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.validation import Floats
 from palpate.writing import check_outputs
 
 RECORDINGS = Path(__file__).parents[1] / "examples" / "recordings"
@@ -192,11 +194,39 @@ def measure_round_trip() -> Section:
     return Section(f"Round trip: beyond the stated error, worst of {SEEDS} seeds", rows, notes)
 
 
+class SimulatedContact:
+    """A material of the laboratory whose force an exported law has in the real engine."""
+
+    name = "a law in an engine"
+
+    def __init__(self, made: exports.Export) -> None:
+        self._fragment, self._law = made.fragment, made.statement.nearest.law.simplest()
+
+    def describe(self) -> dict[str, object]:
+        """Return the exported law, SI."""
+        return self._law.description()
+
+    def touch(self) -> NoReturn:
+        """Raise: the force depends on the acceleration of the probe."""
+        raise NotImplementedError
+
+    def force(
+        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    ) -> Floats:
+        """Return the engine's force [N] along a whole motion; 0 out of contact."""
+        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
+        acceleration = np.gradient(velocity, time)
+        t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
+        motion = exports.ProbeMotion(t, x, v, a, below >= 0)
+        replayed = self._fragment.replay(motion)
+        assert replayed is not None
+        force[below] = replayed.force
+        return force
+
+
 def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
     """Return the worst of K, B and n, both ways, in s.e.; bias of stiffness or damping, %."""
-    bench = lab.Bench(
-        exports.SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT
-    )
+    bench = lab.Bench(SimulatedContact(export), lab.THREE_SINES, lab.IdealProbe(), lab.PERFECT)
     clean, truth = bench.run(seed=0).contact, LAWS[law]
     stated = 0.01 * export.statement.compared.percent
     worst, literal, biases = [], [], []

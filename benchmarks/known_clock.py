@@ -23,9 +23,9 @@ from benchmarks.diagnosis.marks import NONE
 from benchmarks.diagnosis.mix import FAULTS
 from benchmarks.late_force import record, relaxing_material
 from benchmarks.two_clocks import LAWS, run_pair
-from palpate.contact import Delay
-from palpate.diagnosis.clock import USUAL_SKEW
 from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.identification.diagnosis.causes import USUAL_SKEW
+from palpate.method.contact import Delay
 from tests.robot_logs import identify as identify_log
 from tests.robot_logs import random_setup
 

@@ -26,8 +26,7 @@ from benchmarks.common.report import (
 )
 from benchmarks.common.workers import in_new_process
 from palpate import VariableProjection
-from palpate.estimators import ContactEstimator
-from palpate.estimators.by_law import estimator_by_law
+from palpate.input.preparation.online import OnlinePreparation
 from palpate.live import run
 from palpate.live.diagnosing import Diagnosing
 from palpate.live.laboratory import Laboratory
@@ -38,7 +37,8 @@ from palpate.live.recorder import Recorder
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Sink, Watching
 from palpate.live.view import verdict_on
-from palpate.preparation.online import OnlinePreparation
+from palpate.method.estimators import ContactEstimator
+from palpate.method.estimators.by_law import estimator_by_law
 
 TARE = 1.6  # s, of the 2 s for which the laboratory pauses
 _EVERY = 1.0  # s between two measurements of the processes

@@ -9,9 +9,9 @@ import numpy as np
 from benchmarks.common.probing import NOISE, feed, sines
 from benchmarks.common.report import Row, Section, describe_machine, publish, run_command
 from palpate import VariableProjection, ViscoelasticContact, identify, lab
-from palpate.estimators import ContactEstimator
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.live.running import default_estimator
+from palpate.method.estimators import ContactEstimator
 
 KINDS = (ViscoelasticContact, VariableProjection)
 MATERIALS = ("ball", "sponge", "pvc", "tissue", "relaxing-sponge")

@@ -14,11 +14,11 @@ import numpy as np
 
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from benchmarks.common.timing import contact_arrays
-from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.running import default_estimator
 from palpate.live.sinks import Watching
 from palpate.live.sources import Arrival, Counts, EndOfSourceError
+from palpate.method.estimators.by_law import estimator_by_law
 
 T = 1e-3  # s
 #: µs: with an estimate 50 times a second, and with one at every sample.

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.common.report import describe_machine, list_facts, markdown_table, run_command, show
-from palpate.estimators import ESTIMATORS
-from palpate.settings import ConstantForgetting
+from palpate.method.estimators import ESTIMATORS
+from palpate.method.settings import ConstantForgetting
 from palpate.validation import Floats
 
 WINDOW = 1_000_000

@@ -16,8 +16,8 @@ from rich.table import Table
 
 import palpate
 from benchmarks.common.report import run_command
-from palpate.preparation.force_frame import compensate_log
-from palpate.preparation.settings import Preparation
+from palpate.input.preparation.force_frame import compensate_log
+from palpate.input.preparation.settings import Preparation
 from tests.robot_logs import (
     FAULTS,
     STILL,

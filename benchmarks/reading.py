@@ -23,7 +23,7 @@ from benchmarks.common.report import (
 )
 from benchmarks.common.timing import resident
 from benchmarks.common.workers import in_new_process
-from palpate.recordings import open_recording
+from palpate.input.recordings import open_recording
 
 SEED = 1
 BEGIN = 1_700_000_000_000_000_000  # ns since 1970
@@ -180,7 +180,7 @@ KINDS: dict[str, tuple[str, Callable[[Path, Iterable[Sent]], None], str]] = {
 
 def timed(reader: str, path: Path) -> tuple[float, float, float, float]:
     """Read once; return seconds, messages, bytes of the arrays and of the peak."""
-    import palpate.recordings.messages.containers  # noqa: F401 - importing is not reading
+    import palpate.input.recordings.messages.containers  # noqa: F401 - importing is not reading
 
     before = resident("VmRSS")
     begin = time.perf_counter()

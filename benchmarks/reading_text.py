@@ -4,7 +4,6 @@ Every case runs in a separate process, after the packages are imported; memory i
 start, relative to the resulting arrays.
 """
 
-import sys
 import tempfile
 from pathlib import Path
 from time import perf_counter, process_time
@@ -14,10 +13,10 @@ import numpy as np
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from benchmarks.common.timing import resident
 from benchmarks.common.workers import in_new_process
-from palpate.recordings import open_recording
+from palpate.input.recordings import open_recording
 
 WRITTEN = 100_000  # rows at once
-LIMITS = {"pyarrow": 6.0, "Python": 20.0}  # s for 1e7 rows of four numbers
+LIMIT = 15.0  # s for 1e7 rows of four numbers
 
 
 def write_table(path: Path, rows: int, label: bool = False) -> None:
@@ -36,12 +35,8 @@ def write_table(path: Path, rows: int, label: bool = False) -> None:
             )
 
 
-def measured(path: Path, parser: str) -> tuple[float, float, float, float]:
+def measured(path: Path) -> tuple[float, float, float, float]:
     """Read a file; return seconds, those of the processor, bytes of the peak and of the arrays."""
-    if parser == "Python":
-        sys.modules["pyarrow"] = None  # type: ignore[assignment]  # as where it is not installed
-    else:
-        import pyarrow.csv  # noqa: F401
     before, start, busy = resident("VmRSS"), perf_counter(), process_time()
     recording = open_recording(path)
     seconds, busy = perf_counter() - start, process_time() - busy
@@ -67,15 +62,14 @@ def main(*, rows: int = 10_000_000, markdown: Path | None = None) -> None:
             path = Path(folder) / "table.csv"
             write_table(path, rows, label)
             what = "four numbers" + " and a word" * label
-            for parser, limit in LIMITS.items():
-                seconds, busy, extra, size = in_new_process(measured, path, parser)
-                bound = None if label else Limit(limit * rows / 1e7)
-                found += [
-                    Row(f"{rows} rows of {what}, {parser}", seconds, "s", limit=bound),
-                    Row("of that, processor time", busy, "s"),
-                    Row("memory at the peak", extra / 1e6, "MB", extra / size, "the arrays",
-                        Limit(3.0)),
-                ]  # fmt: skip
+            seconds, busy, extra, size = in_new_process(measured, path)
+            bound = None if label else Limit(LIMIT * rows / 1e7)
+            found += [
+                Row(f"{rows} rows of {what}", seconds, "s", limit=bound),
+                Row("of that, processor time", busy, "s"),
+                Row("memory at the peak", extra / 1e6, "MB", extra / size, "the arrays",
+                    Limit(3.0)),
+            ]  # fmt: skip
     section = Section("Reading text", found, ["One run each, in a separate process."])
     publish([section], facts, "Reading text", markdown)
 

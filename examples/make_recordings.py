@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 
 from palpate import Contact, HuntCrossley, prepare, write_contact
-from palpate.design import PAPER_MOTION, Motion
 from palpate.lab import (
     BALL,
     PVC,
@@ -27,6 +26,7 @@ from palpate.lab import (
     Sensors,
     Tapping,
 )
+from palpate.lab.design import PAPER_MOTION, Motion
 
 HERE = Path(__file__).parent
 GEL = Homogeneous(HuntCrossley(K=40.0, B=4e5, n=1.5), "gel under a bead")

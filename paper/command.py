@@ -97,9 +97,9 @@ def reproduce(
     if recording:
         _compare(recording, output)
         return
-    from palpate.lab.rig import require_mujoco
+    from palpate.errors import require_mujoco
 
-    import_module("palpate.figures")  # raises before the work if matplotlib is not installed
+    import_module("palpate.output.figures")  # raises before the work if matplotlib is not installed
     require_mujoco()
     from paper.running import judge_draws, run_paper
 

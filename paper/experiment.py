@@ -14,7 +14,7 @@ from matplotlib.figure import Figure as Figure
 from numpy.typing import ArrayLike, NDArray
 
 import palpate
-from palpate.figures.style import choose_look, style
+from palpate.output.figures.style import choose_look, figure_style
 from paper.judging import (
     JUDGES,
     Judge,
@@ -175,7 +175,7 @@ class Experiment(ABC):
 
     def figure(self, outcomes: Sequence[Outcome]) -> Figure:
         """Return the figure of some outcomes."""
-        with style(LOOK) as new_figure:
+        with figure_style(LOOK) as new_figure:
             figure = new_figure(figsize=self.size, layout="constrained")
             self.draw(figure, outcomes)
             figure.suptitle(self.title, fontsize=11)

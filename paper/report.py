@@ -17,8 +17,8 @@ from typing import Any
 
 import palpate
 from palpate import __version__, lab
-from palpate.reports import html
-from palpate.reports.html import DRAWINGS, STYLE, inline
+from palpate.output.reports import html
+from palpate.output.reports.html import inline
 from palpate.writing import as_json, write_text
 from paper.choices import Share, shares
 from paper.experiment import Claim, Experiment, Outcome, Seeds, Table, claims_file
@@ -320,7 +320,7 @@ def write_report(report: Report) -> None:
         "not_held": not_held(),
         "experiments": [_section_as_dict(each) for each in report.sections],
     }
-    style = STYLE + DRAWINGS + Path(__file__).with_name("report.css").read_text(encoding="utf-8")
+    style = Path(__file__).with_name("report.css").read_text(encoding="utf-8")
     write_text(folder / "report.html", html.document(TITLE, style, parts))
     write_text(folder / "report.json", as_json(whole))
     write_text(folder / "claims.md", _markdown(report))

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import Any
 
 import palpate
-from palpate.figures.style import as_svg, recolour_for_dark
 from palpate.fleet.running import holding_interrupts
+from palpate.output.figures.style import as_svg, recolour_for_dark
 from palpate.writing import check_own, make_folder, write_text
 from paper.choices import Choice, choosing, draws
 from paper.experiment import Experiment, Outcome
@@ -35,7 +35,7 @@ Result = Outcome | tuple[str, str] | str
 # those does not invalidate outcomes.
 ROOTS = (Path(str(palpate.__file__)).parent, Path(__file__).parent)
 NOT_MEASURING = (
-    "palpate/cli", "palpate/reports",
+    "palpate/cli", "palpate/output/reports",
     "paper/__main__.py", "paper/command.py", "paper/judging.py", "paper/recordings.py",
     "paper/report.py",
 )  # fmt: skip

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 import palpate
 from palpate import lab
-from palpate.design import Motion
+from palpate.lab.design import Motion
 
 Floats = NDArray[np.float64]
 

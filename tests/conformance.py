@@ -17,10 +17,10 @@ import numpy as np
 
 from palpate._core import Status
 from palpate.errors import InvalidParameterError
-from palpate.estimators.contact_estimator import ContactEstimator
-from palpate.estimators.estimate import Trace
 from palpate.force_laws import HuntCrossley
-from palpate.settings import (
+from palpate.method.estimators.contact_estimator import ContactEstimator
+from palpate.method.estimators.estimate import Trace
+from palpate.method.settings import (
     ChangeDetector,
     ConstantForgetting,
     ContactGate,

@@ -1,5 +1,6 @@
 """Fixtures of every test module; the table itself is in ``cases.py``."""
 
+import copy
 import gc
 import os
 
@@ -15,6 +16,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 from cases import KINDS, MATERIALS, Signals, exciting, tapping
+from cyclopts import App, ArgumentCollection
 from recordings import recording
 
 import palpate
@@ -22,7 +24,7 @@ from palpate import cli
 from palpate.spelling import options_in_advice
 
 EXAMPLES = Path(__file__).parents[1] / "examples" / "recordings"
-UNDRAWN = "palpate.reports.identification.drawing", lambda *_: iter(())
+UNDRAWN = "palpate.output.reports.identification.drawing", lambda *_: iter(())
 
 # Tables are as wide as in a pipe, whoever runs the tests: parallel runs say their own width.
 os.environ.pop("COLUMNS", None)
@@ -57,6 +59,29 @@ def pytest_report_header(config):
 def _options_in_advice():
     """Tests compare sentences as the command line writes them; ``test_spelling`` has the others."""
     with options_in_advice():
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _options_assembled_once():
+    """Tests call commands a thousand times, and cyclopts reads all types of a command for 40 ms."""
+    assemble, known = App.assemble_argument_collection, {}
+
+    def assemble_once(app, **options):
+        command, inherited = app.default_command, app.app_stack.default_parameter
+        if command is None or "<locals>" in command.__qualname__:  # one of a single call
+            return assemble(app, **options)
+        key = command, repr(inherited), repr(options)
+        if key not in known:
+            known[key] = assemble(app, **options)
+        copies = {id(argument): copy.copy(argument) for argument in known[key]}
+        for argument in copies.values():
+            argument.tokens = []
+            argument.children = ArgumentCollection(copies[id(each)] for each in argument.children)
+        return ArgumentCollection(copies.values())
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(App, "assemble_argument_collection", assemble_once)
         yield
 
 
@@ -209,7 +234,7 @@ def without(monkeypatch):
 
     def hide(module: str) -> None:
         monkeypatch.setitem(sys.modules, module, None)
-        for name in [each for each in sys.modules if each.startswith("palpate.figures")]:
+        for name in [each for each in sys.modules if each.startswith("palpate.output.figures")]:
             monkeypatch.delitem(sys.modules, name)
 
     return hide

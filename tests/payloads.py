@@ -3,7 +3,7 @@
 import numpy as np
 
 from palpate import Payload
-from palpate.channels.frames import multiply, rotate
+from palpate.input.channels.frames import multiply, rotate
 
 STEP = 1e-3  # s
 

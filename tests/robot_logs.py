@@ -125,7 +125,9 @@ def simulate(setup: Setup, frame: str = "ft_sensor") -> Log:
     push = np.maximum(push * (1.0 + setup.dissipation * rate(depth)), 0.0)
     slide = np.diff(path - np.outer((path - point) @ normal, normal), axis=0, prepend=path[:1])
     slide[0] = 0.0
-    contact_force = push[:, None] * normal - setup.friction * push[:, None] * _dahl(slide, push)
+    contact_force = push[:, None] * normal
+    if setup.friction > 0.0:
+        contact_force -= setup.friction * push[:, None] * _dahl(slide, push)
 
     mount = Rotation.from_rotvec(np.radians(setup.mount)).as_matrix()
     sensor = rotation @ mount

@@ -246,7 +246,7 @@ def test_every_extra_that_a_message_or_a_page_names_can_be_installed():
     assert {"figures", "report", "live"} <= named <= known
 
 
-def test_the_workflow_runs_the_readmes_tests_on_every_python_of_the_classifiers():
+def test_the_workflow_tests_every_supported_python():
     workflow = (ROOT / ".github" / "workflows" / "test.yml").read_text(encoding="utf-8")
     job = YAML(typ="safe").load(workflow)["jobs"]["tests"]
     with (ROOT / "pyproject.toml").open("rb") as file:
@@ -269,7 +269,7 @@ def test_no_page_claims_what_was_measured_to_be_false():
             assert all(words in around for words in ("white", "exact", "law")), f"{path}: {around}"
 
 
-def test_no_text_installs_palpate_from_a_registry_which_has_no_such_project():
+def test_no_page_installs_palpate_from_a_registry():
     """What stands in a message, on a page or in a notebook works in a checkout."""
     texts = [*PAGES, *ROOT.glob("src/**/*.py"), *ROOT.glob("examples/**/*.ipynb")]
     texts += [path for path in ROOT.glob("tests/**/*.py") if path != Path(__file__)]
@@ -327,7 +327,7 @@ def _shown(cell) -> list[tuple[str, ...]]:
     return kinds
 
 
-def test_the_docs_have_a_place_for_each_check_and_name_those_that_may_cap_a_mark():
+def test_the_docs_name_each_check():
     text = (ROOT / "docs" / "diagnosis.md").read_text("utf-8").lower()
     subjects = {check.subject for check in Check} - {"export"}  # of which docs/exports.md speaks
     assert {f"### {subject}\n" in text for subject in subjects} == {True}

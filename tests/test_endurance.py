@@ -40,7 +40,7 @@ def test_millions_of_samples_held_at_constant_penetration_stay_sound(kind, noise
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_one_sine_under_never_ending_forgetting_stays_sound_and_predicts(name):
+def test_endless_forgetting_on_one_sine_stays_finite(name):
     law = OWN_MATERIAL[name]
     signals = exciting(law, seconds=100.0, noise=0.01, seed=1, motion=ONE_SINE)
     estimator = KINDS[name](

@@ -71,7 +71,7 @@ def said_by(program: str) -> tuple[str, str]:
     return done.stdout.strip(), done.stderr
 
 
-def test_a_process_that_used_everything_leaves_no_compiled_object_behind():
+def test_no_compiled_object_outlives_the_interpreter():
     assert said_by(USE) == ("", "")
     assert "nanobind: leaked 1 instances" in said_by(LEAK)[1]  # as it would be seen
 
@@ -106,7 +106,7 @@ result = palpate.identify(contact, law="cubic")  # a global, to the end
 """
 
 
-def test_a_result_of_a_law_of_the_scripts_own_may_stay_in_a_global():
+def test_a_result_of_a_custom_law_may_be_a_global():
     assert said_by(OWN_LAW) == ("", "")
 
 
@@ -161,7 +161,7 @@ os._exit(0 if replayed.estimate().law == own.estimate().law else 4)
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no process can be forked there")
-def test_a_fork_in_the_midst_of_a_replay_leaves_an_error_and_no_lock():
+def test_a_fork_during_a_replay_raises_and_does_not_deadlock():
     # Where the child hangs, both processes are ended, by their group.
     # From 3.12 on Python itself warns of such a fork.
     command = [sys.executable, "-W", "ignore::DeprecationWarning", "-c", FORK]

@@ -12,7 +12,7 @@ from test_structure import modules, tree
 import palpate
 from palpate import spelling
 from palpate.cli.reading import ReadingOptions
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import NextStep, Remedy
 from palpate.spelling import ARGUMENTS, FLAGS, options_in_advice, spell_advice
 
 
@@ -67,7 +67,7 @@ def test_every_argument_is_one_of_a_public_function():
             assert name in known | exported, argument
 
 
-def test_no_sentence_is_spelled_before_anyone_asks():
+def test_sentences_are_written_only_on_request():
     """A finding that is made at an import would keep the spelling of that moment."""
     for name, path in modules():
         for node in tree(path).body:

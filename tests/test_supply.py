@@ -42,7 +42,7 @@ def _licence(metadata):
     return metadata.get("License-Expression") or "; ".join(classifiers) or first
 
 
-def test_every_package_that_is_needed_has_a_licence_with_which_it_may_be_passed_on():
+def test_every_required_package_is_redistributable():
     known = {}
     extras = set(distribution("palpate").metadata.get_all("Provides-Extra")) - OWN_USE
     _needed("palpate", extras, known)
@@ -54,7 +54,7 @@ def test_every_package_that_is_needed_has_a_licence_with_which_it_may_be_passed_
     assert all(name in notice and f'"{extra}"' in notice for name, extra in OTHERS.items())
 
 
-def test_what_builds_and_publishes_is_installed_by_hashes_and_from_no_registry_that_is_named():
+def test_release_tools_are_installed_by_hash():
     lock = (ROOT / ".ci/release.txt").read_text("utf-8")
     locked = re.findall(r"^([\w.-]+)==[^\\]+\\\n((?:    --hash=sha256:[0-9a-f]{64}(?: \\)?\n?)+)",
                         lock, re.M)  # fmt: skip

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from palpate import InvalidParameterError
-from palpate.estimators import ESTIMATORS
 from palpate.fleet.running import holding_interrupts, open_client
-from palpate.preparation.normal import parse_normal
+from palpate.input.preparation.normal import parse_normal
+from palpate.method.estimators import ESTIMATORS
 
 PALPATE = (sys.executable, "-m", "palpate")
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="process groups are POSIX's")
@@ -40,7 +40,7 @@ def interrupted(arguments, after, folder) -> tuple[int, str, float]:
 
 @POSIX
 @pytest.mark.slow
-def test_a_fleet_that_is_interrupted_while_it_starts_ends_and_continues(tmp_path):
+def test_a_fleet_interrupted_at_its_start_can_continue(tmp_path):
     example = Path(__file__).parents[1] / "examples/recordings/sponge.csv"
     folder = tmp_path / "recordings"
     folder.mkdir()
@@ -57,7 +57,7 @@ def test_a_fleet_that_is_interrupted_while_it_starts_ends_and_continues(tmp_path
 
 @pytest.mark.long
 @POSIX
-def test_an_interrupt_is_held_until_the_end_of_the_block_and_hidden_from_processes():
+def test_an_interrupt_waits_for_the_end_of_the_block():
     children = []
 
     def start():
@@ -142,7 +142,7 @@ main()
 @pytest.mark.long
 @POSIX
 @pytest.mark.parametrize("program, lines", [(EARLY, 0), (AT_THE_END, 0), (ENDLESS, 1)])
-def test_an_interrupt_ends_the_first_imports_and_an_exit_that_waits_for_a_thread(program, lines):
+def test_an_interrupt_ends_imports_and_waiting_threads(program, lines):
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=False, timeout=15
     )
@@ -241,7 +241,7 @@ def test_a_killed_loop_leaves_no_memory_and_no_message(tmp_path):
     assert not [*Path("/dev/shm").glob(f"*{done.stdout.strip()}*")]
 
 
-def test_what_cyclone_dds_prints_is_counted_and_never_blocks():
+def test_messages_of_cyclone_dds_are_counted_and_never_block():
     pytest.importorskip("cyclonedds")
     from palpate.live.dds import _Printed
 
@@ -274,7 +274,7 @@ def test_the_summary_names_a_recorder_that_ended_early():
 def test_places_that_differ_in_their_last_digits_have_no_steep_slope():
     from types import SimpleNamespace
 
-    from palpate.diagnosis.material import largest_pull
+    from palpate.identification.diagnosis.material import largest_pull
 
     count = 400
     free = np.arange(count) < 200

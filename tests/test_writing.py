@@ -29,7 +29,7 @@ def old(tmp_path):
     return path
 
 
-def test_a_new_file_has_the_mode_that_the_user_wants_and_keeps_its_own(tmp_path):
+def test_a_new_file_follows_the_umask_and_a_replaced_one_its_mode(tmp_path):
     # Of a name as long as the system takes.
     for path, mode in ((tmp_path / "new.csv", 0o640), (tmp_path / (255 * "x"), 0o604)):
         mask = os.umask(0o027)
@@ -62,7 +62,7 @@ def test_a_protected_file_is_left_alone(old):
 
 
 @pytest.mark.parametrize("target", ["old.csv", "folder/absent.csv"])
-def test_a_link_is_followed_and_stays_and_what_is_missing_is_made(old, target):
+def test_writing_follows_links_and_creates_folders(old, target):
     old.with_name("folder").mkdir()
     link = old.with_name("link.csv")
     link.symlink_to(target)
@@ -106,7 +106,7 @@ def names_of(old: Path) -> list[Path]:
     return [old, old.parent / "folder" / ".." / old.name, symbolic, hard]
 
 
-def test_an_input_is_never_written_over_by_any_of_its_names_nor_an_output_by_another(old):
+def test_no_output_replaces_an_input_or_another_output(old):
     for name in names_of(old):
         for attempt in (lambda name=name: check_writable(name, [old]),
                         lambda name=name: write_bytes(name, NEW, [old]),
@@ -123,7 +123,7 @@ def test_an_input_is_never_written_over_by_any_of_its_names_nor_an_output_by_ano
     assert not new.exists()
 
 
-def test_all_of_it_is_on_disk_before_it_takes_its_place(old, monkeypatch):
+def test_a_file_is_on_disk_before_it_replaces_another(old, monkeypatch):
     synced = []
 
     def note(descriptor):
@@ -136,7 +136,7 @@ def test_all_of_it_is_on_disk_before_it_takes_its_place(old, monkeypatch):
 
 @pytest.mark.parametrize("end", [OSError(errno.ENOSPC, "No space left on device"),
                                  KeyboardInterrupt()], ids=repr)  # fmt: skip
-def test_what_was_there_survives_a_write_that_fails(old, monkeypatch, end):
+def test_a_failed_write_keeps_the_old_file(old, monkeypatch, end):
     def fail(descriptor):
         raise end
 
@@ -159,7 +159,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name, words", REFUSED.values(), ids=REFUSED)
-def test_a_name_that_cannot_be_written_is_refused_in_words_before_the_work(old, name, words):
+def test_an_unwritable_name_is_refused_before_the_work(old, name, words):
     (old.parent / "folder").mkdir()
     (old.parent / "loop.csv").symlink_to("loop.csv")
     before = sorted(old.parent.iterdir())
@@ -190,7 +190,7 @@ def test_only_this_module_opens_files_to_write():
             assert name not in code, path
 
 
-def test_a_name_in_a_text_is_shown_and_neither_obeyed_nor_rendered(tmp_path):
+def test_a_name_is_shown_as_text_and_never_executed(tmp_path):
     name = "<img src=x>|[a](b) `c` \x1b[2J\x9b1m \u202egnp"
     card = Card(name, (("source", name),), (name,), ((name, "failed", name),), name)
     writing.write_text(tmp_path / "card.md", card.markdown)

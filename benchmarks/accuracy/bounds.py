@@ -39,11 +39,11 @@ from palpate import (
     VariableProjection,
     identify,
 )
-from palpate.design import Motion
-from palpate.design.precision import cramer_rao_bound, inverse_information, jacobian
-from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit, FitInput, standard_errors
-from palpate.preparation.velocity import velocity_of
+from palpate.identification.diagnosis import Data
+from palpate.identification.diagnosis.fit import Fit, FitInput, standard_errors
+from palpate.input.preparation.velocity import velocity_of
+from palpate.lab.design import Motion
+from palpate.lab.design.precision import cramer_rao_bound, inverse_information, jacobian
 from palpate.validation import Floats
 
 TIMES = (0.5, 1.0, 5.0, 20.0)  # s

@@ -45,8 +45,8 @@ from palpate import (
     identify,
     lab,
 )
-from palpate.estimators import ContactEstimator
 from palpate.findings import Check
+from palpate.method.estimators import ContactEstimator
 from palpate.validation import Floats
 
 DURATION = 12.0  # s

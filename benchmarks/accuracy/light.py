@@ -12,7 +12,7 @@ from benchmarks.common.probing import BALL, GEL, PVC, SPONGE, SYMBOLS, feed, wav
 from benchmarks.common.report import Group, Limit, Line
 from benchmarks.common.workers import Workers
 from palpate import Estimate, HuntCrossley, Scale, VariableProjection
-from palpate.design.precision import cramer_rao_bound
+from palpate.lab.design.precision import cramer_rao_bound
 from palpate.validation import Floats
 
 SECONDS = 10.0

@@ -31,7 +31,7 @@ from palpate import (
     VariableProjection,
     identify,
 )
-from palpate.preparation.velocity import velocity_of
+from palpate.input.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
 SECONDS = 10.0

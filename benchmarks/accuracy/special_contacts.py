@@ -19,8 +19,8 @@ from benchmarks.common.probing import (
 from benchmarks.common.report import Group, Limit, Line
 from benchmarks.common.workers import Workers
 from palpate import ContactGate, DoubleStageRLS, HuntCrossley, SingleStageRLS, VariableProjection
-from palpate.design.precision import cramer_rao_bound
-from palpate.estimators import ContactEstimator
+from palpate.lab.design.precision import cramer_rao_bound
+from palpate.method.estimators import ContactEstimator
 from palpate.validation import Floats
 
 STARTS = [

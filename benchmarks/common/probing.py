@@ -7,8 +7,8 @@ import numpy as np
 from scipy.signal import lfilter
 
 from palpate import Estimate, HuntCrossley, lab
-from palpate.design import Motion
-from palpate.estimators import ContactEstimator
+from palpate.lab.design import Motion
+from palpate.method.estimators import ContactEstimator
 from palpate.validation import Floats
 
 NOISE = lab.Sensors().force_noise  # N, standard deviation

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from palpate import Contact, prepare
-from palpate.preparation.velocity import velocity_of
+from palpate.input.preparation.velocity import velocity_of
 from palpate.validation import Floats
 
 LEAD = 2.0  # s before the window of the notes, because a material may have memory

@@ -26,7 +26,7 @@ from benchmarks.common.recordings import with_notes
 from benchmarks.common.report import markdown_table, run_command
 from benchmarks.diagnosis.marks import blocks_of, objects_of
 from palpate import Contact, PalpateError, identify, prepare
-from palpate.preparation.gate import choose_gate
+from palpate.input.preparation.gate import choose_gate
 
 FEWEST = 4  # segments or touches
 TURNS = 7  # of a contact that is cut in time

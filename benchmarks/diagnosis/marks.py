@@ -39,7 +39,7 @@ from palpate import (
     lab,
     prepare,
 )
-from palpate.diagnosis import Quantity, bars, verdict
+from palpate.identification.diagnosis import Quantity, bars, verdict
 from palpate.validation import Floats
 
 Row = dict[str, Any]

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from benchmarks.common.report import Row, Section, at_least
 from palpate.findings import Check
-from palpate.quantities.elastic_modulus import Cone, Sphere, Tip
-from palpate.quantities.indentation import Indentation, fit_approach
+from palpate.identification.quantities.elastic_modulus import Cone, Sphere, Tip
+from palpate.identification.quantities.indentation import Indentation, fit_approach
 
 Floats = NDArray[np.float64]
 COUNT = 40

@@ -13,10 +13,10 @@ import numpy as np
 from benchmarks.common.recordings import recorded
 from benchmarks.common.report import Limit, Row, Section, at_least
 from benchmarks.common.timing import least_seconds
-from palpate.estimators.batch_fit import CurveFits, fit_curves
-from palpate.quantities.elastic_modulus import Sphere
-from palpate.quantities.indentation import fit_force_curve
-from palpate.recordings.opening import FORCE_CURVES
+from palpate.identification.quantities.elastic_modulus import Sphere
+from palpate.identification.quantities.indentation import fit_force_curve
+from palpate.input.recordings.opening import FORCE_CURVES
+from palpate.method.estimators.batch_fit import CurveFits, fit_curves
 
 _ALONE = Path(__file__).with_name("nanite_alone.py")
 

@@ -33,7 +33,7 @@ constexpr Number faded(double sum) noexcept {
 template <class Number, std::size_t Size>
 constexpr void fade_out(std::array<std::array<Number, Size>, Size>& sums, double fade) noexcept {
   for (auto& row : sums) {
-    for (Number& entry : row) entry = faded<Number>(entry * fade);
+    for (Number& entry : row) entry = faded<Number>(double{entry} * fade);
   }
 }
 
@@ -49,7 +49,7 @@ struct HaarLevel {
   Number newer_pairs = 0;
 
   double residual_variance() const noexcept {  // d_k
-    return static_cast<double>(older) / older_pairs;
+    return double{older} / double{older_pairs};
   }
 
   void keep(const Vector<Size>& sum, double error) noexcept {
@@ -60,12 +60,12 @@ struct HaarLevel {
   void take(const Vector<Size>& sum, double error, double per_pair, double fade) noexcept {
     if (fade != 1.0) forget(fade);
     Vector<Size> apart;
-    for (std::size_t i = 0; i < Size; ++i) apart[i] = half[i] - sum[i];
+    for (std::size_t i = 0; i < Size; ++i) apart[i] = double{half[i]} - sum[i];
     for (std::size_t i = 0; i < Size; ++i) {
       const double scaled = apart[i] * per_pair;
       for (std::size_t j = i; j < Size; ++j) add(information[i][j], scaled * apart[j]);
     }
-    const double errors_apart = half_residual - error;
+    const double errors_apart = double{half_residual} - error;
     const double square = errors_apart * errors_apart * per_pair;
     add(older, square);
     add(newer, square);
@@ -76,17 +76,17 @@ struct HaarLevel {
   void forget(double fade) noexcept {
     fade_out(information, fade);
     for (Number* sum : {&older, &newer, &older_pairs, &newer_pairs}) {
-      *sum = faded<Number>(*sum * fade);
+      *sum = faded<Number>(double{*sum} * fade);
     }
   }
 
   void scale_residuals(double factor, double weight) noexcept {
-    half_residual = static_cast<Number>(half_residual * factor);
+    half_residual = static_cast<Number>(double{half_residual} * factor);
     const double energy = weight * factor * factor;
-    older = faded<Number>(older * energy);
-    newer = faded<Number>(newer * energy);
-    older_pairs = static_cast<Number>(older_pairs * weight);
-    newer_pairs = static_cast<Number>(newer_pairs * weight);
+    older = faded<Number>(double{older} * energy);
+    newer = faded<Number>(double{newer} * energy);
+    older_pairs = static_cast<Number>(double{older_pairs} * weight);
+    newer_pairs = static_cast<Number>(double{newer_pairs} * weight);
   }
 
   void renew() noexcept {
@@ -96,7 +96,9 @@ struct HaarLevel {
   }
 
  private:
-  static void add(Number& sum, double term) noexcept { sum = static_cast<Number>(sum + term); }
+  static void add(Number& sum, double term) noexcept {
+    sum = static_cast<Number>(double{sum} + term);
+  }
 };
 
 template <std::size_t Size, class Number = double>
@@ -118,8 +120,8 @@ class HaarLevels {
       waiting_ ^= 1U << k;
       if (waiting(k)) return level.keep(sum, error);
       level.take(sum, error, per_pair, fade);
-      for (std::size_t i = 0; i < Size; ++i) sum[i] += level.half[i];
-      error += level.half_residual;
+      for (std::size_t i = 0; i < Size; ++i) sum[i] += double{level.half[i]};
+      error += double{level.half_residual};
       per_pair *= 0.5;
       fade *= fade;
     }
@@ -144,8 +146,8 @@ class HaarLevels {
   // levels.
   double residual_variance() const noexcept {
     double energy = 0.0;
-    for (const HaarLevel<Size, Number>& level : levels_) energy += level.older;
-    const double samples = 2.0 * levels_[0].older_pairs;
+    for (const HaarLevel<Size, Number>& level : levels_) energy += double{level.older};
+    const double samples = 2.0 * double{levels_[0].older_pairs};
     return samples > 0.0 ? energy / samples : 0.0;
   }
 
@@ -178,7 +180,7 @@ class HaarLevels {
   template <class Sum>
   static void add_square(Matrix<Size>& m, const Sum& sum, double per_block) noexcept {
     for (std::size_t i = 0; i < Size; ++i) {
-      for (std::size_t j = i; j < Size; ++j) m[i][j] += per_block * sum[i] * sum[j];
+      for (std::size_t j = i; j < Size; ++j) m[i][j] += per_block * double{sum[i]} * double{sum[j]};
     }
   }
 
@@ -242,7 +244,8 @@ struct LevelNoise {
   LevelNoise(const HaarLevels<Size, Number>& levels, double variance, const Fitted& fitted,
              const Each* white = nullptr) noexcept
       : used(levels.used()) {
-    for (; measured < used && levels[measured].older_pairs >= fitted.fewest_pairs; ++measured) {
+    for (; measured < used && double{levels[measured].older_pairs} >= fitted.fewest_pairs;
+         ++measured) {
       const HaarLevel<Size, Number>& level = levels[measured];
       pairs[measured] = level.older_pairs;
       // A fit of p parameters to all samples absorbs p/2m of the residuals, a fit to earlier
@@ -343,12 +346,10 @@ class ErrorWidening {
   }
 
  private:
-  Matrix<Size> part(std::size_t k) const noexcept {
-    Matrix<Size> result = rest_;
-    for (std::size_t i = 0; i < Size && k < noise_.used; ++i) {
-      std::copy_n(levels_[k].information[i].begin(), Size, result[i].begin());
-    }
-    return result;
+  // Calls with the information of a level, or of the blocks without a partner after the last one.
+  template <class Use>
+  auto with_part(std::size_t k, const Use& use) const noexcept {
+    return k < noise_.used ? use(levels_[k].information) : use(rest_);
   }
 
   // 1 + Rᵀ [Σ (q² d_k/σ² − 1) D_k + (f − 1) P] R, where R is the root in the slopes of the levels
@@ -358,7 +359,8 @@ class ErrorWidening {
     Matrix<Size> excess{};
     excess[Size - 1][Size - 1] = (of_prior - 1.0) * last_prior_;
     for (std::size_t k = 0; k <= noise_.used; ++k) {
-      add(excess, part(k), quantile * quantile * noise_.ratio[k] - 1.0);
+      const double factor = quantile * quantile * noise_.ratio[k] - 1.0;
+      with_part(k, [&](const auto& part) noexcept { add(excess, part, factor); });
     }
     mirror(excess);
     Matrix<Size> transposed{};
@@ -371,14 +373,17 @@ class ErrorWidening {
   }
 
   double degrees(const Vector<Size>& y) const noexcept {
-    return noise_.degrees([&](std::size_t k) { return noise_.ratio[k] * quadratic(part(k), y); });
+    return noise_.degrees([&](std::size_t k) {
+      return noise_.ratio[k] *
+             with_part(k, [&](const auto& part) noexcept { return quadratic(part, y); });
+    });
   }
 
   // Scaled to a unit diagonal, so that nothing overflows. A pivot lost to rounding carries no
   // information from the samples and gets no noise.
   Matrix<Size> inverse_root(const Vector<Size>& prior) noexcept {
     Matrix<Size> m = rest_;
-    for (std::size_t k = 0; k < noise_.used; ++k) add(m, part(k), 1.0);
+    for (std::size_t k = 0; k < noise_.used; ++k) add(m, levels_[k].information, 1.0);
     mirror(m);
     Vector<Size> unit{}, kept{};
     for (std::size_t i = 0; i < Size; ++i) {
@@ -399,9 +404,10 @@ class ErrorWidening {
     return inverse.root;
   }
 
-  static void add(Matrix<Size>& sum, const Matrix<Size>& upper, double factor) noexcept {
+  template <class Part>
+  static void add(Matrix<Size>& sum, const Part& upper, double factor) noexcept {
     for (std::size_t i = 0; i < Size; ++i) {
-      for (std::size_t j = i; j < Size; ++j) sum[i][j] += factor * upper[i][j];
+      for (std::size_t j = i; j < Size; ++j) sum[i][j] += factor * double{upper[i][j]};
     }
   }
 
@@ -411,11 +417,12 @@ class ErrorWidening {
     }
   }
 
-  static double quadratic(const Matrix<Size>& upper, const Vector<Size>& y) noexcept {
+  template <class Part>
+  static double quadratic(const Part& upper, const Vector<Size>& y) noexcept {
     double sum = 0.0;
     for (std::size_t i = 0; i < Size; ++i) {
-      double line = 0.5 * upper[i][i] * y[i];
-      for (std::size_t j = i + 1; j < Size; ++j) line += upper[i][j] * y[j];
+      double line = 0.5 * double{upper[i][i]} * y[i];
+      for (std::size_t j = i + 1; j < Size; ++j) line += double{upper[i][j]} * y[j];
       sum += 2.0 * y[i] * line;
     }
     return sum;

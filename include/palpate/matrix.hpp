@@ -7,6 +7,8 @@
 #include <cstddef>
 #include <limits>
 
+#include "palpate/language.hpp"
+
 namespace palpate {
 
 template <std::size_t Size>

@@ -121,14 +121,19 @@ class Recursion {
   Snapshot<Law> snapshot() const noexcept { return method_.snapshot(units_); }
 
   // Stiffness and damping that a controller may act on, at a depth [m]; default: the present one.
-  // Without a solution of its own: a tenth of the time of estimate().
+  // Without a solution of its own: a tenth of the time of estimate(). `fit`: the present fit, if it
+  // is known already.
   ContactResponse response(double depth = std::numeric_limits<double>::quiet_NaN(),
-                           const ResponsePrior& prior = {}) const noexcept {
+                           const ResponsePrior& prior = {},
+                           const Fit<Law>* fit = nullptr) const noexcept {
     const double frequency = watch_.frequency();
     if (!std::isfinite(depth)) depth = watch_.position();
-    return watch_.response(law_response(depth, frequency), std::max(depth, shallowest), frequency,
-                           velocity_, taken(status_), prior);
+    return watch_.response(law_response(depth, frequency, fit), std::max(depth, shallowest),
+                           frequency, velocity_, taken(status_), prior);
   }
+
+  // The present fit, from which estimate() and response() are computed.
+  Fit<Law> fit() const noexcept { return method_.fit(units_); }
 
   double last_velocity() const noexcept { return velocity_; }
   const Units& units() const noexcept { return units_; }
@@ -200,8 +205,7 @@ class Recursion {
     enter(gate_.without_contact());
   }
 
-  Estimate<Law::size> estimate(std::uint64_t rejected) const noexcept {
-    const Fit<Law> fit = method_.fit(units_);
+  Estimate<Law::size> estimate(const Fit<Law>& fit, std::uint64_t rejected) const noexcept {
     const double margin = validity_margin(fit.law, velocity_);
     return {{fit.surface, fit.flags, margin, status_, samples_, guarded_, restarts_, rejected},
             fit.law.parameters(),
@@ -212,15 +216,16 @@ class Recursion {
  private:
   static constexpr double shallowest = 1e-9;  // m
 
-  detail::LawResponse law_response(double depth, double frequency) const noexcept {
+  detail::LawResponse law_response(double depth, double frequency,
+                                   const Fit<Law>* fit = nullptr) const noexcept {
     depth = std::max(depth, shallowest);
     if constexpr (requires { method_.response(units_, depth, frequency); }) {
       return method_.response(units_, depth, frequency);
     } else if constexpr (requires { method_.latest_fit(units_); }) {
-      const Fit<Law> fit = method_.latest_fit(units_);
-      return detail::law_response(fit, std::max(depth - fit.surface.value, shallowest));
+      const Fit<Law> latest = method_.latest_fit(units_);
+      return detail::law_response(latest, std::max(depth - latest.surface.value, shallowest));
     } else {
-      return detail::law_response(method_.fit(units_), depth);
+      return detail::law_response(fit ? *fit : this->fit(), depth);
     }
   }
 
@@ -383,9 +388,10 @@ class RecursiveEstimator : public Recursion<M> {
   // until the next contact.
   void leave_contact() noexcept { Recursion<M>::leave_contact(outliers()); }
 
-  Estimate<M::Law::size> estimate() const noexcept {
+  Estimate<M::Law::size> estimate() const noexcept { return estimate(this->fit()); }
+  Estimate<M::Law::size> estimate(const Fit<typename M::Law>& fit) const noexcept {
     const OutlierRejection* outliers = outliers_.watcher();
-    return Recursion<M>::estimate(outliers ? outliers->rejected() : 0);
+    return Recursion<M>::estimate(fit, outliers ? outliers->rejected() : 0);
   }
 
   const Settings& settings() const noexcept { return settings_; }

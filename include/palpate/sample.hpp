@@ -7,6 +7,8 @@
 #include <cstdint>
 #include <initializer_list>
 
+#include "palpate/language.hpp"
+
 namespace palpate {
 
 // One sample, in units defined by its user.

@@ -6,10 +6,9 @@
 #include <span>
 #include <string>
 #include <variant>
-#include <vector>
 
 #include "conversions.hpp"
-#include "palpate/error_widening.hpp"
+#include "palpate/batch_fit/long_run_covariance.hpp"
 #include "palpate/least_squares.hpp"
 
 namespace palpate::bindings {
@@ -102,80 +101,17 @@ double predict(const Engine& engine, const nb::sequence& sequence) {
       engine);
 }
 
-// Fills Σ d_k D_k of scores (one row per sample, in the order of time) and the residual: the
-// covariance of a least-squares fit whose influences are the scores, with Student's quantile.
-// `shares` is the fraction of its window that a row shares with the next, the next but one …;
-// `fitted` the number of fitted parameters.
+// Fills the long-run covariance of scores (one row per sample) and their residual.
 void long_run_covariance(const InputRows& scores, const InputArray& residual,
                          const InputArray& shares, double fitted, const OutputArray& result) {
-  using detail::LevelNoise;
-  const std::size_t size = scores.shape(1), square = size * size;
-  std::size_t count = residual.size();
-  if (scores.shape(0) != count || result.size() != square) {
+  const std::size_t size = scores.shape(1), count = residual.size();
+  if (scores.shape(0) != count || result.size() != size * size) {
     throw nb::value_error(
         "scores must have a row per residual, and the result a row and a column per score");
   }
-  std::vector<double> sums(scores.data(), scores.data() + scores.size());
-  std::vector<double> errors(residual.data(), residual.data() + count);
-  std::vector<double> parts(LevelNoise::most * square);
-  const auto add = [&](std::size_t k, const double* a, const double* b, double per_pair) {
-    for (std::size_t i = 0; i < size; ++i) {
-      for (std::size_t j = 0; j < size; ++j) {
-        parts[k * square + i * size + j] += (a[i] - b[i]) * (a[j] - b[j]) * per_pair;
-      }
-    }
-  };
-  double all = 1.0, energy = 0.0;
-  for (std::size_t l = 0; l < shares.size(); ++l) all += 2.0 * shares.data()[l];
-  for (const double error : errors) energy += error * error;
-  const double freedom = std::max(static_cast<double>(count) - all * fitted, 1.0);
-  const double variance = std::max(energy / freedom, 1e-300);
-
-  detail::HaarLevels<1> levels;
-  LevelNoise::Each white;
-  white.fill(all);
-  constexpr std::size_t rest = LevelNoise::most - 1;
-  const std::vector<double> nothing(size);
-  double length = 1.0;
-  for (std::size_t k = 0; count > 0; ++k, length *= 2.0) {
-    const std::size_t pairs = k < rest ? count / 2 : 0;
-    for (std::size_t i = 2 * pairs; i < count; ++i) {
-      add(rest, &sums[i * size], nothing.data(), 1.0 / length);
-    }
-    count = pairs;
-    if (pairs == 0) break;
-    for (std::size_t i = 0; i < pairs; ++i) {
-      const double *const first = &sums[2 * i * size], *const second = first + size;
-      add(k, first, second, 0.5 / length);
-      for (std::size_t j = 0; j < size; ++j) sums[i * size + j] = first[j] + second[j];
-      const double apart = errors[2 * i] - errors[2 * i + 1];
-      levels[k].older += apart * apart * 0.5 / length;
-      errors[i] = errors[2 * i] + errors[2 * i + 1];
-    }
-    levels[k].older_pairs = static_cast<double>(pairs);
-    // The Haar wavelet's autocorrelation gives the variance of white noise in shared windows.
-    white[k] = 1.0;
-    for (std::size_t l = 0; l < shares.size(); ++l) {
-      const double lag = static_cast<double>(l + 1) / length;
-      white[k] += shares.data()[l] * (lag < 1.0 ? 2.0 - 3.0 * lag : std::min(lag - 2.0, 0.0));
-    }
-    white[k] = std::max(white[k], 1e-3);
-  }
-
-  const LevelNoise noise(levels, variance, {fitted, true}, &white);
-  const auto term = [&](std::size_t k, std::size_t entry) {
-    return noise.ratio[k] * white[k] * parts[k * square + entry];
-  };
-  std::vector<double> quantile(size);
-  for (std::size_t i = 0; i < size; ++i) {
-    const auto own = [&](std::size_t k) { return term(k, i * size + i); };
-    quantile[i] = noise.measured > 0 ? detail::widened_quantile(noise.degrees(own)) : 1.0;
-  }
-  for (std::size_t entry = 0; entry < square; ++entry) {
-    double sum = 0.0;
-    for (std::size_t k = 0; k <= rest; ++k) sum += term(k, entry);
-    result.data()[entry] = quantile[entry / size] * quantile[entry % size] * variance * sum;
-  }
+  detail::long_run_covariance({scores.data(), scores.size()}, {residual.data(), count},
+                              {shares.data(), shares.size()}, fitted,
+                              {result.data(), result.size()});
 }
 
 }  // namespace

@@ -290,9 +290,11 @@ void each_row(std::size_t rows, std::size_t size, std::size_t threads,
       for (std::size_t row = first; row < last; ++row) work(row, spare.data() + worker * size);
     }
   };
+#ifndef __EMSCRIPTEN__  // Pyodide has one thread
   std::vector<std::jthread> others;
   others.reserve(workers - 1);
   for (std::size_t worker = 1; worker < workers; ++worker) others.emplace_back(run, worker);
+#endif
   run(0);
 }
 
@@ -349,7 +351,7 @@ void bind_curves(nb::module_& module) {
   module.def("fit_curves", &fit_curves, nb::arg(), nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg(), nb::arg(),
              nb::arg(), nb::arg(), nb::arg().none(), nb::arg(), nb::arg() = "",
-             "The core of palpate.estimators.batch_fit.fit_curves, one row per curve.");
+             "The core of palpate.method.estimators.batch_fit.fit_curves, one row per curve.");
   module.def("fit_samples", &fit_samples, nb::arg(), nb::arg(), nb::arg(), nb::arg(),
              "(k, c, n, F₀, d) of the least squares of samples, rows of x, v and F.");
 }

@@ -142,7 +142,8 @@ class CoreOf final : public Core, public Zeroed {
     return estimator.predict(penetration, velocity);
   }
   EstimateValue estimate(double depth, const ResponsePrior& prior) const override {
-    return value_of(estimator.estimate(), estimator.response(depth, prior));
+    const auto fit = estimator.fit();
+    return value_of(estimator.estimate(fit), estimator.response(depth, prior, &fit));
   }
   void leave_contact() override { estimator.leave_contact(); }
   void reset() override { estimator.reset(); }

@@ -7,6 +7,9 @@ if TYPE_CHECKING:
 
     __version__: str
 else:
+    #: Modules that users name without the package in which they stand.
+    _MODULES = {"figures": "palpate.output.figures"}
+
     # Imported at the first use of a public name, because the command line answers --help, and an
     # interrupt, without NumPy.
     def __getattr__(name: str) -> object:
@@ -17,8 +20,9 @@ else:
             from palpate._core import __version__
 
             return globals().setdefault(name, __version__)
-        if find_spec(f"palpate.{name}"):  # a module, for one of the package's own
-            return import_module(f"palpate.{name}")
+        place = _MODULES.get(name, f"palpate.{name}")
+        if find_spec(place):  # a module, for one of the package's own
+            return import_module(place)
         public = vars(import_module("palpate._public"))
         offered = {each: public[each] for each in sorted(public) if not each.startswith("_")}
         globals().update(offered, __all__=list(offered))

@@ -211,7 +211,7 @@ def long_run_covariance(scores: Annotated[NDArray[numpy.float64], dict(shape=(No
 
 def fit_curves(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg3: Sequence[float], arg4: bool, arg5: float, arg6: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg7: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg8: Sequence[float] | None, arg9: Sequence[float], arg10: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg11: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], arg12: Annotated[NDArray[numpy.int64], dict(order='C', device='cpu')], arg13: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')], arg14: Annotated[NDArray[numpy.uint8], dict(order='C', device='cpu')] | None, arg15: int, arg16: str = '', /) -> None:
     """
-    The core of palpate.estimators.batch_fit.fit_curves, one row per curve.
+    The core of palpate.method.estimators.batch_fit.fit_curves, one row per curve.
     """
 
 def fit_samples(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], arg2: Sequence[float], arg3: Sequence[float], /) -> list[float]:
@@ -241,7 +241,7 @@ class RecursiveEstimator:
         Force [N] that the present estimate predicts for the sensor at a penetration [m] and velocity [m/s]; out of contact only the offset.
         """
 
-    def _estimate(self, depth: float, bounds: Sequence[float]) -> EstimateValue: ...
+    def _estimate(self, kind: type, depth: float, bounds: Sequence[float]) -> Any: ...
 
     def reset(self) -> None:
         """Forget everything but the settings."""

@@ -94,7 +94,10 @@ def _together(value: float, errors: list[float]) -> str:
     largest, place = _last_place(max(errors))
     power = max(_power(value), _power(largest)) if value else _power(largest)
     return _join_numbers(
-        " ± ", [(value, _format_to_place), *((each, _error) for each in errors)], place, power
+        " ± ",
+        [(value, _format_to_place), *((error, _error) for error in errors)],
+        place,
+        power,
     )
 
 
@@ -126,10 +129,10 @@ def _error(error: float, place: int) -> str:
 
 def _format_to_place(value: float, place: int) -> str:
     if place <= 0:
-        words = f"{value:.{-place}f}"
+        text = f"{value:.{-place}f}"
     else:
-        words = f"{round(value / 10.0**place) * 10**place:d}"
-    return words[1:] if words.startswith("-") and not words.strip("-0.") else words
+        text = f"{round(value / 10.0**place) * 10**place:d}"
+    return text[1:] if text.startswith("-") and not text.strip("-0.") else text
 
 
 def _divide_by_power(value: float, power: int) -> float:
@@ -143,8 +146,8 @@ def _power(value: float) -> int:
     return Decimal(repr(float(value))).adjusted() if value else 0
 
 
-def _trim_zeros(words: str) -> str:
-    return words.rstrip("0").rstrip(".") if "." in words else words
+def _trim_zeros(text: str) -> str:
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def _ten_to(power: int) -> str:
@@ -157,6 +160,16 @@ def format_quantity(value: float, unit: str, digits: int = 3) -> str:
         if abs(value) >= 0.1 * size:
             return f"{rounded(value / size, digits)} {prefix}{unit}"
     return f"{rounded(value, digits)} {unit}"
+
+
+def format_time(seconds: float) -> str:
+    """Format a time; a thousand seconds or more keep the unit s."""
+    return format_quantity(seconds, "s") if seconds < 1.0 else f"{rounded(seconds, 3)} s"
+
+
+def format_hertz(frequency: float) -> str:
+    """Format a frequency [rad/s] in Hz."""
+    return f"{rounded(frequency / math.tau, 3)} Hz"
 
 
 def percent(part: float, *, sign: bool = False) -> str:

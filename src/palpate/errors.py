@@ -9,9 +9,9 @@ if TYPE_CHECKING:
     from typing import Any
 
 
-def printable(words: str) -> str:
-    """``words`` with control characters escaped, because a terminal would obey them."""
-    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in words)
+def printable(text: str) -> str:
+    """``text`` with control characters escaped, because a terminal would obey them."""
+    return "".join(sign if sign.isprintable() else repr(sign)[1:-1] for sign in text)
 
 
 class PalpateError(Exception):
@@ -28,10 +28,19 @@ class InvalidParameterError(PalpateError, ValueError):
 class RecordingError(PalpateError, ValueError):
     """A recording cannot be used: the message names the file, the channel and the row."""
 
+    _reason = ""
+
     @classmethod
-    def of(cls, source: str, words: str) -> "RecordingError":
+    def of(cls, source: str, reason: str) -> "RecordingError":
         """Return the error, with the name of the file if that is known."""
-        return cls(f"{source}: {words}" if source else words)
+        error = cls(f"{source}: {reason}" if source else reason)
+        error._reason = reason
+        return error
+
+    @property
+    def reason(self) -> str:
+        """The message without the name of the file."""
+        return spell_advice(self._reason) or str(self)
 
 
 class NoContactError(RecordingError):
@@ -47,8 +56,8 @@ class ExportRefusedError(PalpateError, ValueError):
         The statement on which the refusal rests.
     """
 
-    def __init__(self, words: str, statement: "Any" = None) -> None:
-        super().__init__(words)
+    def __init__(self, text: str, statement: "Any" = None) -> None:
+        super().__init__(text)
         self.statement = statement
 
 
@@ -79,9 +88,13 @@ class MissingChannelError(RecordingError):
         self.missing = missing
 
     def __str__(self) -> str:
-        where = f"{self.source}: " if self.source else ""
+        return f"{self.source}: {self.reason}" if self.source else self.reason
+
+    @property
+    def reason(self) -> str:
+        """The message without the name of the file."""
         missing = self.missing or f"no column {self.channel!r}"
-        return f"{where}{spell_advice(missing)}; available: {list_names(self.available)}"
+        return f"{spell_advice(missing)}; available: {list_names(self.available)}"
 
 
 def list_names(names: list[str]) -> str:
@@ -122,3 +135,15 @@ def import_extra(module: str, what: str, extra: str) -> "Any":
         return import_module(module)
     except ImportError as error:
         raise MissingExtraError.of(error, what, extra) from None
+
+
+def require_mujoco(what: str = "the twin pantograph", extra: str = "lab") -> "Any":
+    """Return MuJoCo, or raise an error with what needs it and how to install it."""
+    try:
+        return import_module("mujoco")
+    except ImportError:
+        raise MissingExtraError.named(what, "MuJoCo", extra) from None
+    except Exception as error:  # MUJOCO_GL may name a graphics library that is missing
+        raise MissingExtraError(
+            f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
+        ) from None

@@ -4,23 +4,22 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from palpate.contact import Contact
-from palpate.diagnosis import Data, Diagnosis
 from palpate.errors import InvalidParameterError
-from palpate.estimators import (
+from palpate.identification.diagnosis import Data, Diagnosis
+from palpate.identification.identified import Identified
+from palpate.input.preparation.gate import choose_gate
+from palpate.input.preparation.preparing import BY_NAME, Recorded, prepare
+from palpate.method.contact import Contact
+from palpate.method.estimators import (
     ESTIMATORS,
     ContactEstimator,
-    VariableProjection,
     ViscoelasticContact,
 )
-from palpate.estimators.by_law import estimator_by_law
-from palpate.estimators.contact_estimator import Rejection, check_exponent, estimator_named
-from palpate.estimators.estimate import Traced, check_trace
-from palpate.identification.identified import Identified
-from palpate.preparation.gate import choose_gate
-from palpate.preparation.preparing import BY_NAME, Recorded, prepare
-from palpate.results import view
-from palpate.settings import ContactGate
+from palpate.method.estimators.by_law import estimator_by_law
+from palpate.method.estimators.contact_estimator import Rejection, check_exponent, estimator_named
+from palpate.method.estimators.estimate import Traced, check_trace
+from palpate.method.settings import ContactGate
+from palpate.output.results import view
 
 if TYPE_CHECKING:
     import pandas
@@ -78,7 +77,7 @@ class Identification(Identified):
 
     def _repr_html_(self) -> str:
         """Return a card for a notebook: the numbers with their marks, and the law."""
-        from palpate.reports.identification import card
+        from palpate.output.reports.identification import card
 
         return card(self)
 
@@ -87,8 +86,8 @@ class Identification(Identified):
         return view.summary(self)
 
     def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
-        """Draw the result with :func:`palpate.figures.draw`."""
-        from palpate.figures import draw
+        """Draw the result with :func:`palpate.output.figures.draw`."""
+        from palpate.output.figures import draw
 
         return draw(self, dark=dark, width=width)
 
@@ -106,7 +105,7 @@ class Identification(Identified):
         MissingExtraError
             pandas is not installed.
         """
-        from palpate.results.saved import to_pandas
+        from palpate.output.results.saved import to_pandas
 
         return to_pandas(self)
 
@@ -118,7 +117,7 @@ class Identification(Identified):
         MissingExtraError
             xarray, of the extra ``notebook``, is not installed.
         """
-        from palpate.results.saved import to_xarray
+        from palpate.output.results.saved import to_xarray
 
         return to_xarray(self)
 
@@ -140,13 +139,13 @@ class Identification(Identified):
         MissingExtraError
             matplotlib, which the report needs, is not installed.
         """
-        from palpate.reports.identification import Destination
+        from palpate.output.reports.identification import Destination
 
         Destination(Path(folder)).save(self)
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as numbers and text in JSON types; undefined values are None."""
-        from palpate.results.saved import result_dict
+        from palpate.output.results.saved import result_dict
 
         return result_dict(self)
 
@@ -183,7 +182,8 @@ def identify(
     estimator : ContactEstimator or str, optional
         Method with settings, which is not modified, or the name of a method. Default: the same as
         ``law="auto"``, or :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
-        is chosen from the data: see :mod:`palpate.preparation.gate`. Variable projection selects
+        is chosen from the data: see :mod:`palpate.input.preparation.gate`. Variable projection
+        selects
         its samples itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
         :class:`OutlierRejection` excludes outliers unless ``outlier_rejection`` is False.
     *arrays : array_like
@@ -318,7 +318,8 @@ def compare(
     """
     traced = check_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)
-    data, rejecting = Data(contact), outlier_rejection is not False
+    data = Data(contact)
+    rejecting = outlier_rejection is not False
     if (
         known is not None
         and known.data is not None
@@ -333,7 +334,7 @@ def compare(
         name
         for name, kind in ESTIMATORS.items()
         if (kept is None or kind.exponents[0] <= kept <= kind.exponents[1])
-        and (kind is VariableProjection or not contact.timeless)
+        and (kind.works_without_time or not contact.timeless)
     ]
     for name in watch(able):
         kind = ESTIMATORS[name]
@@ -351,7 +352,9 @@ def compare(
 
 
 def _estimator_for_law(
-    estimator: ContactEstimator | str | None, law: str | None, exponent: float | None = None
+    estimator: ContactEstimator | str | None,
+    law: str | None,
+    exponent: float | None = None,
 ) -> ContactEstimator | str | None:
     """Return the estimator of a law, if one is requested, or that keeps a known exponent."""
     known = {} if exponent is None else {"exponent": exponent}

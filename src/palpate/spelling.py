@@ -94,20 +94,22 @@ _commanded = False
 def options_in_advice() -> Iterator[None]:
     """Spell advice with the options of a command within this context, as the command line does."""
     global _commanded
-    before, _commanded = _commanded, True
+    before = _commanded
+    _commanded = True
     try:
         yield
     finally:
         _commanded = before
 
 
-def spell_advice(words: str) -> str:
+def spell_advice(text: str) -> str:
     """Return a sentence that names options, with the arguments of functions unless commanded."""
-    return words if _commanded else _OPTION.sub(_as_argument, words)
+    return text if _commanded else _OPTION.sub(_as_argument, text)
 
 
 def _as_argument(found: re.Match[str]) -> str:
-    name, value = found[1], found[2]
+    name = found[1]
+    value = found[2]
     rest = "" if value is None else found[0][len(name) + 2 :]
     if name in FLAGS:
         return FLAGS[name] + rest

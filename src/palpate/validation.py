@@ -51,7 +51,7 @@ class Plain:
     def as_dict(self) -> dict[str, Any]:
         """Return the fields as JSON types; a number that is not finite is None."""
         own: Any = self  # each subclass is a dataclass
-        return {each.name: plain(getattr(self, each.name)) for each in fields(own)}
+        return {field.name: plain(getattr(self, field.name)) for field in fields(own)}
 
 
 def or_nan(value: float | None) -> float:
@@ -96,7 +96,13 @@ def number_in(name: str, value: Any, low: float, high: float, *, open_low: bool 
 
 
 def check_field(
-    owner: Any, name: str, low: float, high: float, *, open_low: bool = False, whole: bool = False
+    owner: Any,
+    name: str,
+    low: float,
+    high: float,
+    *,
+    open_low: bool = False,
+    whole: bool = False,
 ) -> float:
     """Check a field of a frozen dataclass by :func:`number_in` and store it as a number."""
     value = getattr(owner, name)
@@ -160,8 +166,8 @@ def instance(name: str, value: Any, kinds: type | tuple[type, ...]) -> None:
     """Raise unless ``value`` is an instance of one of the kinds."""
     if not isinstance(value, kinds):
         allowed = kinds if isinstance(kinds, tuple) else (kinds,)
-        words = " or ".join(kind.__name__ for kind in allowed)
-        raise InvalidParameterError(f"{name} must be a {words}, not {shown(value)}")
+        text = " or ".join(kind.__name__ for kind in allowed)
+        raise InvalidParameterError(f"{name} must be a {text}, not {shown(value)}")
 
 
 def real_array(name: str, values: ArrayLike) -> Floats:

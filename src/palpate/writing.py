@@ -5,6 +5,7 @@ follows symbolic links. It writes directly to anything else, such as a device or
 """
 
 import errno
+import io
 import json
 import os
 import re
@@ -107,7 +108,7 @@ def as_toml(options: Mapping[str, Any], comments: Iterable[str]) -> str:
     """
     lines = [MADE, *(f"{name} = {_toml_value(value)}" for name, value in options.items())]
     lines += [""] if options else []
-    lines += [f"# {_escape_signs(' '.join(each.split()))}" for each in comments]
+    lines += [f"# {_escape_signs(' '.join(comment.split()))}" for comment in comments]
     return "\n".join(lines) + "\n"
 
 
@@ -129,9 +130,9 @@ def quote(text: str) -> str:
     return _escape_signs(json.dumps(text, ensure_ascii=False))
 
 
-def escape_markdown(words: str) -> str:
+def escape_markdown(text: str) -> str:
     """Return a line that Markdown shows as it is, without tags, cells, links or code."""
-    return " ".join(words.split()).translate(_MARKDOWN)
+    return " ".join(text.split()).translate(_MARKDOWN)
 
 
 def encode_text(text: str) -> bytes:
@@ -214,7 +215,7 @@ def check_outputs(outputs: Sequence[Path], inputs: Sequence[Path] = ()) -> None:
     """
     for i, path in enumerate(outputs):
         check_writable(path, inputs)
-        if any(_same_file(path, other) for other in outputs[:i]):
+        if any(_same_file(path, output) for output in outputs[:i]):
             raise RecordingError(f"{path}: two outputs name this file; rename one of them")
 
 
@@ -419,3 +420,29 @@ def _describe_os_error(path: Path, error: OSError) -> str:
         return f"{error.strerror}; free some space or choose another place"
     reason = error.strerror or "cannot be written"
     return f"{reason}; choose a writable place"
+
+
+# Tables of numbers as text.
+
+
+def begin_table(notes: Mapping[str, str], names: Iterable[str]) -> io.StringIO:
+    """Return a text buffer that begins with the notes and the names of the columns."""
+    text = io.StringIO()
+    for name, note in notes.items():
+        text.write(f"# {name}: {' '.join(note.split())}\n")
+    text.write(",".join(names) + "\n")
+    return text
+
+
+def write_formatted(
+    columns: Mapping[str, tuple[Any, str]],
+    path: Path,
+    notes: Mapping[str, str],
+) -> None:
+    """Write notes and arrays as CSV, each column in a format such as ``"%.9g"``."""
+    import numpy as np  # not needed for --help
+
+    text = begin_table(notes, columns)
+    table = np.column_stack([values for values, _ in columns.values()])
+    np.savetxt(text, table, fmt=[form for _, form in columns.values()], delimiter=",")
+    write_text(path, text.getvalue())

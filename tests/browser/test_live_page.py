@@ -181,7 +181,7 @@ def test_the_page_moves_and_is_readable(live, opened, width, dark):
         assert page.inner_text("#working").count("±") == 2
 
 
-def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opened):
+def test_the_card_names_the_law_without_moving(opened):
     """Of a material that remembers, and is firmer every second time."""
     moment = np.arange(0.0, 3.0, 1e-3)
     depth = 4e-3 - 6e-3 * np.cos(4.0 * np.pi * moment)
@@ -219,7 +219,7 @@ def test_the_card_says_which_law_it_is_and_nothing_moves_when_that_changes(opene
             page.assert_readable()
 
 
-def test_a_page_without_a_recorder_does_not_offer_one_and_stays_when_the_run_is_over(opened):
+def test_a_page_without_a_recorder_offers_none(opened):
     with running(BALL) as (source, own), opened(own.url, lossy=True) as page:
         assert page.is_disabled("#record")
         wait(page, "document.querySelector('.number-tile b').textContent.includes('±')")
@@ -283,7 +283,7 @@ def test_a_paused_view_stands_still_and_goes_on_without_a_gap(page):
     assert page.evaluate("palpate.store.length") > 1500
 
 
-def test_what_is_shown_can_be_downloaded_and_identified(page, tmp_path):
+def test_the_shown_samples_can_be_downloaded_and_identified(page, tmp_path):
     wait(page, "palpate.store.length > 3000")
     with page.expect_download() as waiting:
         page.click("#download")
@@ -295,7 +295,7 @@ def test_what_is_shown_can_be_downloaded_and_identified(page, tmp_path):
     assert palpate.identify(path).law.kind == "hunt-crossley"
 
 
-def test_controls_act(live, page):
+def test_the_controls_of_the_page_act(live, page):
     page.click("#hold")
     page.wait_for_selector("#state[data-state=held]")
     page.click("#hold")
@@ -330,7 +330,7 @@ def swinging(middle):
     return palpate.Contact(moment, penetration=depth, velocity=velocity, force=force)
 
 
-def test_tare_in_contact_asks_first_and_the_verdict_is_that_of_the_diagnosis(opened):
+def test_a_tare_in_contact_asks_first(opened):
     sink = Diagnosing(window=2.0, every=0.5)
     with running(swinging(8e-3), sink) as (_, own), opened(own.url) as page:
         wait(page, "palpate.page.state === 'contact'")
@@ -412,7 +412,7 @@ def test_another_estimator_brings_its_own_panels(page):
     page.click("summary")
 
 
-def test_what_is_drawn_has_every_peak_of_what_came(page):
+def test_thinned_charts_keep_every_peak(page):
     """Of 9000 samples on 300 pixels one is a spike, and 0.2 s are missing."""
     drawn, band, x = page.evaluate(
         """async () => {

@@ -66,9 +66,7 @@ def test_the_picture_is_on_the_first_screen_of_a_desk(reports, opened, name, ans
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_table_that_is_cut_off_on_a_phone_has_a_shadow_at_the_cut_until_its_end(
-    reports, opened, dark
-):
+def test_a_cut_off_table_has_a_shadow_at_its_edge(reports, opened, dark):
     """The last column of pixels of the table differs from its paper only where more follows."""
     with opened((reports / "changed" / "report.html").as_uri(), "h1", width=390, dark=dark) as page:
         assert (

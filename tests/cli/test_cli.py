@@ -20,9 +20,9 @@ from rich.cells import cell_len
 from robots import hand, table_of
 
 import palpate
-from palpate.channels.frames import rotate_to_base
 from palpate.cli.application import COMMANDS
 from palpate.digits import with_error
+from palpate.input.channels.frames import rotate_to_base
 from palpate.writing import as_toml
 
 
@@ -63,7 +63,7 @@ def test_compare_prints_every_method_the_same_each_time(run, printed, good):
 MEASURES = ("prediction_rmse_percent", "fit_rmse_percent", "violated_fraction")
 
 
-def test_json_is_one_object_of_the_agreed_shape_with_the_numbers_of_the_library(printed, good):
+def test_json_is_one_object_with_the_numbers_of_the_library(printed, good):
     whole = json.loads(printed("compare", good, "--json"))
     assert (whole["file"], whole["samples"]) == (str(good), 600)
     printed = {result["method"]: result for result in whole["results"]}
@@ -125,7 +125,7 @@ def test_the_gate_is_set(identified):
     assert whole["results"][0]["contact_samples"] == firm.sum()
 
 
-def test_a_process_of_its_own_fails_with_its_status_and_a_line_on_standard_error(tmp_path):
+def test_a_failing_process_prints_one_line_and_sets_its_status(tmp_path):
     command = [sys.executable, "-c", "from palpate.cli import main; main()", "identify"]
     failed = subprocess.run([*command, tmp_path / "absent.csv"], capture_output=True, check=False)
     assert (failed.returncode, failed.stdout, failed.stderr.count(b"\n")) == (2, b"", 1)
@@ -154,7 +154,7 @@ def test_help_fits_the_terminal_and_shows_an_example(printed, monkeypatch, comma
         assert all(re.search(rf"│ {each} +[A-Z]\w+", out) for each in COMMANDS)
 
 
-def test_verbose_says_on_standard_error_what_is_done_and_how_long_it_took(run, good):
+def test_verbose_logs_each_step_with_its_duration(run, good):
     quiet = run("identify", good)
     assert quiet[2] == ""
     status, out, err = run("identify", good, "-v")
@@ -181,7 +181,7 @@ def test_a_file_of_options_may_say_that_a_flag_is_off(run, good, tmp_path):
     assert run("identify", good, "--config", path) == run("identify", good)
 
 
-def test_options_of_any_command_stand_anywhere_though_a_command_takes_any_keyword(run, tmp_path):
+def test_common_options_may_stand_anywhere(run, tmp_path):
     options = written(tmp_path / "run.toml", "seconds = 2.5\nseed = 3")
     words = ["lab", "kelvin-voigt", "--K", "900", "--B", "9", "--probe", "ideal", "-o"]
     first = run("--config", options, *words, tmp_path / "first.csv")
@@ -280,7 +280,7 @@ def result_of(output: str) -> dict:
     return json.loads(output)["results"][0]
 
 
-def test_a_position_that_is_named_keeps_the_orientation_of_its_topic(run, tmp_path):
+def test_a_named_position_keeps_the_orientation_of_its_topic(run, tmp_path):
     """Only the topics that are named are read; the wrench is in the tool's frame."""
     felt, maker = hand(2.0), files.Maker()
     turn = np.array([0.0, 0.2, 0.27, 0.0])  # by 39°
@@ -310,7 +310,7 @@ def test_several_files_are_contacts_of_one_object(run, printed, good, tmp_path):
     assert result_of(out)["law"]["K"] == pytest.approx(alone["K"], rel=0.01)
 
 
-def test_options_come_from_a_file_and_the_command_line_has_the_last_word(run, printed, tmp_path):
+def test_the_command_line_overrides_a_file_of_options(run, printed, tmp_path):
     rows = [[t, x, repr(1e3 * float(f))] for t, x, f in rows_of()]
     path = written(tmp_path / "n.csv", text_of(rows, ("t", "x", "load")))
     saved = tmp_path / "run.toml"

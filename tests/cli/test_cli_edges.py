@@ -14,9 +14,9 @@ import pytest
 from recordings import HEADER, changed, recording, rows_of, text_of, written
 
 import palpate
-from palpate import figures
 from palpate.cli.application import COMMANDS
-from palpate.recordings.recording import read_truth
+from palpate.input.recordings.recording import read_truth
+from palpate.output import figures
 
 PALPATE = [sys.executable, "-m", "palpate"]
 FULL = Path("/dev/full")
@@ -98,7 +98,7 @@ def test_a_full_disk_is_one_line(printing, good, words):
 
 
 @PRINTING
-def test_a_reader_that_has_gone_ends_it_quietly(printing, good, words):
+def test_a_closed_pipe_ends_the_command_quietly(printing, good, words):
     ours, theirs = os.pipe()
     os.close(ours)
     with os.fdopen(theirs, "w", encoding="utf-8") as stream:
@@ -106,7 +106,7 @@ def test_a_reader_that_has_gone_ends_it_quietly(printing, good, words):
 
 
 @pytest.mark.long
-def test_a_process_whose_reader_has_gone_says_nothing_on_its_way_out(good):
+def test_a_broken_pipe_prints_nothing(good):
     with subprocess.Popen(
         [*PALPATE, "info", good], stdout=subprocess.PIPE, stderr=subprocess.PIPE
     ) as process:
@@ -205,7 +205,7 @@ def test_a_number_of_any_length_is_one_line(refused, tmp_path, option, digits):
 HELPED = f"""
 import sys
 from palpate.cli import main
-slow = "numpy", "matplotlib", "palpate.lab", "palpate.estimators"
+slow = "numpy", "matplotlib", "palpate.lab", "palpate.method.estimators"
 for command in ("--version", "", *{COMMANDS}):
     sys.argv[1:] = [command] if command == "--version" else [*command.split(), "--help"]
     main()
@@ -346,7 +346,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_what_cannot_be_is_refused_in_a_line_and_nothing_is_written(refused, good, words):
+def test_wrong_commands_are_refused_in_one_line_and_write_nothing(refused, good, words):
     written(good.with_name("bad.csv"), changed(3, 0, "0.0015"))
     written(good.with_name("bad.h5"), bytes(1000))
     good.with_name("folder.svg").mkdir()
@@ -445,11 +445,11 @@ def check_some(folder, monkeypatch, run, seed: int, count: int) -> None:
             file.write_bytes(content)
 
 
-def test_a_word_in_the_wrong_place_ends_in_a_line(folder, monkeypatch, run):
+def test_a_word_in_the_wrong_place_is_one_line(folder, monkeypatch, run):
     check_some(folder, monkeypatch, run, seed=0, count=30)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(1, 9))
-def test_no_words_end_in_a_traceback(folder, monkeypatch, run, seed):
+def test_no_command_line_ends_in_a_traceback(folder, monkeypatch, run, seed):
     check_some(folder, monkeypatch, run, seed, count=800)

@@ -52,7 +52,7 @@ def test_no_line_is_wider_than_the_terminal_and_no_number_is_lost(
     assert set(NUMBER.findall(out)) == set(NUMBER.findall(wide[command]))
 
 
-def test_what_goes_into_a_pipe_has_a_width_of_its_own(run, monkeypatch):
+def test_output_into_a_pipe_has_a_fixed_width(run, monkeypatch):
     monkeypatch.delenv("COLUMNS", raising=False)
     out = run("info", BALL)[1]
     monkeypatch.setenv("COLUMNS", "100")
@@ -130,7 +130,7 @@ def on_a_terminal(*commands):
     return seen.decode().split("=" * 9)[:-1]
 
 
-def test_colour_is_for_who_looks_on_and_wants_it(run, monkeypatch):
+def test_colour_is_for_terminals_only(run, monkeypatch):
     design = COMMANDS["design"]
     seen = on_a_terminal(
         (design, {}),

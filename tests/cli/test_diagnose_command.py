@@ -28,7 +28,7 @@ def result_of(output: str) -> dict:
     return result
 
 
-def test_every_finding_is_printed_with_its_remedy_and_json_is_the_diagnosis(printed, write):
+def test_diagnose_prints_every_finding_with_its_remedy(printed, write):
     path = write(faults.changed(0.2))
     found, words = palpate.diagnose(path), printed("diagnose", path)
     assert all(finding.check.split()[0] in words for finding in found.findings)
@@ -88,13 +88,11 @@ FAULTS = {"do not trust": faults.changed(0.5), "late": faults.late(5e-3),
         ("identify", "do not trust", "with-care", 3),
     ],
 )
-def test_a_mark_can_fail_a_pipeline_and_care_only_where_it_is_asked_for(
-    run, write, command, fault, asked, status
-):
+def test_a_mark_can_set_the_exit_status(run, write, command, fault, asked, status):
     assert run(command, write(FAULTS[fault]), "--fail-on", asked)[0] == status
 
 
-def test_the_mark_of_the_damping_fails_a_pipeline_that_needs_the_damping(run, write):
+def test_an_untrusted_damping_can_set_the_exit_status(run, write):
     """The force is late: the stiffness is trusted, the damping is not."""
     asked = "identify", write(FAULTS["late"]), "--fail-on", "with-care"
     assert run(*asked)[0] == 0
@@ -127,14 +125,14 @@ def test_a_remedy_mends_what_it_is_for(printed, write, name):
     assert there["stiffness"]["value"] == pytest.approx(truth, rel=0.02)
 
 
-def test_what_cannot_be_identified_ends_with_the_findings_sentence(refused, write):
+def test_a_failed_identification_ends_with_its_finding(refused, write):
     contact = faults.scaled(force=-1.0)
     line = refused("identify", write(contact, force_N=contact.force - 1.0))
     assert "the force is negative" in line
     assert "--flip-force" in line
 
 
-def test_compare_ranks_and_recommends_nothing_where_nothing_is_to_be_trusted(run, write):
+def test_compare_recommends_nothing_if_nothing_is_trusted(run, write):
     path = write(faults.remembering(0.1, 1.0))
     status, out, _ = run("compare", path, "--json", "--fail-on", "with-care")
     ranking = json.loads(out)["ranking"]
@@ -184,12 +182,12 @@ def test_a_fleet_takes_the_law_too(printed, tmp_path, threaded):
     assert json.loads(out)["identified"] == 1
 
 
-def test_the_first_half_predicts_the_second_as_well_as_plain_hunt_crossley(run):
+def test_one_half_predicts_the_other_as_well_as_hunt_crossley(run):
     out = " ".join(run("identify", BALL, "--hold-out")[1].split())
     assert "hold-out the law of the first half predicts the second to 0.4 % of the force" in out
 
 
-def test_a_law_that_predicts_worse_than_plain_hunt_crossley_is_not_to_be_trusted(ball):
+def test_a_law_that_predicts_worse_than_hunt_crossley_is_untrusted(ball):
     contact, force = ball.contact, ball.predicted_force(ball.contact)
     for worse, mark in ((1.0, "trust"), (1.5, "do-not-trust")):
         found = check_prediction(

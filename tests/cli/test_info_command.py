@@ -11,13 +11,13 @@ import pytest
 from containers import COLUMNS, write_hdf5, write_jpk, write_parquet
 from recordings import recording
 
-from palpate.figures.strips import MOST_STRIPS, draw_strips
-from palpate.recordings import Faults, Recording
-from palpate.recordings.survey import survey
-from palpate.recordings.times import clock_rank, clock_unit
+from palpate.input.recordings import Faults, Recording
+from palpate.input.recordings.survey import survey
+from palpate.input.recordings.times import clock_rank, clock_unit
+from palpate.output.figures.strips import MOST_STRIPS, draw_strips
 
 
-def test_what_is_lost_left_out_or_noted_is_printed_and_steers_no_terminal(printed, tmp_path):
+def test_warnings_are_printed_without_control_characters(printed, tmp_path):
     path = write_hdf5(tmp_path / "a.h5", {"red\x1b[31m": np.arange(9.0), "time\r": np.arange(9.0)})
     with h5py.File(path, "r+") as file:
         file.create_dataset("huge", shape=(10**10,), dtype="f8", chunks=(1000,))
@@ -53,7 +53,7 @@ def test_channels_may_be_chosen(run, tmp_path):
     assert names == {"g1/time", "g1/f", "g2/time", "g2/f"}
 
 
-def test_a_map_is_a_list_of_its_curves_and_a_curve_of_it_may_be_chosen(run, printed, tmp_path):
+def test_a_force_map_lists_its_curves(run, printed, tmp_path):
     curves = [(np.arange(200) * k, np.arange(200)) for k in range(1, 12)]
     path = write_jpk(tmp_path / "map.jpk-force-map", curves)
     lines = printed("info", path).splitlines()
@@ -69,7 +69,7 @@ def test_a_map_is_a_list_of_its_curves_and_a_curve_of_it_may_be_chosen(run, prin
     assert "spring constant: 0.02 N/m" in out
 
 
-def test_info_prints_a_line_a_channel_with_its_role_or_why_it_has_none(printed, tmp_path):
+def test_info_prints_the_role_of_each_channel(printed, tmp_path):
     names = ["time_s", "depth_mm", "load_N", "goal_pos", "fz_V", "torque", "still_force", "state"]
     names += [f"a rather long name of a channel that nobody uses, number {k}" for k in range(38)]
     table = np.arange(40.0)[:, None] * np.ones(46)
@@ -133,7 +133,7 @@ def test_a_spike_of_one_sample_in_a_million_is_drawn():
     assert line.get_xdata()[np.argmax(line.get_ydata())] == pytest.approx(123.456, abs=1.3)
 
 
-def test_lines_break_at_gaps_and_where_nothing_is_known():
+def test_lines_break_at_gaps_and_unknown_values():
     time = np.arange(100.0)
     time[50:] += 100.0
     values = np.arange(100.0)
@@ -152,7 +152,7 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
         types={"/ft": "geometry_msgs/msg/WrenchStamped"},
         faults={"/ft.f": Faults(1, 1, "abc")},
     )
-    monkeypatch.setattr("palpate.recordings.open_recording", lambda *a, **k: made)
+    monkeypatch.setattr("palpate.input.recordings.open_recording", lambda *a, **k: made)
     out = run("info", recording(tmp_path))[1]
     fault = "fault: /ft.f: 1 of 2 values are not numbers; the first, at sample 1, is abc"
     assert all(words in out for words in ("geometry_msgs/msg/WrenchStamped", "tool", fault))
@@ -197,7 +197,7 @@ def test_gaps_repeated_backward_and_unknown_times_are_counted():
     assert clock.rate == pytest.approx(100.0)
 
 
-def test_nanoseconds_keep_steps_of_a_microsecond_and_a_unit_may_stand_in_the_name():
+def test_nanosecond_times_keep_microsecond_steps():
     clock = the_clock(1_763_800_000_000_000_000 + 1_000 * np.arange(50), "ns")
     # A float of such seconds has steps of 0.24 µs.
     assert clock.step == pytest.approx(1e-6, rel=1e-12)
@@ -207,7 +207,7 @@ def test_nanoseconds_keep_steps_of_a_microsecond_and_a_unit_may_stand_in_the_nam
         assert the_clock(np.arange(10.0), name=name).rate == pytest.approx(1000.0)
 
 
-def test_other_words_are_no_clock_and_without_one_samples_are_counted():
+def test_without_a_clock_samples_are_counted():
     for name in ("tension", "time_to_contact", "torque", "stamped", "x"):
         assert clock_rank(name) is None
     found = survey(Recording({"a": np.zeros(5), "b": np.zeros(7), "c": np.zeros(5)})).clocks

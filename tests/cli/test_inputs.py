@@ -30,10 +30,10 @@ def _options(command):
     return inputs, outputs
 
 
+OPTIONS = {command: _options(command) for command in NEEDED}
 PAIRS = [
     (command, given, written)
-    for command in NEEDED
-    for inputs, outputs in [_options(command)]
+    for command, (inputs, outputs) in OPTIONS.items()
     for given in inputs
     for written in outputs
 ]
@@ -102,7 +102,7 @@ def test_nothing_is_written_into_a_bag_or_a_data_set(
 @pytest.mark.parametrize(
     "command, option",
     [(command, option) for command in ("identify", "diagnose", "compare", "payload")
-     for option in ("--save-config", "--ros-parameters") if option in _options(command)[1]],
+     for option in ("--save-config", "--ros-parameters") if option in OPTIONS[command][1]],
 )  # fmt: skip
 def test_only_what_palpate_wrote_is_replaced(command, option, refused, tmp_path, good):
     mine = tmp_path / "mine"

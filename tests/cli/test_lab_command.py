@@ -10,15 +10,15 @@ import pytest
 
 import palpate
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, lab
+from palpate.input.recordings.recording import read_truth
 from palpate.lab.figures import NoRendererError, photograph
 from palpate.lab.rig import Geometry
-from palpate.recordings.recording import read_truth
-from palpate.results.truth import comparable
+from palpate.output.results.truth import comparable
 
 QUICK = ("--seconds", "4", "--seed", "3")
 
 
-def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_path):
+def test_identify_compares_with_the_truth_that_a_file_states(run, tmp_path):
     file = tmp_path / "ball.csv"
     run("lab", "ball", "-o", file, *QUICK)
     out = run("identify", file, "-v")[1]
@@ -41,7 +41,7 @@ def test_identify_shows_the_truth_that_a_file_states_and_how_far_it_is(run, tmp_
     assert "σ" not in run("identify", file)[1] + run("identify", file, "-v")[1]
 
 
-def test_what_an_oscillation_feels_is_shown_beside_the_truth_of_what_remembers(run, tmp_path):
+def test_dynamic_stiffness_is_compared_with_its_truth(run, tmp_path):
     file = tmp_path / "tissue.csv"
     run("lab", "tissue", "--probe", "ideal", "-o", file, "--seconds", 4)
     out = " ".join(run("identify", file, "--method", "viscoelastic", "-v")[1].split())
@@ -160,7 +160,7 @@ def test_the_speeds_of_the_motors_are_the_slopes_of_their_angles():
     np.testing.assert_allclose(speeds, (angles[0] - angles[1]) / (2.0 * h), rtol=1e-8, atol=1e-8)
 
 
-def test_the_closed_chains_hold_together_and_the_tip_feels_the_law_where_it_is(ball):
+def test_the_robot_presses_with_the_law_of_the_material(ball):
     truth = ball.truth
     # Kinematics of the true motor angles finds the true tip: the constraints give by less than
     # half a micrometre under 25 N, a thirtieth of a count.
@@ -179,7 +179,7 @@ def test_half_the_time_step_gives_the_same_course(ball):
     assert apart.max() < 3e-6  # of 12 mm
 
 
-def test_encoders_round_and_their_zero_is_anyones_guess():
+def test_encoders_round_and_have_an_unknown_zero():
     bench = lab.Bench(lab.SPONGE, lab.THREE_SINES)
     runs = [bench.run(seed, seconds=4.0) for seed in (0, 1)]
     means = []
@@ -211,7 +211,7 @@ def test_the_rig_can_be_photographed_pressing():
     assert pixels.std() > 10.0  # not one colour
 
 
-def test_what_position_control_or_the_steps_cannot_resolve_is_refused(tmp_path, monkeypatch):
+def test_unresolvable_designs_are_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     stiff = lab.Homogeneous(palpate.KelvinVoigt(K=1e4, B=1e5))
     for material, sensors, words in (

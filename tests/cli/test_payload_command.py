@@ -77,7 +77,7 @@ def test_a_dark_figure_in_a_column_is_drawn(log, printed, tmp_path):
     assert "#16181c" in path.read_text("utf-8")
 
 
-def test_two_outputs_of_one_name_and_logs_without_a_pose_are_refused(log, refused, tmp_path, good):
+def test_equal_outputs_and_logs_without_a_pose_are_refused(log, refused, tmp_path, good):
     path = tmp_path / "tool"
     words = refused("payload", log, "--save-config", path, "--ros-parameters", path)
     assert "two outputs name this file" in words
@@ -85,7 +85,7 @@ def test_two_outputs_of_one_name_and_logs_without_a_pose_are_refused(log, refuse
     assert not path.exists()
 
 
-def test_findings_are_short_without_v_and_name_no_option_that_the_command_lacks(printed, tmp_path):
+def test_payload_findings_are_short_and_name_existing_options(printed, tmp_path):
     reversed_log = written_log(replace(SETUP, sign=-1.0, zeroed=0.5), tmp_path / "log.csv")
     out = printed("payload", reversed_log)
     assert len(out.splitlines()) <= 12

@@ -17,7 +17,7 @@ from palpate import (
     KelvinVoigt,
     lab,
 )
-from palpate.design import (
+from palpate.lab.design import (
     PAPER_MOTION,
     Motion,
     MotionCommand,
@@ -25,8 +25,8 @@ from palpate.design import (
     effective_noise,
     write_motion,
 )
-from palpate.design.figures import draw_design
-from palpate.design.precision import cramer_rao_bound, jacobian, mean_rounding_error
+from palpate.lab.design.figures import draw_design
+from palpate.lab.design.precision import cramer_rao_bound, jacobian, mean_rounding_error
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]
@@ -73,7 +73,7 @@ def test_a_target_is_met_at_its_time_and_not_a_sample_before(law):
             assert after[column] <= target < before[column]
 
 
-def test_what_takes_longer_than_the_horizon_takes_for_ever_and_a_held_probe_says_so():
+def test_a_design_beyond_the_horizon_takes_infinite_time():
     outlook = design(BALL, Motion(0.01, (1e-5,), (1.0,)), noise=1.0).planned
     assert np.isinf(outlook.times).all()
     assert bound_of(BALL, outlook.motion, 1000.0, noise=1.0, offset=True).min() > 0.05
@@ -96,7 +96,7 @@ def test_free_samples_do_not_count_and_the_lift_is_told():
     assert outlook.relative_errors[-1] == pytest.approx(expected, rel=1e-6)
 
 
-def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion():
+def test_speed_limit_and_peak_force_are_those_of_the_motion():
     _, x, v = PAPER_MOTION.sampled(20.0, 1e-3)
     sponge, ball = design(SPONGE, noise=0.05), design(BALL, noise=0.05).planned
     assert sponge.speed_limit == pytest.approx(0.01)  # equation 10
@@ -106,7 +106,7 @@ def test_speed_limit_its_violations_and_the_peak_force_are_those_of_the_motion()
     assert ball.peak_force == BALL.force(x, v).max()
 
 
-def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
+def test_a_motion_faster_than_law_or_filter_is_flagged():
     fast = design(HuntCrossley(K=300.0, B=9000.0, n=1.0), noise=0.05)
     assert "the law becomes adhesive" in fast.planned.notes[0]
     assert fast.better.motion.top_speed <= 300.0 / 9000.0
@@ -114,7 +114,7 @@ def test_a_motion_that_outruns_the_law_or_the_velocity_filter_is_flagged():
     assert "rad/s by 2 %" in quick.planned.notes[0]
 
 
-def test_rounding_adds_a_twelfth_of_the_squared_step_and_noise_of_half_a_step_blurs_it():
+def test_rounding_adds_a_twelfth_of_the_squared_step():
     assert effective_noise(0.05, 0.0) == 0.05
     noise = effective_noise(0.05, 0.125)
     assert noise == pytest.approx(math.sqrt(0.05**2 + 0.125**2 / 12.0))
@@ -254,7 +254,7 @@ def test_a_motion_to_play_begins_and_ends_at_rest_and_has_no_jump(motion):
     assert x.max() <= motion.peak_penetration * (1.0 + 1e-12)
 
 
-def test_the_sines_of_a_motion_to_play_are_those_of_the_motion_for_as_long_as_asked():
+def test_a_motion_to_play_has_the_sines_of_the_design():
     command = MotionCommand(PAPER_MOTION, 3.0)
     period = 2.0 * np.pi / 4.0
     assert 3.0 <= command.stop - command.start <= 3.0 + period
@@ -280,7 +280,7 @@ def test_a_motion_that_cannot_be_played_or_written_is_refused(tmp_path, motion, 
 
 
 @pytest.mark.parametrize("name", ["ball", "sponge", "pvc"])
-def test_what_a_design_predicts_is_what_its_file_gives_when_it_is_played(run, tmp_path, name):
+def test_a_played_design_gives_the_predicted_precision(run, tmp_path, name):
     """Design, file, laboratory, identification: the standard errors, over the values.
 
     The bound takes the offset for unknown. The pause tells it, and so does free air: no less than
@@ -333,15 +333,13 @@ def test_a_file_says_what_it_holds_above_its_header(printed, tmp_path):
         (["--width", "88mm"], "pass --figure"),
     ],
 )
-def test_what_cannot_be_written_is_one_line(refused, tmp_path, monkeypatch, options, words):
+def test_a_failed_write_is_one_line(refused, tmp_path, monkeypatch, options, words):
     monkeypatch.chdir(tmp_path)
     assert words in refused("design", *GUESS, *options)
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_motion_goes_into_a_pipe_without_the_tables_and_both_into_a_figure(
-    run, printed, tmp_path
-):
+def test_a_motion_written_to_a_pipe_has_no_tables(run, printed, tmp_path):
     status, out, err = run("design", *GUESS, "-o", "/dev/stdout", "--seconds", "1")
     assert (status, out) == (0, "")  # the file itself went to the process' own standard output
     assert "better, because" in err
@@ -372,7 +370,7 @@ def test_a_figure_of_a_design_shows_motions_and_precision_of_both():
 LAW = GUESS[:6]
 
 
-def test_the_command_prints_precision_times_limit_and_a_command_to_run_next(printed):
+def test_design_prints_precision_and_the_next_command(printed):
     out = printed("design", *LAW, "--noise", "0.05")
     for words in ("after 0.5 s", "after 20 s", "within 5%", "within 1%", "100 mm/s", "eq. 10"):
         assert words in out
@@ -394,7 +392,7 @@ def test_the_command_prints_one_json_object(printed):
     assert "--resolution 0.125" in command
 
 
-def test_what_is_never_reached_is_null(run):
+def test_targets_that_are_never_reached_are_null(run):
     held = ["--amplitudes", "0", "--frequencies", "1"]
     words = json.loads(run("design", *LAW, "--noise", "1", *held, "--json")[1])
     assert words["planned"]["times"][0]["K"] is None
@@ -406,7 +404,7 @@ def test_what_is_never_reached_is_null(run):
     assert json.loads(run("design", *almost_undamped)[1])["speed_limit"] is None
 
 
-def test_the_command_takes_units_and_a_recording_and_a_file_alone_is_told_what_to_run(run, printed):
+def test_the_command_takes_units_and_a_recording(run, printed):
     ball = str(Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv")
     words = ["--noise", "0.05", "--depth", "5mm", "--amplitudes", "1mm", "--frequencies", "2Hz"]
     found = json.loads(printed("design", ball, *words, "--json"))

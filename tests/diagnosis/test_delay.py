@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.contact import Delay
+from palpate.method.contact import Delay
 
 CLEAN = palpate.HuntCrossley(K=9000.0, B=15000.0, n=1.4)
 
@@ -41,7 +41,7 @@ def test_the_remedy_of_a_delay_finds_it_and_the_damping_is_right(late):
         assert skew.message.startswith("a delay was taken out: the force was ")
 
 
-def test_what_is_left_of_a_delay_is_stated_in_total():
+def test_the_remaining_delay_is_stated_in_total():
     diagnosis = palpate.diagnose(recording(20e-3, delay=12e-3))
     [finding] = [each for each in diagnosis.findings if each.check == "delay"]
     assert float(finding.message.split()[3]) == pytest.approx(20.0, abs=0.5)
@@ -61,7 +61,7 @@ def test_the_damping_has_the_error_of_a_delay_that_was_passed():
     assert least > rough.damping.systematic > wide.damping.systematic
 
 
-def test_clocks_known_by_anything_but_the_contact_have_one_bar_and_none_is_counted_twice():
+def test_no_clock_error_is_counted_twice():
     contact = recording(0.0)
     stated, by_payload, by_law = (
         palpate.diagnose(replace(contact, delay=Delay(0.0, 1e-4, **origin))).working_depth
@@ -83,7 +83,7 @@ def test_a_fleet_and_several_files_take_the_same_delay_out():
     alone = palpate.identify(palpate.prepare(**{**arrays, "time": contact.time}, delay="find"))
     assert table["B"][0].as_py() == pytest.approx(alone.law.B, rel=1e-9)
     one, other = recording(5e-3, delay=5e-3), recording(5e-3, delay=(5e-3, 2e-3))
-    both = palpate.preparation.preparing.join_contacts([one, other])
+    both = palpate.input.preparation.preparing.join_contacts([one, other])
     assert both.delay == other.delay
 
 
@@ -124,7 +124,7 @@ def test_a_clean_skew_does_not_jump():
             assert "skew jump" not in [finding.check for finding in findings]
 
 
-def test_a_rounded_force_stays_on_its_levels_when_its_delay_is_taken_out():
+def test_delay_removal_keeps_a_rounded_force_on_its_levels():
     """Interpolated, K, B, n were 3 to 7 bounds off at 8 sigma: the rounding was not taken out."""
     time = np.arange(4000) / 1000.0
     x, v = 3e-3 * np.sin(9.0 * time), 27e-3 * np.cos(9.0 * time)

@@ -10,18 +10,17 @@ from faults import FORCE, LAW, SPRING, STEP, TIME, V, X, contact, recorded
 import palpate
 from benchmarks.bank import material_faults, sensor_faults
 from palpate import lab
-from palpate.diagnosis import Data
-from palpate.diagnosis.delay import _earlier_samples, find_delay
-from palpate.diagnosis.fit import Fit, FitInput
-from palpate.diagnosis.nuisances import NUISANCES
-from palpate.diagnosis.recording import CHECKS, SOME
-from palpate.estimators.least_squares import mean_error, robust_covariance
-from palpate.findings import MAY_CAP, worst
-from palpate.preparation.held import hold_length
-from palpate.preparation.preparing import join_contacts
-from palpate.preparation.velocity import find_spikes
-from palpate.recordings.units import unit_size
-from palpate.remedies import NextStep
+from palpate.findings import MAY_CAP, NextStep, worst
+from palpate.identification.diagnosis import Data
+from palpate.identification.diagnosis.causes import NUISANCES
+from palpate.identification.diagnosis.delay import _earlier_samples, find_delay
+from palpate.identification.diagnosis.fit import Fit, FitInput
+from palpate.identification.diagnosis.recording import CHECKS, SOME
+from palpate.input.preparation.held import hold_length
+from palpate.input.preparation.preparing import join_contacts
+from palpate.input.preparation.velocity import find_spikes
+from palpate.input.recordings.units import unit_size
+from palpate.method.estimators.least_squares import mean_error, robust_covariance
 
 
 def grave(contact: palpate.Contact, method: str | None = None) -> list[str]:
@@ -91,7 +90,7 @@ def test_a_law_that_is_selected_has_what_another_lacks(name):
     assert not any(each.check == name and each.z > 0.0 for each in diagnosis.findings)
     assert diagnosis.verdict == palpate.Verdict("trust", "with-care", "with-care")
     assert diagnosis.remedy.step is NextStep.IN_STEP
-    known = dataclasses.replace(CAUSES[name], delay=palpate.contact.Delay(0.0, 1e-4))
+    known = dataclasses.replace(CAUSES[name], delay=palpate.method.contact.Delay(0.0, 1e-4))
     assert palpate.diagnose(known).verdict.overall == "trust"
 
 
@@ -126,7 +125,7 @@ def test_a_material_that_pulls_is_called_adhesive_and_not_relaxing(pull):
     assert abs(stiffness.value - truth) < 2.0 * stiffness.whole_error
 
 
-def test_friction_of_the_probe_or_what_pulls_on_it_in_air_is_no_adhesion():
+def test_friction_or_a_pull_in_air_is_not_adhesion():
     rubbed = touches(lambda x, v: faults.pushed(x, v) + 0.3 * np.tanh(1e3 * v))
     tied = touches(lambda x, v: faults.pushed(x, v) - 40.0 * x)
     light = touches(lambda x, v: faults.pushed(x, v))
@@ -152,7 +151,7 @@ INPUTS = {
 }
 
 
-def test_a_damping_below_zero_or_whose_sign_a_cause_can_turn_is_not_to_be_trusted():
+def test_a_damping_of_uncertain_sign_is_not_trusted():
     time, x, v = faults.motion()
     force = faults.noisy(faults.pushed(x, v, palpate.HuntCrossley(K=9000.0, B=-4000.0, n=1.4)))
     negative = palpate.diagnose(faults.contact(time, x, force))
@@ -166,7 +165,7 @@ def test_a_damping_below_zero_or_whose_sign_a_cause_can_turn_is_not_to_be_truste
 
 
 @pytest.mark.parametrize("noise", [0.03, 0.3, 1.0])
-def test_the_open_sign_of_a_springs_damping_is_said_of_the_damping_alone(noise):
+def test_an_open_sign_of_damping_marks_the_damping_alone(noise):
     """Seeds 0 and 1, of either sign; the force reaches 14 N."""
     time, x, v = faults.motion()
     force = faults.pushed(x, v, palpate.HuntCrossley(K=9000.0, B=0.0, n=1.4))
@@ -179,7 +178,7 @@ def test_the_open_sign_of_a_springs_damping_is_said_of_the_damping_alone(noise):
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
+def test_only_its_own_check_finds_a_fault_of_the_data(name):
     found = [finding.check for finding in Data(INPUTS[name]).findings]
     others = ["velocity column"] if name == "time unit" else []
     assert [check for check in found if check not in others] == [name]
@@ -188,7 +187,7 @@ def test_a_fault_of_the_data_is_found_by_its_check_and_by_no_other(name):
 
 # A force that is reversed throughout is refused: tests/cli/test_diagnose_command.py.
 @pytest.mark.parametrize("name", sorted(MAY_CAP & {*INPUTS, *CAUSES} - {"signs", "time stamps"}))
-def test_what_no_bar_can_hold_caps_the_marks(name):
+def test_faults_that_no_error_bar_covers_cap_the_marks(name):
     diagnosis = palpate.diagnose({**INPUTS, **CAUSES}[name])
     verdict = diagnosis.verdict
     found = next(each for each in diagnosis.findings if each.check == name)
@@ -222,7 +221,7 @@ def test_a_delay_is_measured_and_moves_the_damping():
     assert "cannot tell which" in finding.message
 
 
-def test_a_velocity_column_that_is_a_little_off_costs_the_damping_as_much():
+def test_a_small_error_of_the_velocity_biases_the_damping_alike():
     found = palpate.diagnose(faults.with_velocity(1.2))
     [finding] = [f for f in found.findings if f.check == "velocity column"]
     wrong = found.working_depth.damping.value / faults.LAW.damping_at(found.working_depth.depth)
@@ -233,7 +232,7 @@ def test_a_velocity_column_that_is_a_little_off_costs_the_damping_as_much():
     assert palpate.diagnose(faults.with_velocity(1.04)).verdict.damping == "trust"
 
 
-def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_does():
+def test_the_bias_by_noise_of_the_velocity_is_reported():
     found = palpate.diagnose(faults.with_velocity(noise=0.3), "variable-projection")
     [finding] = [f for f in found.findings if f.check == "velocity noise"]
     there = found.working_depth
@@ -244,7 +243,7 @@ def test_noise_of_the_velocity_is_said_to_lower_the_damping_by_as_much_as_it_doe
     assert grave(faults.with_velocity(noise=0.1)) == []
 
 
-def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
+def test_coarse_steps_and_held_values_are_checked_first():
     coarse, fine = (
         named(palpate.prepare(time=TIME, penetration=step * np.round(X / step), force=NOISY))
         for step in (2e-4, 2e-5)
@@ -258,7 +257,7 @@ def test_coarse_steps_and_held_values_are_found_before_what_they_look_like():
 
 @pytest.mark.parametrize("beat", [2, 3.3, 6.25, 12.5, 20])
 @pytest.mark.parametrize("channel", ["force", "penetration"])
-def test_of_a_channel_that_is_held_palpate_uses_the_samples_at_which_it_changes(beat, channel):
+def test_a_held_channel_is_read_where_it_changes(beat, channel):
     """As of a load cell of 80 Hz in a log of 500 Hz: 6.25 samples."""
     last = np.floor(np.floor(np.arange(TIME.size) / beat) * beat).astype(int)
     force, x = NOISY, X
@@ -283,7 +282,7 @@ def test_of_a_channel_that_is_held_palpate_uses_the_samples_at_which_it_changes(
 
 
 @pytest.mark.parametrize("turning", [False, True])
-def test_the_samples_at_which_a_pose_or_a_force_in_space_changes_are_used(turning):
+def test_held_poses_and_wrenches_are_read_where_they_change(turning):
     """Of a load cell of 80 Hz on a robot of 500 Hz; in a tool that turns too."""
     time = TIME[::2]
     late = np.ceil(np.floor(np.arange(time.size) / 6.25 + 1e-9) * 6.25 - 1e-9).astype(int)
@@ -351,7 +350,7 @@ def test_a_sensor_that_is_zeroed_in_contact_is_not_called_late(at):
     assert found.verdict.overall != "trust"
 
 
-def test_a_jump_below_a_fifth_of_the_force_marks_only_what_it_changes():
+def test_a_small_jump_marks_only_what_it_changes():
     found = palpate.diagnose(recorded(np.where(TIME < 3.0, FORCE, FORCE + 0.06 * FORCE.max())))
     jump = next(finding for finding in found.findings if finding.check == "force jump")
     there = found.working_depth
@@ -428,14 +427,14 @@ def written(folder, header: str, depth: float, force: float, step: float = 1e-3)
         ("time_s,depth_m,load_N", False),
     ],
 )
-def test_an_si_unit_that_a_file_states_is_trusted_and_a_suffix_is_not(tmp_path, header, trusted):
+def test_a_stated_si_unit_is_trusted_and_a_suffix_is_not(tmp_path, header, trusted):
     found = palpate.diagnose(written(tmp_path, header, 7e-3, 2e4, step=0.5))
     assert (found.verdict.stiffness == "trust") is trusted
     units = {each.check for each in found.findings if str(each.check).endswith(" unit")}
     assert units == (set() if trusted else {"force unit", "time unit"})
 
 
-def test_a_file_without_units_is_asked_for_both_and_not_trusted_until_both_are_given(tmp_path):
+def test_without_units_nothing_is_trusted_until_both_are_given(tmp_path):
     path = written(tmp_path, "time_s,depth,load", 4.0, 250.0)
     for units in ({}, {"penetration": "mm"}, {"force": "gf"}):
         found = palpate.diagnose(palpate.prepare(path, units=units))
@@ -454,7 +453,7 @@ def test_the_unit_of_one_channel_does_not_answer_for_another():
 
 
 @pytest.mark.parametrize("fault", ["penetration", "force"])
-def test_millimetres_and_millinewtons_under_a_name_in_si_are_not_trusted(fault):
+def test_wrong_units_under_an_si_name_are_not_trusted(fault):
     names = {"time_s": TIME, "penetration_m": X, "force_N": NOISY}
     column = {"penetration": "penetration_m", "force": "force_N"}[fault]
     found = palpate.diagnose(palpate.Recording({**names, column: 1e3 * names[column]}))
@@ -462,7 +461,7 @@ def test_millimetres_and_millinewtons_under_a_name_in_si_are_not_trusted(fault):
     assert found.findings[0].check == f"{fault} unit"
 
 
-def test_slow_samples_leave_the_damping_open_where_position_and_force_are_plausible():
+def test_a_low_rate_leaves_only_the_damping_open():
     [slow] = [f for f in Data(faults.scaled(time=1e3)).findings if f.check == "time unit"]
     assert (slow.stiffness, slow.damping) == ("trust", "do-not-trust")
     assert slow.remedy == "run again with --unit time=ms, or with --unit time=s if it is right"
@@ -506,7 +505,7 @@ def test_a_wrong_surface_is_found_where_it_hardly_shows_in_the_residual():
     assert abs(stiffness.value - truth) < 2.0 * stiffness.whole_error
 
 
-def test_where_the_damper_has_another_form_that_is_named_before_the_surface_that_fits_some_of_it():
+def test_another_form_of_damper_is_named_before_the_surface():
     """On the robot, whose surface is significant then too."""
     run = lab.Bench(lab.MATERIALS["sponge"], lab.THREE_SINES).run(500)
     truth, law = run.truth, lab.MATERIALS["sponge"].law
@@ -552,19 +551,19 @@ def test_a_linear_law_is_trusted_on_its_own_material_only():
     assert (verdict.stiffness, verdict.damping) == ("trust", "with-care")  # a lag looks the same
 
 
-def test_a_method_that_is_off_its_own_least_squares_is_said_to_fail():
+def test_a_method_far_from_its_least_squares_is_reported():
     result = palpate.identify(faults.clean())
     worse = dataclasses.replace(result.law, K=1.5 * result.law.K)
     estimate = palpate.Estimate.from_law(
         worse, result.estimate.covariance, status=result.estimate.status, samples=1000
     )
     given = FitInput(result.data, result.trace, estimate)
-    found = palpate.diagnosis.diagnose_parts(given)
+    found = palpate.identification.diagnosis.diagnose_parts(given)
     assert found.verdict.stiffness == "do-not-trust"
     assert "method" in [finding.check for finding in found.findings]
 
 
-def test_a_motion_that_says_nothing_and_a_short_contact_are_not_trusted():
+def test_an_uninformative_motion_or_short_contact_is_not_trusted():
     time = np.arange(0.0, 2.0, 1e-3)
     force = faults.noisy(np.full(time.size, 5.0))
     contact = palpate.prepare(time=time, penetration=np.full(time.size, 5e-3), force=force)

@@ -67,7 +67,7 @@ def test_clean_runs_of_the_robot_are_trusted(robot_runs):
 
 
 @pytest.mark.parametrize("probe", [lab.IdealProbe, lab.TwinPantograph])
-def test_the_damping_of_a_relaxing_sponge_is_in_its_bar_or_not_trusted(probe):
+def test_the_damping_of_a_sponge_is_in_its_bar_or_untrusted(probe):
     """B′ of a spring beside a Maxwell branch E, τ: B xⁿ + E τ/(1 + (ωτ)²), by another law."""
     if probe is lab.TwinPantograph:
         pytest.importorskip("mujoco", reason="needs MuJoCo: pip install '.[lab]'")

@@ -22,10 +22,10 @@ from palpate.findings import Check, Finding
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import Settings
 from palpate.identifying import Identification
-from palpate.preparation.places import divide_by_place
-from palpate.preparation.prepared import Place, Prepared
-from palpate.preparation.settings import Preparation
-from palpate.preparation.surface import Surface
+from palpate.input.preparation.from_penetration import Prepared
+from palpate.input.preparation.places import Place, divide_by_place
+from palpate.input.preparation.settings import Preparation
+from palpate.input.preparation.surface import Surface
 
 LAW = HuntCrossley(K=2e6, B=4e5, n=2.0)  # 50 N at 5 mm
 GATE = ContactGate(1e-5, 1e-3, 1e-3)
@@ -52,7 +52,7 @@ def press(law: HuntCrossley = LAW, skin: float = 0.0, *, release: bool = False) 
     return contact_of(time, x, law.force(depth, v) + skin * np.maximum(depth - 3e-3, 0.0) ** 2)
 
 
-def test_where_one_press_leaves_n_and_b_open_they_stay_in_the_box_of_the_prior() -> None:
+def test_n_and_b_stay_within_the_prior_if_one_press_leaves_them_open() -> None:
     contact = press(skin=1e7)
     bounded, free = identify(contact), identify(contact, VariableProjection(weak_prior=False))
     assert not (1.0 <= free.law.n <= 2.0 and free.law.B >= 0.0)
@@ -137,9 +137,7 @@ def answer_in(row: dict[str, object]) -> list[object]:
 
 
 @pytest.mark.parametrize("rejection", [None, False], ids=["rejecting", "keeping"])
-def test_identify_a_fleet_and_identify_many_answer_alike_where_the_load_goes_elsewhere(
-    tmp_path, rejection
-):
+def test_identify_fleet_and_identify_many_handle_load_transfer_alike(tmp_path, rejection):
     pa = pytest.importorskip("pyarrow")
     file = tmp_path / "heel.csv"
     write_contact(touches(0.3), file)
@@ -157,7 +155,7 @@ def test_identify_a_fleet_and_identify_many_answer_alike_where_the_load_goes_els
     )
 
 
-def test_arrays_of_equal_length_leave_load_transfer_out_as_identify_does() -> None:
+def test_identify_many_excludes_load_transfer_like_identify() -> None:
     pytest.importorskip("pyarrow")
     contact = touches(0.3)
     arrays = {name: getattr(contact, name)[None] for name in ("penetration", "velocity", "force")}
@@ -187,7 +185,7 @@ def test_places_keep_every_segment_that_load_transfer_cut() -> None:
     assert sum(map(len, whole)) == len(contact)
 
 
-def test_identify_and_identify_many_call_a_damping_negative_by_one_rule() -> None:
+def test_identify_and_identify_many_share_the_rule_of_damping_sign() -> None:
     pytest.importorskip("pyarrow")
     time = np.arange(1000) * 1e-3
     x = 4e-3 + 2e-3 * np.sin(12.0 * time) + 1e-3 * np.sin(31.0 * time)
@@ -228,7 +226,7 @@ def test_a_recent_part_that_predicts_better_is_offered() -> None:
 
 
 @pytest.mark.parametrize("last, mark", [(1.6, "trust"), (0.4, "do-not-trust")])
-def test_a_last_third_that_the_others_do_not_predict_is_not_trusted(last: float, mark: str) -> None:
+def test_an_unpredicted_last_third_is_not_trusted(last: float, mark: str) -> None:
     result = identify(swinging(last=last))
     assert result.law.power_law  # two materials are no memory
     diagnosis = result.diagnosis

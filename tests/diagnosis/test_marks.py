@@ -8,12 +8,11 @@ import pytest
 from scipy.signal import butter, lfilter
 
 import palpate
-from palpate.diagnosis.bars import BarPart, best_remedy
-from palpate.diagnosis.nuisances import FACTOR, NUISANCES, remaining_part
 from palpate.digits import percent
-from palpate.findings import Check
-from palpate.preparation.velocity import estimate_velocities, filter_gain, velocity_of
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, NextStep, Remedy
+from palpate.identification.diagnosis.bars import BarPart, best_remedy
+from palpate.identification.diagnosis.causes import FACTOR, NUISANCES, remaining_part
+from palpate.input.preparation.velocity import estimate_velocities, filter_gain, velocity_of
 
 LAW = faults.LAW
 Floats = np.ndarray
@@ -28,7 +27,9 @@ def touches(rate: float = 500.0, seconds: float = 6.0) -> tuple[Floats, Floats, 
     return time, x, v
 
 
-def found(time: Floats, x: Floats, force: Floats, **options) -> palpate.diagnosis.Diagnosis:
+def found(
+    time: Floats, x: Floats, force: Floats, **options
+) -> palpate.identification.diagnosis.Diagnosis:
     contact = palpate.prepare(time=time, penetration=x, force=force, **options)
     return palpate.identify(contact).diagnosis
 
@@ -96,9 +97,9 @@ def test_a_misfit_is_in_the_bars(part):
     in_bars(diagnosis)
 
 
-def test_a_law_that_is_flat_at_the_working_depth_has_no_part_of_a_misfit(monkeypatch):
+def test_a_law_flat_at_the_working_depth_takes_no_misfit(monkeypatch):
     """As a registered law with a plateau may be: its stiffness there is 0, beside a force."""
-    monkeypatch.setattr(palpate.diagnosis.fit.Fit, "stiffness", lambda fit, law: 0.0)
+    monkeypatch.setattr(palpate.identification.diagnosis.fit.Fit, "stiffness", lambda fit, law: 0.0)
     there = palpate.diagnose(faults.clean(1)).working_depth
     assert math.isfinite(there.stiffness.systematic)
 
@@ -119,7 +120,7 @@ def test_friction_that_is_not_detected_is_in_the_bar_of_the_damping():
     in_bars(diagnosis)
 
 
-def test_a_cable_that_pulls_in_free_air_is_found_and_in_the_stiffness():
+def test_a_cable_force_is_found_and_widens_the_stiffness_bar():
     time, x, v = touches()
     force = faults.pushed(x, v) + 150.0 * x
     diagnosis = found(time, x, force + 0.02 * np.random.default_rng(6).standard_normal(force.size))
@@ -141,7 +142,7 @@ def test_a_sensor_with_a_curved_gain_is_found_and_in_the_bars(bend):
     in_bars(diagnosis)
 
 
-def test_a_wrong_surface_leaves_the_marks_only_where_the_force_is_then_explained():
+def test_a_wrong_surface_keeps_trust_only_if_it_explains_the_force():
     apart = faults.surface_off(0.5e-3)
     surface = palpate.diagnose(apart).findings[0]
     assert (surface.check, surface.stiffness) == ("surface", "trust")
@@ -150,7 +151,7 @@ def test_a_wrong_surface_leaves_the_marks_only_where_the_force_is_then_explained
     assert not any("hardly at all" in each.message for each in palpate.diagnose(bent).findings)
 
 
-def test_what_no_recording_can_show_is_told_from_the_law():
+def test_the_law_tells_what_the_recording_does_not_contain():
     """10° off axis keeps cos²·⁴ of the stiffness of a law with n = 1.4, cos³·⁴ of the damping."""
     notes = {each.check: each for each in palpate.diagnose(faults.clean()).findings}
     lost = [percent(1.0 - math.cos(math.radians(10.0)) ** (1.4 + k)) for k in (1, 2)]
@@ -183,7 +184,7 @@ def test_a_wide_bar_of_an_uncertain_surface_says_so():
 # Priors: what the recording does not show.
 
 
-def test_what_is_left_of_a_nuisance_is_its_prior_or_what_the_recording_knows_better():
+def test_a_nuisance_error_is_at_most_its_prior():
     """Unseen 1.3 √π p; found all of it; excluded to s ≪ p less than s."""
     prior = NUISANCES[Check.SLOW_CHANGE]
 
@@ -226,7 +227,7 @@ def bottoms_out(force: Floats, x: Floats, v: Floats) -> Floats:
 
 
 @pytest.mark.parametrize("fault", [saturates, bottoms_out])
-def test_a_law_that_is_none_of_those_compared_costs_the_stiffness_its_trust(fault):
+def test_an_unlisted_true_law_costs_the_stiffness_its_trust(fault):
     time, x, v = touches()
     force = fault(faults.pushed(x, v), x, v)
     noise = 0.003 * force.max() * np.random.default_rng(2).standard_normal(force.size)
@@ -246,7 +247,7 @@ def test_a_law_that_relaxes_needs_a_withdrawal_or_a_hold():
     assert not result.law.relaxes
 
 
-def test_a_velocity_column_that_is_too_small_is_in_the_bar_of_the_damping():
+def test_a_too_small_velocity_widens_the_bar_of_the_damping():
     """By 3 % of the damping, which is no reason to distrust it."""
     time, x, v = touches()
     force = faults.noisy(faults.pushed(x, v))
@@ -270,7 +271,7 @@ def thrown(mass: float, beyond: float) -> tuple[Floats, Floats, Floats]:
     return 10.0 * step * np.arange(x.size), x, force + 1e-3 * force.max() * noise
 
 
-def test_an_impact_asks_for_the_mass_beyond_the_sensor_and_is_right_with_it():
+def test_an_impact_needs_the_mass_beyond_the_sensor():
     time, x, force = thrown(0.5, 0.1)
     unknown, known = found(time, x, force), found(time, x, force, mass=0.1)
     checks = [{each.check for each in one.findings} for one in (unknown, known)]
@@ -297,7 +298,7 @@ def test_one_press_has_the_scatter_of_presses_in_its_bar():
         )
 
 
-def test_a_force_that_bends_by_half_is_the_material_and_not_a_sensor():
+def test_a_strongly_curved_force_is_the_material_not_the_sensor():
     time, x, v = touches()
     force = faults.pushed(x, v)
     force = force * (1.0 + 0.6 * (force / force.max()) ** 2)
@@ -346,14 +347,14 @@ def test_a_clean_fast_motion_is_trusted_and_its_damping_is_right():
 # A lag that the law cannot tell from damping.
 
 
-def kelvin(**given) -> palpate.diagnosis.Diagnosis:
+def kelvin(**given) -> palpate.identification.diagnosis.Diagnosis:
     """F = 1300 x + 17 v in touches at 1 kHz, by the law that is selected."""
     time, x, v = touches(1000.0)
     force = np.where(x > 0.0, 1300.0 * x + 17.0 * v, 0.0)
     return found(time, x, faults.noisy(force), **given)
 
 
-def test_a_law_that_cannot_tell_a_lag_from_damping_has_a_millisecond_of_it_in_its_bar():
+def test_the_bar_includes_1_ms_of_lag_if_the_law_cannot_tell_it():
     """B′ = B − K′ δ exactly; with clocks that agree to 0.1 ms it is a tenth."""
     usual, known = kelvin(), kelvin(delay=(0.0, 1e-4))
     for diagnosis, skew in ((usual, 1e-3), (known, 1e-4)):
@@ -381,7 +382,7 @@ def approach(**given) -> palpate.Identification:
     return palpate.identify(contact, **given)
 
 
-def test_at_one_speed_the_stiffness_is_the_slope_at_this_speed_and_no_damping_is_given():
+def test_at_one_speed_there_is_a_stiffness_and_no_damping():
     free, known = approach(), approach(estimator=palpate.VariableProjection(exponent=2.0))
     for result in (free, known):
         diagnosis = result.diagnosis

@@ -50,7 +50,7 @@ def test_the_stiffness_is_that_of_the_same_curve_with_time(result):
     assert result.diagnosis.findings[0].check == "no time"
 
 
-def test_files_frames_and_arrays_agree_and_a_time_that_is_there_is_ignored(result, tmp_path):
+def test_files_frames_and_arrays_agree_without_time(result, tmp_path):
     frame = pandas.DataFrame({"depth_mm": 1e3 * faults.X, "force_N": NOISY})
     frame.to_csv(tmp_path / "curve.csv", index=False)
     timed = frame.assign(time_s=7.0 * faults.TIME, velocity_m_s=faults.V)

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate import Status
-from palpate.estimators import ESTIMATORS
+from palpate.method.estimators import ESTIMATORS
 
 NUMBERS = st.one_of(st.floats(), st.floats(-0.02, 0.05), st.floats(-50.0, 50.0))
 SAMPLES = st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=30)
@@ -15,7 +15,7 @@ SAMPLES = st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=30)
 
 @pytest.mark.parametrize("method", ESTIMATORS)
 @given(before=SAMPLES, after=SAMPLES)
-def test_any_samples_are_taken_or_refused_and_a_copy_continues_bit_for_bit(method, before, after):
+def test_a_copy_continues_bit_for_bit_on_any_samples(method, before, after):
     estimator = ESTIMATORS[method]()
     assert all(isinstance(estimator.update(*sample), Status) for sample in before)
     copy = pickle.loads(pickle.dumps(estimator))

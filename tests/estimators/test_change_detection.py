@@ -177,7 +177,7 @@ def slow(samples: int, rng: np.random.Generator) -> Floats:
 
 @pytest.mark.parametrize("noise", [bursts, slow])
 @pytest.mark.parametrize("material", [BALL, PVC, SPONGE])
-def test_bursts_of_noise_and_noise_as_slow_as_the_motion_are_no_changes(material, noise) -> None:
+def test_noise_bursts_and_slow_noise_are_not_changes(material, noise) -> None:
     motion = three_sines(60.0)
     clean = material.force(motion.x, motion.v)
     for seed in range(2):
@@ -194,7 +194,7 @@ def test_a_change_is_found_within_ten_milliseconds_between_bursts() -> None:
         assert 28_500 <= found[0] <= 28_600
 
 
-def test_what_was_not_identifiable_stays_flagged_after_a_restart_and_a_false_alarm() -> None:
+def test_unidentifiable_parameters_stay_flagged_after_a_restart() -> None:
     # Depth and speed hardly vary, and the force jumps: nothing more is known of the exponent.
     hardly = Motion(10e-3 + 1e-3 * (three_sines(5.0).x - 10e-3), 1e-3 * three_sines(5.0).v)
     other = switched(PVC, INCLUSION, hardly, SWITCH) + white(len(hardly), 3)
@@ -221,7 +221,7 @@ def test_what_was_not_identifiable_stays_flagged_after_a_restart_and_a_false_ala
         (PVC, BALL, 600, 0.05),
     ],
 )
-def test_the_exponent_is_kept_over_a_change_that_leaves_it_and_another_one_is_found(
+def test_the_exponent_survives_a_change_of_stiffness(
     before: HuntCrossley, after: HuntCrossley, settled: int, limit: float
 ) -> None:
     motion = three_sines(4.5)
@@ -276,7 +276,7 @@ def smeared(speed: Floats, at: int, kick: float, half: int = 7) -> Floats:
 
 
 @pytest.mark.parametrize("change", ["onto the inclusion", "off the inclusion"])
-def test_a_speed_that_a_filter_smears_over_the_change_does_not_spoil_the_new_estimate(change):
+def test_a_velocity_smeared_over_a_change_keeps_the_estimate(change):
     motion, force = recording(change, seed=4)
     # As with a robot in a millisecond's jump of 20 N, seen through 15 samples.
     seen = Motion(motion.x, smeared(motion.v, SWITCH, kick=-0.05))

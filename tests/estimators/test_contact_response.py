@@ -45,6 +45,12 @@ def pressed(seconds: float = 2.0) -> Motion:
     return joined(approach(), three_sines(seconds))
 
 
+def tapped(seconds: float) -> Motion:
+    """Taps from 3 mm above the surface to 9 mm below it, 1.3 a second."""
+    turns = 8.2 * clock(seconds)
+    return Motion(-3e-3 + 12e-3 * np.sin(turns), 12e-3 * 8.2 * np.cos(turns))
+
+
 def samples(motion: Motion, force: np.ndarray) -> zip:
     return zip(motion.x.tolist(), motion.v.tolist(), force.tolist(), strict=True)
 
@@ -57,7 +63,7 @@ def fed(estimator: ContactEstimator, motion: Motion, force: np.ndarray) -> Conta
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", MATERIALS)
-def test_at_every_sample_of_a_contact_the_numbers_are_those_of_some_material(kind, name):
+def test_every_estimate_in_contact_is_physically_possible(kind, name):
     """Until a number is usable it is within a factor of three, stiffness never 0 or below."""
     law, motion = MATERIALS[name], pressed()
     estimator = kind()
@@ -107,14 +113,19 @@ def test_the_law_and_its_errors_are_those_of_the_unbounded_estimate():
     assert 0.95 * error < now.stiffness.standard_error < 5.0 * error
 
 
-def test_a_law_without_memory_does_not_call_the_damping_of_a_relaxing_material_usable():
-    """After 1 s, 5 seeds: the force that it leaves unexplained widens both bars."""
-    motion = pressed(3.0)
-    for seed in range(5):
+@pytest.mark.parametrize("motion", [pressed(3.0), tapped(3.0)], ids=["pressed", "tapped"])
+def test_damping_of_a_relaxing_material_is_unusable_without_memory(motion):
+    """After 1 s, 3 seeds: the force that it leaves unexplained widens both bars."""
+    for seed in range(3):
         force = lab.RELAXING_SPONGE.force(motion.time, 0.0 * motion.x, motion.x, motion.v)
         force += white(len(motion), seed)
-        assert not fed(VariableProjection(), motion, force).estimate().damping.usable
-        assert fed(ViscoelasticContact(), motion, force).estimate().damping.usable
+        plain, usable = VariableProjection(), []
+        for sample in samples(motion, force):
+            plain.update(*sample)
+            usable.append(plain.estimate().damping.usable)
+        assert not any(usable[1000:])
+        relaxing = fed(ViscoelasticContact(), motion, force).estimate()
+        assert relaxing.damping.usable or "lost contact" in relaxing.flags
 
 
 def test_a_lost_contact_is_not_usable_and_the_next_touch_is():
@@ -136,7 +147,7 @@ def test_a_lost_contact_is_not_usable_and_the_next_touch_is():
     assert Check.LOST_CONTACT not in again.flags
 
 
-def test_what_is_known_before_bounds_both_numbers():
+def test_prior_knowledge_bounds_both_numbers():
     motion = approach()[:150]
     estimator = fed(VariableProjection(), motion, felt(BALL, motion, 4))
     free = estimator.estimate()

@@ -19,8 +19,7 @@ from benchmarks.curves import (
 )
 from benchmarks.curves import parameters as columns
 from palpate import CurveFits, HuntCrossley, InvalidParameterError, fit_curves
-from palpate.estimators.least_squares import least_squares
-from palpate.preparation.surface import fit_surface_position
+from palpate.method.estimators.least_squares import fit_surface_position, least_squares
 
 # ``python -m benchmarks.curves`` asks the same of hundreds of curves.
 SURFACES = UNKNOWN["surface_range"]
@@ -50,7 +49,7 @@ def excess(curves: Curves, starts: int, **more: Any) -> np.ndarray:
 
 
 @pytest.mark.parametrize("name", MOTIONS)
-def test_the_answer_is_scipys_minimum_of_the_stated_cost(name: str) -> None:
+def test_the_fit_of_a_curve_is_scipys_minimum(name: str) -> None:
     curves = random_curves(MOTIONS[name], 8, seed=11)
     assert (excess(curves, 7) < 1e-4).all()
     curves = random_curves(MOTIONS[name], 5, surface=True, seed=12)
@@ -211,7 +210,7 @@ def test_a_tare_is_a_prior_and_its_contradiction_is_flagged() -> None:
     assert fits.offset[0] == pytest.approx(curves.truth[0, 3] + 0.5, abs=0.05)
 
 
-def test_without_contact_there_is_no_answer_and_laws_and_flags_come_by_curve() -> None:
+def test_curves_without_contact_have_no_answer() -> None:
     nothing = np.full((1, 50), -1e-3)
     fits = fit_curves(nothing, nothing, nothing)
     assert fits.status_names == ["no contact"]
@@ -239,7 +238,7 @@ def test_units_change_nothing() -> None:
     assert small.standard_errors[:, 4] == pytest.approx(own, rel=1e-4)
 
 
-def test_a_range_without_a_search_and_arrays_of_other_shapes_are_refused() -> None:
+def test_a_range_without_a_search_or_wrong_shapes_are_refused() -> None:
     with pytest.raises(InvalidParameterError, match="surface_range needs"):
         fit_curves(*[np.ones((2, 5))] * 3, surface_range=(0.0, 1e-3))
     for shape, other in (((2, 5), (2, 6)), ((2, 5, 1), (2, 5, 1))):

@@ -70,7 +70,7 @@ def test_a_material_that_does_not_drift_is_not_lost(name: str) -> None:
 
 
 @pytest.mark.parametrize("correlation", [0.7, 0.9])
-def test_its_bars_hold_in_correlated_noise(correlation: float) -> None:
+def test_error_bars_hold_in_correlated_noise(correlation: float) -> None:
     motion, own = three_sines(5.0), np.sqrt(1.0 - correlation**2)
     clean, truth, away = PVC.force(motion.x, motion.v), PVC.force(10e-3, 0.0), []
     for seed in range(20):
@@ -96,7 +96,7 @@ def says_too_slow(law: HuntCrossley, walk: float, seed: int, motion: Motion) -> 
     "seconds, seeds", [(8.0, 3), pytest.param(15.0, 100, marks=pytest.mark.slow)]
 )
 @pytest.mark.parametrize("name", WELL_EXCITED)
-def test_a_walk_ten_times_too_slow_for_the_material_says_so_and_the_right_one_does_not(
+def test_a_random_walk_ten_times_too_slow_is_reported(
     name: str, seconds: float, seeds: int
 ) -> None:
     law, motion = WELL_EXCITED[name], three_sines(seconds)
@@ -104,7 +104,7 @@ def test_a_walk_ten_times_too_slow_for_the_material_says_so_and_the_right_one_do
     assert np.mean([says_too_slow(law, 0.02, seed, motion) for seed in range(seeds)]) <= 0.01
 
 
-def test_a_walk_that_was_too_slow_is_enough_again_once_the_material_rests() -> None:
+def test_the_random_walk_suffices_again_once_the_material_rests() -> None:
     motion = three_sines(12.0)
     steps = 0.2 * np.sqrt(1e-3) * np.random.default_rng(15).standard_normal(len(motion))
     scale = np.exp(np.cumsum(np.where(motion.time < 4.0, steps, 0.0)))
@@ -114,7 +114,7 @@ def test_a_walk_that_was_too_slow_is_enough_again_once_the_material_rests() -> N
     assert not fed(estimator, motion[4000:], force[4000:]).estimate().flags
 
 
-def test_a_flag_says_so_until_it_tracks_and_until_then_it_is_variable_projection() -> None:
+def test_before_tracking_it_equals_variable_projection_with_a_flag() -> None:
     motion = joined(held(1.0), three_sines(2.0))
     force = felt(BALL, motion, 5)
     tracking, projecting = DriftTracking(), VariableProjection(offset=False)

@@ -35,7 +35,7 @@ from palpate import (
     identify,
     prepare,
 )
-from palpate.design import Motion as Planned
+from palpate.lab.design import Motion as Planned
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[3] / "shared" / "data"))
 
@@ -52,7 +52,7 @@ def estimate_of(law: HuntCrossley, motion: Motion, seed: int = 1) -> Estimate:
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_what_a_motion_does_not_tell_is_flagged(name: str) -> None:
+def test_parameters_that_a_motion_leaves_open_are_flagged(name: str) -> None:
     law = MATERIALS[name]
     for depth in (2e-3, 10e-3, 18e-3):
         assert flagged(estimate_of(law, held(3.0, depth))) == BOTH
@@ -198,7 +198,7 @@ def test_identification_widens_the_bars_of_the_papers_methods(method, law):
     assert own.min() < 70
 
 
-def test_identification_leaves_the_bars_of_variable_projection_as_they_are() -> None:
+def test_identify_keeps_the_bars_of_variable_projection() -> None:
     motion = three_sines(1.0)
     force = PVC.force(motion.x, motion.v) + coloured(len(motion), 1)
     found = identify(contact_of(motion, force))

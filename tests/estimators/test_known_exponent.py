@@ -79,7 +79,7 @@ def test_the_answer_is_the_least_squares_of_the_rest(keeper):
         assert np.all(np.abs(found - wanted) < 0.01 * errors)
 
 
-def test_the_exponent_has_no_error_and_no_flag_and_the_rest_is_known_better(keeper):
+def test_a_known_exponent_improves_the_other_parameters(keeper):
     contact = contact_of()
     free, kept = identify(contact, keeper()), identify(contact, keeper(exponent=1.5))
     assert kept.fixed == ("n",)
@@ -125,7 +125,7 @@ def test_the_surface_is_searched_for_beside_it():
     assert estimate.surface_standard_error < free.surface_standard_error
 
 
-def test_it_stays_through_changes_outliers_and_forgetting(keeper):
+def test_a_known_exponent_stays_through_changes_and_outliers(keeper):
     soft, hard = contact_of(), contact_of(HuntCrossley(K=90e3, B=50e3, n=1.5), seed=4)
     force = np.where(soft.time < 1.0, soft.force, hard.force)
     force[300:302] += 30.0
@@ -143,7 +143,7 @@ def test_it_stays_through_changes_outliers_and_forgetting(keeper):
     assert now.law.K == pytest.approx(90e3, rel=0.05)
 
 
-def test_a_wrong_exponent_is_a_finding_and_a_modulus_says_that_the_shape_was_not_checked():
+def test_a_wrong_exponent_is_a_finding():
     contact = contact_of(noise=0.02)
     result = identify(contact, palpate.VariableProjection(exponent=2.0), trace=False)
     [finding] = [each for each in result.diagnosis.findings if each.check == "shape"]
@@ -166,8 +166,8 @@ def test_a_change_of_the_material_is_found_with_it():
     assert all(part.law.n == 1.5 and part.fixed for part in parts)
 
 
-def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path, undrawn):
-    from palpate.figures import draw
+def test_a_fixed_exponent_is_shown_as_fixed(tmp_path, undrawn):
+    from palpate.output.figures import draw
 
     result = identify(contact_of(), palpate.VariableProjection(exponent=1.5))
     assert "1.5 (fixed)" in result.summary()
@@ -183,7 +183,7 @@ def test_it_is_said_to_be_fixed_wherever_it_is_shown(tmp_path, undrawn):
     assert found.standard_errors[2] == 0.0
 
 
-def test_the_command_line_keeps_it(run, printed, refused, tmp_path):
+def test_the_command_line_keeps_a_known_exponent(run, printed, refused, tmp_path):
     file = tmp_path / "sphere.csv"
     palpate.write_contact(contact_of(), file)
     out = printed("identify", file, "--exponent", "1.5")
@@ -201,7 +201,7 @@ def test_the_command_line_keeps_it(run, printed, refused, tmp_path):
 
 
 @pytest.mark.parametrize("value", [0.0, 0.05, 11.0, np.nan, "cone", [1.5]])
-def test_what_is_no_exponent_or_drifts_is_refused_by_name(keeper, value):
+def test_invalid_exponents_and_drifts_are_refused_by_name(keeper, value):
     with pytest.raises(InvalidParameterError, match=r"^exponent must "):
         keeper(exponent=value)
     with pytest.raises(InvalidParameterError, match=r"^exponent_drift must be 0 "):

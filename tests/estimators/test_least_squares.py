@@ -109,7 +109,7 @@ def test_a_refused_row_changes_nothing(arguments, status):
         ),
     ],
 )
-def test_a_row_of_another_size_or_of_anything_but_numbers_is_an_error(row, error, words):
+def test_a_row_of_wrong_size_or_type_is_an_error(row, error, words):
     engine = taught(2)
     before = engine._state()
     for call in (lambda: engine.update(row, 1.0), lambda: engine.predict(row)):
@@ -139,7 +139,7 @@ def test_to_save_restore_and_continue_is_never_to_have_stopped(order, restored):
     assert isinstance(continued, LeastSquares)
 
 
-def test_an_order_outside_one_to_eight_and_a_start_that_is_none_are_refused():
+def test_an_order_outside_1_to_8_is_refused():
     for order in (0, 9, -1, 2.0, "2", None):
         with pytest.raises(InvalidParameterError, match=r"order .*\[1, 8\].*not"):
             LeastSquares(order)
@@ -162,7 +162,7 @@ def exactly_positive_definite(matrix: np.ndarray) -> bool:
 
 @pytest.mark.parametrize("order", ORDERS)
 @pytest.mark.parametrize("spread", [0.0, 1e-9, 1e-7, 1e-5])
-def test_rows_that_are_nearly_the_same_leave_the_covariance_definite_to_the_last_bit(order, spread):
+def test_nearly_equal_rows_keep_the_covariance_definite(order, spread):
     """Here P − L gᵀ cancels until rounding alone decides the sign of a pivot."""
     rng = np.random.default_rng(order)
     engine = LeastSquares(order)

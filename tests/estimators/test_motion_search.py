@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from palpate import HuntCrossley, lab
-from palpate.design import Motion, design
+from palpate.lab.design import Motion, design
 
 BALL, SPONGE, PHANTOM = lab.BALL.law, lab.SPONGE.law, lab.PVC.law
 MATERIALS = [BALL, SPONGE, PHANTOM]
@@ -44,7 +44,7 @@ def test_the_better_motion_keeps_to_its_limits_and_is_never_worse(
 
 
 @pytest.mark.parametrize("law", MATERIALS, ids=repr)
-def test_the_papers_motion_can_be_bettered_three_times_at_its_own_depth_and_speed_and_once(law):
+def test_a_better_motion_than_the_papers_exists(law):
     first = design(law, noise=0.05)
     assert first.better.worst < first.planned.worst / 2.5
     assert "wider range of depths" in first.reason
@@ -59,7 +59,7 @@ OTHERS = [pytest.param(law, marks=pytest.mark.slow) for law in (SPONGE, PHANTOM)
 
 
 @pytest.mark.parametrize("law", [BALL, *OTHERS], ids=repr)
-def test_a_sensor_of_coarse_steps_gets_a_motion_that_does_not_repeat_them(law):
+def test_a_coarse_sensor_gets_a_motion_that_varies_the_rounding(law):
     result = design(law, noise=0.02, resolution=0.1)
     assert len(result.better.motion.frequencies) == 2
     assert result.better.worst < result.planned.worst / 2.0

@@ -94,7 +94,7 @@ def test_the_end_of_the_sensors_range_is_found(law: HuntCrossley, part: float) -
     assert any(finding.check == "saturation" for finding in result.diagnosis.findings)
 
 
-def test_positions_lost_under_a_velocity_that_is_smeared_by_them_cost_little() -> None:
+def test_lost_positions_that_smear_the_velocity_cost_little() -> None:
     motion, force = probed()
     random = np.random.default_rng(3)
     x = motion.x + 1e-6 * random.standard_normal(len(motion))
@@ -109,7 +109,7 @@ def test_positions_lost_under_a_velocity_that_is_smeared_by_them_cost_little() -
 
 
 @pytest.mark.parametrize("law", [BALL, PVC])
-def test_of_a_clean_recording_nothing_is_left_out(law: HuntCrossley) -> None:
+def test_nothing_of_a_clean_recording_is_excluded(law: HuntCrossley) -> None:
     motion, force = probed(law, 2)
     clean = law.force(motion.x, motion.v)
     for seen in (force, clean, *(0.125 * np.round(8.0 * each) for each in (force, clean))):
@@ -158,7 +158,7 @@ def test_after_leaving_contact_the_next_sample_follows_nothing() -> None:
 @pytest.mark.parametrize(
     "after", [HuntCrossley(K=2100.0, B=2100.0, n=1.0), HuntCrossley(K=300.0, B=3000.0, n=1.0)]
 )
-def test_another_material_is_not_swallowed(after: HuntCrossley) -> None:
+def test_a_new_material_is_not_rejected_as_outliers(after: HuntCrossley) -> None:
     at = 3000
     estimator = WITH.replace(change_detector=ChangeDetector())
     for seed in range(5):
@@ -170,7 +170,7 @@ def test_another_material_is_not_swallowed(after: HuntCrossley) -> None:
         assert np.count_nonzero(status == Status.REJECTED) <= 3
 
 
-def test_a_probe_that_is_put_elsewhere_is_followed_at_once_where_the_force_agrees() -> None:
+def test_a_relocated_probe_is_followed_at_once() -> None:
     motion, force = probed()
     x = motion.x.copy()
     x[3000:] += 5e-3
@@ -192,9 +192,7 @@ def test_any_estimator_leaves_the_same_samples_out() -> None:
         assert result.as_dict()["rejected_samples"] == 3
 
 
-def test_identify_turns_it_on_and_false_turns_it_off_and_few_are_a_note_and_many_are_not(
-    run, tmp_path
-) -> None:
+def test_identify_rejects_outliers_by_default(run, tmp_path) -> None:
     motion, force = probed()
     severities = []
     for every, count in ((6000, 1), (1000, 6), (15, 394)):

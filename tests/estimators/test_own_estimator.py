@@ -1,5 +1,6 @@
 """A law and an estimator of one's own, made known by the same registries as the package's."""
 
+import functools
 import json
 import math
 import pickle
@@ -13,9 +14,10 @@ from cases import contact_of, exciting
 from scipy import optimize
 
 import palpate
-from palpate import Status, figures, force_laws
-from palpate.design.precision import cramer_rao_bound
-from palpate.estimators import contact_estimator
+from palpate import Status, force_laws
+from palpate.lab.design.precision import cramer_rao_bound
+from palpate.method.estimators import contact_estimator
+from palpate.output import figures
 from palpate.validation import instance, number_in
 
 
@@ -146,14 +148,15 @@ def registered():
 
 @pytest.mark.parametrize("name", ["fung", "own"])
 @pytest.mark.parametrize("promise", conformance.CHECKS.values(), ids=conformance.CHECKS)
-def test_least_squares_of_a_law_and_a_method_of_ones_own_keep_every_promise(
-    promise, name, registered
-):
+def test_custom_laws_and_methods_pass_the_conformance_tests(promise, name, registered, monkeypatch):
+    """On the first half second, in which the ball is touched twice: Python is slow."""
+    shorter = functools.partial(conformance._tapping, 0.5)
+    monkeypatch.setattr(conformance, "_tapping", shorter)
     kind = palpate.ESTIMATORS.get(name, StickyRLS)
     promise(kind, conformance.variants(kind)["everything"])
 
 
-def test_a_method_of_ones_own_takes_the_place_of_the_least_squares_of_its_law(registered):
+def test_a_custom_method_replaces_the_default_of_its_law(registered):
     contact_estimator.register(StickyRLS)
     assert palpate.ESTIMATORS["sticky"] is StickyRLS
     assert pickle.loads(pickle.dumps(palpate.ESTIMATORS["fung"]())).law_type is Fung
@@ -169,7 +172,7 @@ def fitted(law, seed, seconds=2.0):
 
 
 @pytest.mark.parametrize("name", TRUTHS)
-def test_the_optimum_and_the_bars_are_those_of_the_samples_themselves(name, registered):
+def test_binned_samples_keep_the_optimum_and_the_bars(name, registered):
     truth = TRUTHS[name]
     estimate, signals = fitted(truth, seed=1)
     x, v, force = signals.arrays
@@ -206,9 +209,7 @@ def test_the_bars_of_a_law_of_ones_own_hold_and_are_at_the_bound(registered):
 
 
 @pytest.mark.long
-def test_one_class_is_pressed_identified_compared_diagnosed_drawn_kept_and_exported(
-    run, tmp_path, registered, undrawn
-):
+def test_a_custom_law_works_in_every_command(run, tmp_path, registered, undrawn):
     file, folder = tmp_path / "pressed.csv", tmp_path / "result"
     numbers = [f"--{name}={value}" for name, value in FUNG.as_dict().items()]
     quick = ("--probe", "ideal", "--seconds", 3, "-o", file)
@@ -274,7 +275,7 @@ INCOMPLETE = {
 
 
 @pytest.mark.parametrize("register, thing, words", INCOMPLETE.values(), ids=INCOMPLETE)
-def test_what_is_incomplete_is_not_registered(register, thing, words):
+def test_incomplete_laws_and_methods_are_not_registered(register, thing, words):
     before = dict(contact_estimator.ESTIMATORS), dict(force_laws.FORCE_LAWS)
     with pytest.raises(palpate.InvalidParameterError, match=words):
         register(thing)

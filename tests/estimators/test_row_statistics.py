@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from palpate.preparation.gate import LARGEST
-from palpate.preparation.resolution import estimate_resolutions, noise_of
-from palpate.preparation.velocity import find_spikes, largest_of, spikes_of_rows, step_of
+from palpate.input.preparation.gate import LARGEST
+from palpate.input.preparation.resolution import estimate_resolutions, noise_of
+from palpate.input.preparation.velocity import find_spikes, largest_of, spikes_of_rows, step_of
 
 # So many that cells are looked through, and so few that they are not.
 SIZES = [1, 2, 3, 4, 5, 6, 127, 128, 129, 1000, 2001]
@@ -47,7 +47,7 @@ def test_noise_and_steps_are_those_of_numpy(size):
         assert largest_of(values) == np.percentile(np.abs(values), 99.9), name
 
 
-def test_samples_that_are_not_there_count_for_nothing():
+def test_missing_samples_count_for_nothing():
     values = np.random.default_rng(2).standard_normal(900)
     holes = [math.nan, math.inf, math.nan, -math.inf, math.nan]
     with_holes = np.insert(values, [0, 5, 5, 300, 900], holes)
@@ -82,7 +82,7 @@ def test_a_spike_is_found_beside_samples_that_are_not_there():
 
 
 @pytest.mark.parametrize("place", [0, 1, -2, -1])
-def test_a_spike_at_an_end_is_found_and_a_motion_that_begins_or_stops_is_none(place):
+def test_only_a_spike_at_an_end_is_called_one(place):
     random = np.random.default_rng(4)
     values = np.sin(np.arange(500) / 40.0) + 1e-3 * random.standard_normal(500)
     assert not find_spikes(values).any()

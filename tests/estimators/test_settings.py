@@ -155,7 +155,7 @@ def test_a_setting_that_is_not_a_finite_number_is_refused_by_name(make, name, ba
     assert repr(bad) in str(caught.value)
 
 
-def test_a_scalar_variances_and_a_matrix_say_the_same_and_stages_have_no_joint_covariance():
+def test_equal_initial_covariances_in_any_form_give_one_estimate():
     for covariance in (3.0, [3.0, 3.0], [[3.0, 0.0], [0.0, 3.0]]):
         estimator = KelvinVoigtRLS(initial_covariance=covariance)
         # Formed from a square root, whose rounding is that of 3.
@@ -207,7 +207,7 @@ def test_a_setting_is_a_frozen_value(value):
     assert value != type(value)()
 
 
-def test_what_an_estimator_starts_with_is_the_papers(kind):
+def test_initial_values_of_the_estimators_are_the_papers(kind):
     settings = kind().settings
     assert settings["forgetting"] == FadingForgetting(0.99, 5.0)
     assert settings["perturbation"] is None

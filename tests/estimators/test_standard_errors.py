@@ -8,10 +8,10 @@ from scipy import stats
 
 import palpate
 from palpate import ConstantForgetting, Contact, HuntCrossley, Scale, identify
-from palpate.design.precision import cramer_rao_bound
-from palpate.diagnosis import Data
-from palpate.diagnosis.fit import Fit, FitInput, standard_errors
-from palpate.estimators.least_squares import robust_covariance
+from palpate.identification.diagnosis import Data
+from palpate.identification.diagnosis.fit import Fit, FitInput, standard_errors
+from palpate.lab.design.precision import cramer_rao_bound
+from palpate.method.estimators.least_squares import robust_covariance
 
 RUNS, SAMPLES = 1000, 100
 # A count of hits among RUNS at 95 % falls outside these limits once in a thousand seeds.
@@ -43,7 +43,7 @@ def estimates(name: str):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_standard_errors_are_the_spread_and_95_percent_hold_the_truth_95_times_in_100(name):
+def test_standard_errors_match_the_spread_over_seeds(name):
     found, truth = list(estimates(name)), CASES[name][1].parameters
     errors = np.array([estimate.parameters - truth for estimate in found])
     deviations = np.array([estimate.standard_errors for estimate in found])
@@ -71,7 +71,7 @@ def test_standard_errors_are_the_spread_and_95_percent_hold_the_truth_95_times_i
 @pytest.mark.long
 @pytest.mark.parametrize("surface", [0.0, 1e-3])  # m: the probe rests above zero, or below it
 @pytest.mark.parametrize("step", [0.0, 0.125])
-def test_a_pause_above_an_unknown_surface_leaves_the_bars_at_the_bound(step, surface):
+def test_a_pause_above_the_surface_keeps_the_bars_at_the_bound(step, surface):
     """Two seconds in free air: the errors of the first touch, before the surface was found, do not
     count as noise for as long. Bars were 140 times the bound; now 1.2 in the median and 2.2 at most
     of 160 runs, as few long blocks measure slow noise.
@@ -97,7 +97,7 @@ def test_a_pause_above_an_unknown_surface_leaves_the_bars_at_the_bound(step, sur
     assert np.mean(inside) > 0.85  # 24 intervals of 95 %, of which three belong together
 
 
-def test_under_forgetting_the_standard_errors_err_on_the_safe_side():
+def test_with_forgetting_standard_errors_are_conservative():
     """P × the noise variance takes weights for variances: (Σwφφᵀ)⁻¹ where the estimates scatter by
     (Σwφφᵀ)⁻¹ (Σw²φφᵀ) (Σwφφᵀ)⁻¹, which is less.
     """
@@ -123,7 +123,7 @@ def test_under_forgetting_the_standard_errors_err_on_the_safe_side():
     np.testing.assert_allclose(ratio, excess, rtol=0.09)  # as above
 
 
-def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
+def test_noise_proportional_to_force_widens_the_bars():
     t = 1e-3 * np.arange(8000)
     law = HuntCrossley(K=1e5, B=2e5, n=2.0)
     x, v = 6e-3 + 4e-3 * np.sin(9.0 * t), 36e-3 * np.cos(9.0 * t)
@@ -153,9 +153,7 @@ def test_noise_in_proportion_to_force_widens_what_firm_contact_tells():
 @pytest.mark.parametrize(
     "pole, least, widest", [(0.0, 0.94, 1.3), (0.5, 0.9, 2.0), (0.9, 0.8, 2.0)]
 )
-def test_a_fit_of_four_parameters_to_one_press_knows_what_it_took_of_slow_noise(
-    pole, least, widest
-):
+def test_error_bars_of_one_press_cover_slow_noise(pole, least, widest):
     turn = np.linspace(0.05, 0.95, 45)
     depth, speed = np.sin(np.pi * turn) ** 2, np.sin(2.0 * np.pi * turn)
     rows = np.column_stack([depth, depth * speed, depth * np.log(depth), np.ones(turn.size)])
@@ -196,7 +194,7 @@ def test_the_single_stage_says_where_light_contact_ruins_its_errors(exponent, le
     assert (np.mean(held) < 0.8) == flagged
 
 
-def test_the_single_stages_own_standard_errors_are_too_small_and_a_finding_says_so():
+def test_too_small_errors_of_the_single_stage_are_reported():
     """White noise, a law that holds: the interval still misses the stiffness of a light contact."""
     motion, law = probing.three_sines(5.0), MATERIALS["sponge"]
     force, depth = law.force(motion.x, motion.v), float(np.median(motion.x))

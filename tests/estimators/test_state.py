@@ -15,12 +15,12 @@ from cases import KINDS, MATERIALS, exciting, knowledge, tapping
 
 import palpate
 from palpate import ChangeDetector, InvalidParameterError, OutlierRejection
-from palpate.estimators import CompiledEstimator
+from palpate.method.estimators import CompiledEstimator
 
 SIGNALS = tapping(MATERIALS["pvc"], noise=0.02, seed=11)
 
 
-def test_the_settings_that_it_gives_do_not_change_an_estimator(kind):
+def test_reading_the_settings_does_not_change_an_estimator(kind):
     estimator = kind()
     estimator.settings["sample_time"] = 7.0
     assert estimator.settings["sample_time"] == 1e-3

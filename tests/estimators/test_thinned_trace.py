@@ -6,7 +6,7 @@ from cases import MATERIALS, contact_of, exciting, knowledge, tapping
 
 import palpate
 from palpate import ESTIMATORS, InvalidParameterError, Trace, compare, diagnose, identify
-from palpate.figures import draw
+from palpate.output.figures import draw
 
 # Contact is lost and made again, and some samples are bad.
 SIGNALS = tapping(MATERIALS["ball"], noise=0.02, seed=1)
@@ -31,7 +31,7 @@ def same(one, other) -> bool:
 
 
 @pytest.mark.parametrize("trace", [False, 30])
-def test_the_result_the_flags_and_the_diagnosis_are_those_of_a_full_trace(method, full, trace):
+def test_a_thinned_trace_changes_no_result(method, full, trace):
     thinned = identify(CONTACT, method(), trace=trace)
     assert knowledge(thinned.estimator) == knowledge(full.estimator)
     for name in ("status", "predicted_force", "validity_margin"):
@@ -68,7 +68,7 @@ def test_segments_are_thinned_each_by_itself_and_joined():
     assert same(trace.time, CONTACT.time[trace.after])
 
 
-def test_a_whole_number_counts_estimates_up_to_the_last_sample_and_a_decimal_one_seconds():
+def test_trace_takes_a_count_or_an_interval_in_seconds():
     for rows in (1, 2, 300, np.int64(1999)):
         trace = identify(CONTACT, trace=rows).trace
         assert len(trace.after) == len(trace.time) == rows
@@ -89,7 +89,7 @@ def test_the_estimates_of_a_long_recording_are_2000_by_default():
 
 
 @pytest.mark.parametrize("trace", [True, "half", 0, 0.0, -1, -1.0, np.nan, None, [1.0], 1e10])
-def test_what_is_no_trace_is_refused_in_a_line(trace):
+def test_an_invalid_trace_is_refused_in_one_line(trace):
     with pytest.raises(InvalidParameterError, match=r"^trace must [^\n]*$"):
         identify(CONTACT, trace=trace)
     with pytest.raises(InvalidParameterError, match=r"^trace must "):
@@ -97,7 +97,7 @@ def test_what_is_no_trace_is_refused_in_a_line(trace):
 
 
 @pytest.mark.parametrize("at", [[1, 0], [0, 0], [-1], [10_000], [0.5], [np.nan], "last", [[1]]])
-def test_what_are_no_samples_is_refused_in_a_line(method, at):
+def test_an_invalid_choice_of_estimates_is_refused(method, at):
     with pytest.raises(InvalidParameterError, match=r"^at must [^\n]*$"):
         method().replay(*SIGNALS.arrays, at=at)
 
@@ -124,7 +124,7 @@ def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
 @pytest.mark.parametrize("trace", [False, 0.2, 50])
 @pytest.mark.parametrize("table", ["trace.parquet", "trace.csv"])
 def test_a_thinned_trace_is_saved_and_read_back(trace, table, tmp_path, monkeypatch):
-    from palpate.reports import identification
+    from palpate.output.reports import identification
 
     monkeypatch.setattr(identification, "has_pyarrow", lambda: table == "trace.parquet")
     monkeypatch.setattr(identification, "page", lambda *_: "")  # which is drawn for seconds

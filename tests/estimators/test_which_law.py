@@ -13,15 +13,15 @@ from palpate import (
     GeneralisedHuntCrossley,
     InvalidParameterError,
     SingleRelaxation,
-    figures,
     identify,
 )
-from palpate.diagnosis.material import relaxation_remedy
-from palpate.diagnosis.outcome import ModelSelection
-from palpate.estimators.by_law import estimator_by_law, law_names
-from palpate.estimators.law_verdicts import Candidate, LawVerdict, RankedModel
-from palpate.results import view
-from palpate.results.parameters import parameter_rows
+from palpate.identification.diagnosis.material import relaxation_remedy
+from palpate.identification.diagnosis.outcome import ModelSelection
+from palpate.method.estimators.by_law import estimator_by_law, law_names
+from palpate.method.estimators.law_verdicts import Candidate, LawVerdict, RankedModel
+from palpate.output import figures
+from palpate.output.results import view
+from palpate.output.results.parameters import parameter_rows
 
 # Of faults.LAW's stiffness; where the damper grows otherwise it is as large at 8 mm.
 N = faults.LAW.n
@@ -72,7 +72,7 @@ def test_without_a_law_the_one_that_fits_best_is_selected(name):
     assert plain.law_verdict is None
 
 
-def test_where_it_is_hunt_crossley_or_two_materials_the_answer_is_that_of_variable_projection():
+def test_plain_materials_get_the_answer_of_variable_projection():
     for seed in range(3):
         result = identify(faults.clean(seed), trace=False)
         plain = identify(faults.clean(seed), law="hunt-crossley", trace=False)
@@ -116,7 +116,7 @@ def test_each_law_that_can_be_asked_for_has_an_estimator(law):
     assert estimator_by_law(law, kind.method)[1] == settings
 
 
-def test_a_law_is_found_by_its_usual_method_unless_another_is_named():
+def test_a_law_selects_its_usual_method():
     for given, kind in (
         ((), palpate.VariableProjection),
         (("hunt-crossley",), palpate.VariableProjection),
@@ -142,7 +142,7 @@ def test_a_law_is_found_by_its_usual_method_unless_another_is_named():
         ({"law": 3}, "law must be one of"),
     ],
 )
-def test_a_law_that_is_not_there_or_does_not_go_with_the_method_is_refused(given, words):
+def test_an_unknown_or_unsuitable_law_is_refused(given, words):
     with pytest.raises(InvalidParameterError, match=words.replace("(", r"\(")):
         identify("no file is read before", **given)
     with pytest.raises(InvalidParameterError, match="excludes an estimator with settings"):
@@ -189,7 +189,7 @@ def test_the_numbers_of_laws_of_any_kind_are_compared_at_one_frequency():
 
 
 @pytest.mark.parametrize("law", [None, "auto"])
-def test_what_the_motion_did_not_contain_is_refused_with_its_band(law):
+def test_a_frequency_outside_the_motion_is_refused_with_its_band(law):
     result = identified("half-space", law)
     own = result.dynamic_stiffness().frequency
     for omega in (0.49 * own, 2.01 * own, math.nan):

@@ -26,7 +26,7 @@ from export_cases import (
 
 import palpate
 from palpate import ExtendedKelvinVoigt, GeneralisedHuntCrossley, HuntCrossley, KelvinVoigt, exports
-from palpate.diagnosis import Verdict
+from palpate.digits import format_hertz
 from palpate.errors import ExportRefusedError, InvalidParameterError, RecordingError
 from palpate.exports import Engine, Fragment, ProbeMotion, Replayed
 from palpate.exports.drake.running import restitution_by_steps
@@ -37,9 +37,9 @@ from palpate.exports.statement import ExportedLaw
 from palpate.exports.texts import hash_comment, xml_comment
 from palpate.findings import Finding
 from palpate.force_laws import engines, law_from
+from palpate.identification.diagnosis import Verdict
 from palpate.lab import BALL, PVC, TISSUE
-from palpate.quantities.derived import format_hertz
-from palpate.results.saved import SCHEMA_VERSION, result_dict
+from palpate.output.results.saved import SCHEMA_VERSION, result_dict
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 
@@ -92,9 +92,7 @@ def toy(monkeypatch):
     return become
 
 
-def test_the_recorded_motion_is_below_the_surface_that_was_estimated_and_without_the_offset(
-    ball, saved
-):
+def test_the_export_moves_surface_and_offset_to_zero(ball, saved):
     motion = ProbeMotion.recorded(ball)
     assert np.array_equal(motion.force, ball.contact.force - ball.estimate.offset)
     assert np.count_nonzero(motion.judged) == np.count_nonzero(ball.trace.taken)
@@ -140,7 +138,7 @@ def test_a_drop_by_the_exact_relation_is_the_one_by_integration(law):
     assert drop.restitution == 1.0
 
 
-def test_the_nearest_kelvin_voigt_law_is_the_least_squares_and_the_law_itself_where_it_is_one():
+def test_the_nearest_kelvin_voigt_law_is_the_least_squares():
     motion, linear = ProbeMotion.of_paper(), KelvinVoigt(K=2000.0, B=15.0)
     assert kelvin_voigt(GeneralisedHuntCrossley.of(linear), motion).simplest() == linear
     found = kelvin_voigt(PVC.law, motion)
@@ -181,14 +179,14 @@ def relaxing_result(motion, *branches):
 
 
 def strokes():
-    """8 s of presses from free air at 0.8 and 3 Hz."""
-    time = 1e-3 * np.arange(8000)
+    """5 s of presses from free air at 0.8 and 3 Hz."""
+    time = 1e-3 * np.arange(5000)
     slow, fast = 1.6 * np.pi * time, 6.0 * np.pi * time
     depth = 6e-3 - 7e-3 * np.cos(slow) + 1.5e-3 * np.sin(fast)
     return SimpleNamespace(time=time, penetration=depth, velocity=np.gradient(depth, time))
 
 
-def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_frequency():
+def test_a_relaxing_recording_is_exported_as_hunt_crossley():
     motion = exciting(PVC_LAW, seconds=6.0)
     result = relaxing_result(motion, (0.1, 0.5), (2000.0, 1000.0))
     assert result.law.remembers
@@ -206,9 +204,7 @@ def test_a_recording_that_relaxes_is_exported_by_its_hunt_crossley_law_at_its_fr
 
 
 @pytest.mark.parametrize("relaxing, large", [(8000.0, True), (500.0, False)])
-def test_a_law_that_relaxes_is_refused_by_its_distance_from_the_identified_law(
-    relaxing, large, toy, tmp_path
-):
+def test_a_relaxing_law_is_refused_if_its_export_is_far_off(relaxing, large, toy, tmp_path):
     """Whether the engine has the exported law exactly makes no difference."""
     toy(factor=1.0)
     result = relaxing_result(strokes(), (0.4,), (relaxing,))
@@ -237,7 +233,7 @@ def test_a_law_that_relaxes_is_refused_by_its_distance_from_the_identified_law(
 
 
 @pytest.mark.parametrize("law", [TISSUE.law, SPECTRUM])
-def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error(law):
+def test_a_law_with_memory_is_exported_as_its_nearest_plain_law(law):
     motion = ProbeMotion.of_paper()
     found = nearest_without_memory(law, motion)
     others = (law.relaxed(), law.instantaneous())
@@ -256,7 +252,7 @@ def test_of_a_law_that_remembers_the_nearest_member_is_exported_with_its_error(l
     assert "τ = " in statement.law_lines()[0]
 
 
-def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(toy):
+def test_two_powers_of_depth_are_exported_as_one_with_its_error(toy):
     made = exports.export(ExtendedKelvinVoigt(K1=500.0, K2=2e4, B=3.0), "toy")
     assert 1.0 < made.statement.nearest.law.n < 2.0
     assert 0.1 < made.statement.compared.percent < 1.0
@@ -266,7 +262,7 @@ def test_a_law_of_two_powers_of_depth_is_exported_as_one_power_with_its_error(to
     assert (alone.law.n, alone.error_percent) == (2.0, 0.0)
 
 
-def test_a_claim_says_how_far_off_the_engine_was_and_how_that_is_known(toy, ball):
+def test_a_claim_states_the_engine_error_and_its_source(toy, ball):
     toy(factor=1.0112)
     made = exports.export(ball, "toy", mass=1.0)
     found = made.statement.as_dict()["error_percent"]
@@ -287,7 +283,7 @@ def test_a_claim_says_how_far_off_the_engine_was_and_how_that_is_known(toy, ball
     assert found["verdict"] is found["error_percent"]["against_measured"] is None
 
 
-def test_an_engine_that_does_not_load_is_said_unless_somebody_ends_it(toy, monkeypatch):
+def test_an_engine_that_fails_to_load_is_reported(toy, monkeypatch):
     def broken(self, motion):
         raise ImportError("numpy.core is gone") from causes.pop()
 
@@ -306,7 +302,7 @@ def test_an_exact_engine_is_called_exact_and_one_that_is_off_is_not(toy):
         assert exports.export(BALL.law, "toy").statement.exact is exact
 
 
-def test_more_than_five_percent_is_refused_and_what_is_allowed_says_so_in_the_fragment(toy):
+def test_an_export_more_than_5_percent_off_is_refused(toy):
     for factor in (1.06, math.nan):
         toy(factor=factor)
         with pytest.raises(ExportRefusedError, match="more than 5 %") as refused:
@@ -316,7 +312,7 @@ def test_more_than_five_percent_is_refused_and_what_is_allowed_says_so_in_the_fr
         assert "although the force error of the engine is" in made.files["fragment.txt"]
 
 
-def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(toy, saved):
+def test_an_untrusted_result_is_refused_and_one_with_care_warns(toy, saved):
     result = palpate.load_result(saved)
     finding = Finding("delay", "the force is late", "--delay find", severity="do-not-trust")
     for overall in ("do-not-trust", "with-care"):
@@ -330,7 +326,7 @@ def test_a_result_that_is_not_to_be_trusted_is_refused_and_one_with_care_warns(t
             assert "the force is late (--delay find)" in words
 
 
-def test_a_damping_that_gives_energy_is_refused_and_exported_as_none(toy):
+def test_a_negative_damping_is_refused_or_exported_as_zero(toy):
     with pytest.raises(ExportRefusedError, match="generates energy"):
         exports.export(HuntCrossley(K=2000.0, B=-5.0, n=1.0), "toy")
     made = exports.export(HuntCrossley(K=2000.0, B=-5.0, n=1.0), "toy", allow=True)
@@ -339,7 +335,7 @@ def test_a_damping_that_gives_energy_is_refused_and_exported_as_none(toy):
         exports.export(HuntCrossley(K=-2000.0, B=5.0, n=1.0), "toy", allow=True)
 
 
-def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
+def test_an_unstable_time_step_is_refused(toy):
     toy(largest_step=1.5e-3)
     assert any("stability limit" in w for w in exports.export(BALL.law, "toy").statement.warnings)
     with pytest.raises(ExportRefusedError, match=r"below 1\.5 ms"):
@@ -355,7 +351,7 @@ def test_an_unstable_time_step_is_refused_and_one_near_it_warned_of(toy):
         assert (abs(x) < 1.0) is stable
 
 
-def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(ball, tmp_path):
+def test_an_export_without_its_engine_is_marked(ball, tmp_path):
     made = exports.export(ball, "usd", mass=1.0)
     assert not made.statement.compared.replayed
     for name, text in made.files.items():
@@ -368,7 +364,7 @@ def test_what_has_no_engine_here_is_marked_and_its_impacts_are_warned_of(ball, t
     assert whole["law"]["K"] == ball.law.K
 
 
-def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_where_explicitly():
+def test_the_time_step_counts_in_implicit_engines_only():
     stiff, sap = KelvinVoigt(K=2e4, B=20.0), {"form": "sap", "replay": False}
     rebounds = [
         exports.export(stiff, "drake", time_step=step, **sap).statement.compared.drop_restitution
@@ -397,7 +393,7 @@ def test_a_time_step_is_counted_where_the_engine_takes_it_implicitly_and_said_wh
         ("gazebo", {}, "ignores the <kp> and <kd>"),  # with DART
     ],
 )
-def test_what_an_engine_can_do_nothing_with_is_refused_in_words(toy, engine, given, words):
+def test_what_an_engine_cannot_use_is_refused(toy, engine, given, words):
     error = ExportRefusedError if engine == "gazebo" else InvalidParameterError
     with pytest.raises(error, match=words):
         exports.export(BALL.law, engine, **given)
@@ -444,7 +440,7 @@ def test_the_command_prints_the_claim_and_writes_the_files(run, printed, saved, 
     assert whole["claim"] == json.loads(first)["claim"]
 
 
-def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved, tmp_path, toy):
+def test_a_refused_export_ends_with_status_3(run, saved, tmp_path, toy):
     toy(factor=1.1)
     status, out, _ = run("export", saved, "--to", "toy", "-o", tmp_path)
     assert status == 3
@@ -465,7 +461,7 @@ def test_the_command_ends_with_3_where_it_refuses_and_writes_only_why(run, saved
     "name, value",
     [("surface", None), ("flags", 3), ("elastic_modulus", {"tip": {"kind": "sphere"}})],
 )
-def test_a_saved_result_that_is_damaged_where_only_an_export_looks_is_a_line(saved, name, value):
+def test_an_export_reports_a_damaged_result_in_one_line(saved, name, value):
     result = palpate.load_result(saved)
     result.description["results"][0][name] = value
     with pytest.raises(RecordingError, match="the result is damaged"):
@@ -478,7 +474,7 @@ def test_a_comment_is_one_whatever_the_recording_is_called():
     assert hash_comment(notes) == "# of a---b-.csv\n# of c  d.csv"
 
 
-def test_what_is_no_result_is_said_in_a_line(run, refused, saved, tmp_path):
+def test_a_folder_without_a_result_is_refused_in_one_line(run, refused, saved, tmp_path):
     broken, printed = tmp_path / "result.json", tmp_path / "printed.json"
     broken.write_bytes((saved / "result.json").read_bytes()[:1000])
     printed.write_text(json.dumps({"schema_version": SCHEMA_VERSION, "results": []}))
@@ -538,7 +534,7 @@ def test_spheres_in_one_another_are_a_power_law_of_the_same_dissipation(exponent
     assert len(spheres.gaps) <= 8
 
 
-def test_a_damper_of_another_power_is_carried_by_each_sphere_with_its_own_dissipation() -> None:
+def test_each_sphere_has_its_own_dissipation() -> None:
     fragment = fitted("drake", GeneralisedHuntCrossley(K=1e5, n=2.0, B=3000.0, p=1.0))
     assert predicted_percent(fragment) < 0.5
     assert np.ptp(fragment.contact.dissipation) > 0.0
@@ -551,7 +547,7 @@ def test_a_damper_of_another_power_is_carried_by_each_sphere_with_its_own_dissip
         (GeneralisedHuntCrossley(K=-5.0, n=1.0, B=1.0, p=1.0), {}, "stiffness"),
     ],
 )
-def test_what_cannot_be_a_contact_is_refused_in_words(law, further, words) -> None:
+def test_impossible_contacts_are_refused(law, further, words) -> None:
     with pytest.raises(InvalidParameterError, match=words):
         fitted("drake", law, **further)
 
@@ -574,7 +570,7 @@ def _properties(text: str, kind: str) -> list[dict[str, str]]:
         (KELVIN_VOIGT_LAW, {}),
     ],
 )
-def test_both_texts_say_the_same_of_both_bodies_and_what_the_plant_must_be(law, further) -> None:
+def test_both_files_for_drake_describe_the_same_bodies(law, further) -> None:
     files = fitted("drake", law, **further).files(["a note -- of two hyphens"])
     sdf, urdf = _properties(files["contact.sdf"], "sdf"), _properties(files["contact.urdf"], "urdf")
     assert sdf == urdf
@@ -595,7 +591,7 @@ def test_sap_has_the_relaxation_time_of_one_body_only() -> None:
     assert 'discrete_contact_approximation="sap"' in files["contact.sdf"]
 
 
-def test_a_tip_smaller_than_it_is_pressed_in_has_its_inner_spheres_raised_and_says_so() -> None:
+def test_a_tip_smaller_than_the_depth_raises_its_inner_spheres() -> None:
     fragment = fitted("drake", PVC_LAW, tip_radius=0.003)
     gaps = fragment.contact.gaps
     lowest = [tip.lift - tip.radius for tip in fragment.parts.tips]
@@ -621,7 +617,7 @@ def test_a_step_damps_a_spring_as_backward_euler_does() -> None:
     )
 
 
-def test_a_step_that_damps_more_than_the_law_is_warned_of_and_sap_needs_one() -> None:
+def test_a_time_step_that_damps_more_than_the_law_is_warned_of() -> None:
     coarse = fitted("drake", BALL_LAW, time_step=1e-3)
     assert any("adds a damping of 2 N·s/m" in words for words in map(str, coarse.findings))
     assert not fitted("drake", BALL_LAW, time_step=1e-4).findings
@@ -654,7 +650,7 @@ def test_another_exponent_keeps_the_restitution_and_says_its_error(law) -> None:
     assert fragment.predict_restitution(drop) == pytest.approx(drop.restitution, rel=1e-6)
 
 
-def test_it_asks_for_the_radius_and_says_that_it_holds_for_that_one_only() -> None:
+def test_the_modulus_holds_for_the_given_radius_only() -> None:
     with pytest.raises(InvalidParameterError, match="--tip-radius"):
         fitted("opensim", HERTZ_LAW)
     with pytest.raises(InvalidParameterError, match="stiffness"):
@@ -666,7 +662,7 @@ def test_it_asks_for_the_radius_and_says_that_it_holds_for_that_one_only() -> No
     assert len(large.findings) == 1
 
 
-def test_each_geometry_has_parameters_of_its_own_and_the_tip_is_rigid() -> None:
+def test_each_geometry_has_its_own_parameters() -> None:
     fragment = fitted("opensim", HERTZ_LAW, tip_radius=RADIUS)
     text = fragment.files(["a note"])["contact.osim"]
     assert "a note" in text

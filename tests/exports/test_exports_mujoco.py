@@ -125,7 +125,7 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
 
 
 @pulling
-def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_the_deepest():
+def test_a_contact_pair_states_when_it_pulls():
     law = SPONGE_LAW
     fragment = fitted(law)
     said = " ".join(map(str, fragment.findings))
@@ -144,7 +144,7 @@ def test_a_pair_says_when_it_pulls_and_pulls_no_more_than_its_spring_pushes_at_t
     assert "withdrawn faster than 1.2 m/s from a depth of 10 mm" in said
 
 
-def test_the_callback_leaves_other_models_and_the_callback_before_it_alone(tmp_path):
+def test_the_callback_leaves_other_models_alone(tmp_path):
     files = fitted(BALL_LAW, form="callback").files(["a note"])
     write(tmp_path, files)
     module = runpy.run_path(str(tmp_path / "palpate_contact.py"))
@@ -203,7 +203,7 @@ HOSTILE = (
 
 @pytest.mark.parametrize("form", ["callback", "kelvin-voigt"])
 @pytest.mark.parametrize("name", HOSTILE, ids=["docstring", "quotes", "lines", "markup"])
-def test_a_name_of_a_model_is_data_and_never_code_or_markup(name, form, model, monkeypatch):
+def test_the_name_of_a_model_is_never_code_or_markup(name, form, model, monkeypatch):
     spec = mujoco.MjSpec.from_string(SLIDE)
     spec.geoms[0].name = name
     spec.compile()
@@ -224,9 +224,7 @@ def test_a_name_of_a_model_is_data_and_never_code_or_markup(name, form, model, m
     assert not list(path.parent.rglob("owned"))
 
 
-def test_the_scene_of_a_robot_loads_from_where_it_was_written_and_from_anywhere_else(
-    tmp_path, monkeypatch
-):
+def test_the_scene_of_a_robot_loads_from_anywhere(tmp_path, monkeypatch):
     # A model of parts and a mesh, as robots are; MuJoCo looks for those from the outer file on.
     robot = tmp_path / "a robot & more"
     (robot / "parts").mkdir(parents=True)
@@ -279,7 +277,7 @@ def test_an_exponent_below_one_is_the_callbacks():
 
 @pytest.mark.slow
 @pulling
-def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not():
+def test_a_pulling_law_is_exported_by_contacts_that_only_push():
     drop = drop_to(HALF_SPACE_LAW, 1.0, 0.012)
     auto, pair = (fitted(HALF_SPACE_LAW, form=form) for form in ("auto", "pair"))
     assert auto.form == "two-contacts"
@@ -290,7 +288,7 @@ def test_a_law_that_pulls_where_a_body_leaves_is_carried_by_contacts_that_do_not
     assert any("the pair pulls" in each for each in map(str, pair.findings))
 
 
-def test_an_older_version_gets_contacts_that_push_and_a_pair_for_a_newer_one_is_not_replayed(
+def test_an_older_mujoco_gets_contacts_that_only_push(
     monkeypatch,
 ):
     monkeypatch.setattr(type(ENGINE), "version", lambda self: "3.8.1")
@@ -436,7 +434,7 @@ def test_a_model_without_passive_forces_has_no_pair_that_pulls(model, form, refu
     assert all("every passive force" in each for each in refusals_of(fragment))
 
 
-def test_a_surface_stays_where_it_is_in_a_model_with_defaults_for_pairs(model):
+def test_defaults_for_pairs_do_not_move_the_surface(model):
     # A margin of them made the contact 6 mm deep, and the force three times too large.
     path = model(within(SLIDE, "<default><pair margin='0.006' gap='0.005' condim='3'/></default>"))
     write(path.parent, fitted(KELVIN_VOIGT, model=path, geom="tip").files(()))
@@ -456,7 +454,7 @@ def test_a_models_own_time_step_and_mass_are_those_that_count(model):
         export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", time_step=1e-3)
 
 
-def test_a_law_without_damping_is_one_row_and_a_shallow_one_says_so():
+def test_an_undamped_law_is_one_row_of_contact_parameters():
     fragment = fitted(GeneralisedHuntCrossley(K=2e4, n=1.5, B=0.0, p=1.5), motion=SHORT)
     assert len(fragment.rows.rows) == 1
     assert fragment.rows.rows[0].damper == fragment.rows.rows[0].adhesion == 0.0
@@ -488,7 +486,7 @@ def folder(made, tmp_path_factory):
     return folder
 
 
-def test_what_is_identified_from_the_scene_is_what_was_exported(printed, folder, made, tmp_path):
+def test_identifying_the_scene_gives_the_exported_law(printed, folder, made, tmp_path):
     file = tmp_path / "again.csv"
     pressed = (
         "lab",
@@ -518,12 +516,16 @@ def test_the_file_has_the_force_of_the_fragment_in_memory(folder, made):
     command = lab.Probing(pause=0.5).at(time)
     motion = time, 0.0 * time, command.penetration, command.velocity
     force = Scene(folder / "scene.xml").force(*motion)
-    assert np.array_equal(force, exports.SimulatedContact(made).force(*motion))
+    inside = np.flatnonzero(command.penetration > 0.0)
+    acceleration = np.gradient(command.velocity, time)
+    states = (time, command.penetration, command.velocity, acceleration)
+    path = exports.ProbeMotion(*(each[inside] for each in states), judged=inside >= 0)
+    assert np.array_equal(force[inside], made.fragment.replay(path).force)
     assert (force[command.penetration <= 0.0] == 0.0).all()
     assert force.max() > 5.0
 
 
-def test_what_is_no_scene_of_ours_or_pressed_by_a_robot_is_refused(run, refused, folder, tmp_path):
+def test_foreign_scenes_are_refused(run, refused, folder, tmp_path):
     no = tmp_path / "no.csv"
     assert "--probe ideal" in refused("lab", folder / "scene.xml", "-o", no, "--seconds", "4")
     other = tmp_path / "other.xml"

@@ -17,9 +17,7 @@ from palpate.fleet.tasks import MOST_DIAGNOSED, ContactSource, Settings, batches
 SIX = episodes()
 
 
-def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(
-    run, tmp_path, threaded
-):
+def test_each_episode_is_a_row_with_its_verdict(run, tmp_path, threaded):
     write_lerobot_3(tmp_path / "set", SIX, in_a_file=4)
     folder = tmp_path / "rows"
     status, out, _ = run("fleet", tmp_path / "set", "-o", folder, "--workers", 1)
@@ -46,7 +44,7 @@ def test_each_episode_has_a_row_with_its_verdict_and_free_air_has_no_contact(
         assert abs(row["largest_force"] - each.force[:, 2].max()) < 0.3
 
 
-def test_episodes_of_one_file_keep_their_numbers_whatever_the_batches(tmp_path):
+def test_episodes_keep_their_numbers_in_any_batches(tmp_path):
     write_lerobot_3(tmp_path / "set", SIX, in_a_file=4)
     sources = list_sources([tmp_path / "set/data/chunk-000/file-001.parquet"])
     tables = [
@@ -77,7 +75,7 @@ def test_a_folder_lists_its_data_sets_and_recordings_each_once(tmp_path):
     assert [each.kind for each in list_sources([tmp_path])] == ["episodes", "file", "file"]
 
 
-def test_the_full_diagnosis_is_the_default_for_a_moderate_number_of_recordings():
+def test_moderate_fleets_get_the_full_diagnosis():
     few, many = (
         ContactSource("set", "episodes", count) for count in (MOST_DIAGNOSED, MOST_DIAGNOSED + 1)
     )
@@ -195,7 +193,7 @@ def _finding(severity, message):
     return {"severity": severity, "check": "misfit", "message": message, "remedy": None, **marks}
 
 
-def test_the_card_counts_names_the_worst_and_says_what_the_rate_allows():
+def test_the_card_of_a_fleet_counts_marks_and_names_the_worst():
     card = card_of(judged())
     numbers = dict(card.numbers)
     touching = "40 of 43 (93 %); 1 in free air, 2 that could not be identified"

@@ -19,10 +19,10 @@ from palpate import (
     identify,
     identify_many,
 )
-from palpate.estimators.estimate import ADVICE
 from palpate.findings import Check, Finding
 from palpate.fleet.files import Results, list_sources, read_results
 from palpate.fleet.maps import (
+    describe_flag,
     format_values,
     kinds_of,
     map_of,
@@ -36,7 +36,8 @@ from palpate.fleet.maps import (
 from palpate.fleet.rows import finding_cell, table_of_rows
 from palpate.fleet.running import identify_batch
 from palpate.fleet.tasks import ContactSource, Settings, batches, sources_digest, tasks_table
-from palpate.identification.estimate_checks import NEGATIVE_STIFFNESS
+from palpate.identification.checks import NEGATIVE_STIFFNESS
+from palpate.method.estimators.estimate import ADVICE
 
 
 def cell(severity, check, message):
@@ -200,7 +201,7 @@ def test_times_that_do_not_increase_are_an_error_whatever_is_checked(surface):
 
 @searching_or_not
 @pytest.mark.parametrize("spoil", ["spiked", "clipped"])
-def test_outliers_of_arrays_are_left_out_and_said_as_identify_does(spoil, surface):
+def test_identify_many_rejects_outliers_like_identify(spoil, surface):
     x, v, f = curves(1)
     rounded = fitted(x, v, np.round(f / 0.2) * 0.2, surface)  # no end of the range
     assert not any("excluded" in flag for flag in texts(rounded[0]))
@@ -235,7 +236,7 @@ def test_the_checks_see_the_penetration_below_the_surface_that_was_found():
     assert row["findings"] == []
 
 
-def test_arrays_work_at_the_depth_of_identify_where_the_law_does_not_hold():
+def test_identify_many_uses_the_working_depth_of_identify():
     """What a law leaves is no noise: a gate by it would call only the deepest samples firm."""
     x, v, f = curves(1)
     f += 0.3 * np.sin(3e3 * x) * (x > 0.0)
@@ -294,7 +295,7 @@ def test_rows_of_a_gated_recursion_are_those_of_identify():
         ({"contacts": [], "preparation": {"tares": 1}}, "no setting tares"),
     ],
 )
-def test_what_cannot_be_asked_is_refused(options, words):
+def test_impossible_queries_are_refused(options, words):
     with pytest.raises(InvalidParameterError, match=words):
         identify_many(**options)
 
@@ -311,7 +312,7 @@ def test_a_batch_of_names_and_one_of_samples_give_the_same_numbers(tmp_path):
         assert named.column(name).to_pylist() == held.column(name).to_pylist()
 
 
-def test_a_worker_of_another_version_and_a_batch_without_its_columns_are_refused():
+def test_a_worker_of_another_version_is_refused():
     with pytest.raises(FleetError, match=r"by palpate 9\.9; install the same version"):
         identify_batch(tasks_table([], [], []), Settings(version="9.9"))
     with pytest.raises(InvalidParameterError, match="source, kind and index"):
@@ -339,7 +340,7 @@ def test_batches_hold_every_contact_once_and_keep_chunks_whole():
 
 
 @pytest.mark.parametrize("diagnosis, most", [("none", 0.5), ("input", 0.2), ("full", 0.1)])
-def test_many_short_curves_of_one_chunk_are_work_for_every_worker(diagnosis, most):
+def test_many_short_curves_are_divided_among_the_workers(diagnosis, most):
     """2000 curves of 200 samples: no task is more than a part of one worker's share."""
     source = ContactSource("a.zarr", "zarr", 2000, 200, 2000)
     work = source.seconds(diagnosis, whole_curve=diagnosis != "full")
@@ -372,7 +373,7 @@ def test_curves_of_a_force_map_are_rows_with_their_places():
     assert identify_batch(batch.slice(1, 1), settings).to_pylist()[0]["x"] == rows[1]["x"]
 
 
-def test_repeats_agree_as_often_as_chance_says_and_not_where_their_errors_are_too_small():
+def test_repeats_agree_as_often_as_their_errors_say():
     """χ² of normal repeats: z is standard normal, by the cube root to a tenth already for two."""
     random = np.random.default_rng(3)
     error = random.uniform(1.0, 5.0, 4000)
@@ -407,7 +408,7 @@ def rig(ratio, *, stiffness=(1000.0, 1400.0, 2500.0, 6000.0), frequency=12.0):
     return rows(damping, 0.01 * np.abs(damping), quantity="damping", **table)
 
 
-def test_one_ratio_of_damping_to_stiffness_in_every_file_is_a_lag_of_the_rig():
+def test_a_constant_damping_ratio_is_a_lag_of_the_rig():
     lag = rig_lag_of(rig([0.031, 0.0325, 0.032, 0.030]))
     assert lag.time == pytest.approx(0.0315)
     assert (lag.files, lag.span) == (4, 6.0)
@@ -430,7 +431,7 @@ def test_one_ratio_of_damping_to_stiffness_in_every_file_is_a_lag_of_the_rig():
     ],
     ids=["other ratios", "one stiffness", "three files"],
 )
-def test_a_lag_of_the_rig_needs_four_files_one_ratio_and_several_stiffnesses(ratio, stiffness):
+def test_a_lag_of_the_rig_needs_four_files_of_several_stiffnesses(ratio, stiffness):
     assert rig_lag_of(rig(ratio, stiffness=stiffness)) is None
 
 
@@ -442,9 +443,10 @@ def test_outliers_are_named_and_an_uncertain_value_is_none():
     assert (found.name, found.quantity, found.value) == ("touch-007.csv", "stiffness", 5000.0)
 
 
-def test_sentences_are_counted_by_what_they_say_and_the_slowest_sources_come_first():
-    found = kinds_of([["only 12 samples", "a"], ["only 7 samples", "only 8 samples"], None])
-    assert found[0][:2] == ("only … samples", 2)
+def test_a_fleet_counts_findings_and_lists_slow_sources():
+    few = [cell("note", Check.EXCITATION, f"only {k} samples") for k in (12, 7, 8)]
+    found = kinds_of([[few[0], cell("note", Check.SPIKES, "a")], few[1:], None], describe_flag)
+    assert found[0] == ("only … samples", 2, "only 12 samples")
     made = [{"source": f"{k}.csv", "error": f"{k}.csv: row {k} is no number"} for k in range(3)]
     [(kind, count, first)] = reasons_of(table_of_rows(made, Settings()))
     assert (kind, count, first) == ("row … is no number", 3, "0.csv")
@@ -459,7 +461,7 @@ def grid(side=6, **others):
     return rows(value, np.full(side**2, 20.0), x=x.tolist(), y=y.tolist(), **others)
 
 
-def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_law():
+def test_a_map_has_values_and_errors_over_places():
     found = map_of(grid(), ["x", "y"])
     assert found.places.shape == (36, 2)
     assert (found.units, found.unit, np.isnan(found.value).sum()) == (("m", "m"), "N/m", 1)
@@ -483,7 +485,7 @@ def test_a_map_has_values_and_errors_over_places_or_those_at_one_depth_by_the_la
     assert "none of 2 places has a force at 5 mm; 2 places were not pressed" in found.summary
 
 
-def test_a_map_at_one_depth_has_the_dynamic_stiffness_at_the_frequency_of_each_row():
+def test_a_map_has_the_dynamic_stiffness_of_each_row():
     touch = relaxing_contact()
     table = identify_many([touch])
     [row] = table.to_pylist()
@@ -495,7 +497,7 @@ def test_a_map_at_one_depth_has_the_dynamic_stiffness_at_the_frequency_of_each_r
     assert deeper.value[0] == pytest.approx(expected)
 
 
-def test_a_map_says_of_which_places_the_numbers_are_not_to_be_trusted():
+def test_a_map_marks_places_with_untrusted_numbers():
     """By a verdict where there is one, else by what the checks of the data found, or by flags."""
     table = rows(
         [1.0, 2.0, 3.0, 4.0],
@@ -561,7 +563,7 @@ def test_maps_are_drawn(printed, tmp_path, by):
     assert "standard error" in text
 
 
-def test_scattered_places_and_those_without_a_number_are_drawn_as_dots():
+def test_scattered_places_are_drawn_as_dots():
     from palpate.fleet.figures import draw_map
 
     random = np.random.default_rng(2)
@@ -594,7 +596,7 @@ def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypat
     assert "Outliers" not in page
     assert "<h2>Findings" not in page
     assert "not checked" not in page
-    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.output.reports.html.drawing", lambda *_: iter(()))
     unchecked = written(tmp_path / "n", rows([1.0] * 6, [0.1] * 6, checked=["none"] * 6))
     assert "palpate checked neither the data nor the fits" in fleet_page(unchecked)
     assert read_results(folder).num_rows == 37
@@ -627,9 +629,7 @@ REASONS = [
 
 
 @pytest.mark.parametrize("count", [30, 31])
-def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
-    count, printed, run, tmp_path
-):
+def test_a_fleet_above_30_rows_prints_counts_and_the_worst(count, printed, run, tmp_path):
     folder = tmp_path / "results"
     write_recordings(tmp_path / "all", 1)
     sources = list_sources([tmp_path / "all"])
@@ -654,13 +654,13 @@ def test_a_fleet_prints_a_line_per_row_up_to_30_and_above_counts_and_the_worst(
     assert run("fleet", tmp_path / "all", "-o", folder, "--fail-on", "do-not-trust")[0] == 3
 
 
-def test_a_row_without_a_verdict_has_the_severity_of_its_findings_and_flags():
+def test_a_row_without_a_verdict_has_the_severity_of_its_findings():
     flags = [[], [cell("note", Check.EXCITATION, "only 3 samples in contact")]]
     flags += [[finding_cell(NEGATIVE_STIFFNESS)], [], []]
     findings = [[], [], [], [cell("note", "a", "b"), cell("with-care", "spikes", "two")], []]
     checked = [*["input"] * 4, "none"]
     table = rows([1.0] * 5, [0.1] * 5, flags=flags, findings=findings, checked=checked)
-    assert verdicts_of(table, "stiffness") == [
+    assert [verdict[:2] for verdict in verdicts_of(table, "stiffness")] == [
         ("no-finding", ""),
         ("flagged", "only 3 samples in contact"),
         ("do-not-trust", str(NEGATIVE_STIFFNESS)),

@@ -40,7 +40,7 @@ def recordings(tmp_path_factory):
 def test_a_folder_of_all_kinds_becomes_a_row_each(
     printed, refused, recordings, tmp_path, monkeypatch, threaded
 ):
-    monkeypatch.setattr("palpate.fleet.report.drawing", lambda *_: iter(()))
+    monkeypatch.setattr("palpate.output.reports.html.drawing", lambda *_: iter(()))
     results = tmp_path / "results"
     out = printed("fleet", recordings, "-o", results, "--workers", 1, "--report")
     assert "9 contacts in" in out
@@ -82,7 +82,7 @@ def finished(run, most=None, *, seconds=10.0, workers=1):
 
 
 @pytest.mark.long  # in a worker process
-def test_names_that_are_no_utf_8_are_rows_like_others_and_the_run_goes_on(printed, tmp_path):
+def test_file_names_that_are_not_utf_8_are_ordinary_rows(printed, tmp_path):
     folder = tmp_path / "all"
     write_recordings(folder, 2)
     (folder / "touch-001.csv").rename(folder / os.fsdecode(b"touch-\xff\xe9.csv"))
@@ -110,9 +110,7 @@ def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
 
 
 @pytest.mark.parametrize("seconds, workers", [(0.2, 1), (0.01, 8)])
-def test_a_folder_that_was_begun_goes_on_with_batches_of_any_size_and_comes_to_the_same(
-    seconds, workers, recordings, tmp_path
-):
+def test_a_resumed_fleet_gives_the_same_results(seconds, workers, recordings, tmp_path):
     """Nothing is done again, and nothing is lost, by a run with fewer or more workers."""
     finished(begun(recordings, tmp_path / "at-once"))
     first = finished(begun(recordings, tmp_path / "in-two"), 1, seconds=0.2)
@@ -134,7 +132,7 @@ def test_a_folder_that_was_begun_goes_on_with_batches_of_any_size_and_comes_to_t
     assert read_seconds(tmp_path / "in-two").num_rows == tables[0].num_rows
 
 
-def test_batches_of_uneven_files_take_about_as_long_and_the_longest_come_first(tmp_path):
+def test_batches_are_balanced_and_the_longest_come_first(tmp_path):
     lengths = [200, 400, 800, 1600, 3200, 6400, 12800, 25600]
     for k in range(48):
         write_contact(contact(samples=lengths[k % 8]), tmp_path / f"{k:03d}.csv")
@@ -200,7 +198,7 @@ def test_sources_are_listed_once_in_order_without_the_results(recordings, tmp_pa
 
 
 @pytest.mark.parametrize("name", ["absent", "*.mcap", "empty", "other/*.csv", "al"])
-def test_a_name_of_nothing_is_refused_beside_names_of_something_too(name, recordings, tmp_path):
+def test_an_unknown_name_among_known_ones_is_refused(name, recordings, tmp_path):
     (tmp_path / "empty").mkdir()
     for beside in ([], [recordings]):
         with pytest.raises(RecordingError, match=r"no recording found|no such file"):
@@ -223,7 +221,7 @@ def test_an_array_of_no_contacts_is_refused(name, values, words, tmp_path):
         list_sources([tmp_path / "a.zarr"])
 
 
-def test_what_cannot_be_read_in_a_folder_is_a_row_with_its_reason(tmp_path):
+def test_an_unreadable_file_of_a_folder_is_a_row_with_a_reason(tmp_path):
     write_recordings(tmp_path, 1)
     (tmp_path / "gone.csv").symlink_to("nowhere.csv")
     (tmp_path / "empty.zarr").mkdir()
@@ -237,7 +235,7 @@ def test_what_cannot_be_read_in_a_folder_is_a_row_with_its_reason(tmp_path):
     assert all(errors.values())
 
 
-def test_an_array_whose_numbers_are_written_anew_is_another_and_packed_ones_are_unpacked(tmp_path):
+def test_encoded_arrays_are_decoded_or_refused(tmp_path):
     """As xarray packs them: with a factor, an offset, and a number for what is missing."""
     path = str(tmp_path / "packed.zarr")
     _, _, f = write_zarr(path, 2)
@@ -280,7 +278,7 @@ def test_arrays_in_other_units_are_identified_in_si(tmp_path):
         (("--curve", 1), "--curve applies to one recording"),
     ],
 )
-def test_a_scheduler_that_is_not_there_and_a_wrong_option_are_said_in_a_line(
+def test_a_missing_scheduler_or_wrong_option_is_one_line(
     options, words, refused, recordings, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(running, "PATIENCE", 0.5)
@@ -359,9 +357,7 @@ def test_a_run_that_is_ended_keeps_what_is_done_and_goes_on(
 
 
 @pytest.mark.slow
-def test_workers_that_are_killed_lose_no_row_and_nothing_listens_beyond_this_machine(
-    many, undisturbed, tmp_path
-):
+def test_killed_workers_lose_no_row(many, undisturbed, tmp_path):
     results = tmp_path / "results"
     process = started(many, results)
     for count in (1, 2, 3):
@@ -381,7 +377,7 @@ def test_workers_that_are_killed_lose_no_row_and_nothing_listens_beyond_this_mac
 
 
 @pytest.mark.slow
-def test_a_recording_that_ends_its_worker_is_a_row_with_its_reason(tmp_path):
+def test_a_recording_that_kills_its_worker_is_a_row_with_a_reason(tmp_path):
     """As one does that makes a library crash; here the reader of text ends its process."""
     write_recordings(tmp_path / "all", 3)
     program = f"""
@@ -392,7 +388,7 @@ if __name__ == "__main__":
     run_fleet([{str(tmp_path / "all")!r}], Path({str(tmp_path / "results")!r}), workers=1)
 """
     ending = """
-import os, palpate.recordings.text as reader
+import os, palpate.input.recordings.text as reader
 read = reader.read
 def ended(path, request):
     if path.name == "touch-001.csv":
@@ -424,9 +420,7 @@ def scheduler(tmp_path):
 
 
 @pytest.mark.slow
-def test_workers_of_ones_own_take_the_work_and_others_are_refused(
-    scheduler, many, undisturbed, tmp_path, monkeypatch
-):
+def test_a_client_of_dask_can_be_given(scheduler, many, undisturbed, tmp_path, monkeypatch):
     monkeypatch.setattr(running, "PATIENCE", 2.0)
     with (
         pytest.raises(FleetError, match="has no workers"),

@@ -164,7 +164,7 @@ def test_numbers_lists_and_views_of_every_type_are_taken(law):
     [("deep", 0.0), (0.01, None), (0.01, 1j), ([1.0, 2.0], [1.0, 2.0, 3.0]), ([[1.0], [1, 2]], 0)],
     ids=["text", "nothing", "complex", "shapes that clash", "ragged"],
 )
-def test_what_is_not_a_number_is_refused_by_name(law, x, v):
+def test_settings_that_are_not_numbers_are_refused_by_name(law, x, v):
     with pytest.raises(
         InvalidParameterError, match=r"^(penetration|velocity) (and velocity )?must (be|have)"
     ):
@@ -222,7 +222,7 @@ def relaxation(request):
     return request.param
 
 
-def test_a_step_is_felt_with_the_instantaneous_stiffness_and_relaxes_to_the_relaxed_one(relaxation):
+def test_a_step_relaxes_from_instantaneous_to_relaxed_stiffness(relaxation):
     law = law_with(relaxation)
     state = law.step(law.rest(), 5e-3, 1e-9)
     # In a nanosecond the quickest branch of 1 ms loses a millionth of its part.

@@ -92,7 +92,7 @@ def test_a_named_law_is_its_sources_formula(name):
 
 
 @pytest.mark.parametrize("speed", [0.01, 1.0])
-def test_tsujis_damper_gives_the_restitution_asked_for_at_any_speed(speed):
+def test_tsujis_damper_gives_the_requested_restitution(speed):
     """As Antypov and Elliott, 2011, proved: e at the depth 0, however the force then pulls."""
     mass, law = 0.3, LAWS["chrono, material"][0]
     # Of an elastic impact, to scale the time step: 3.2 (m²/(K² v))^(1/5).
@@ -109,7 +109,7 @@ def test_tsujis_damper_gives_the_restitution_asked_for_at_any_speed(speed):
     assert -v / speed == pytest.approx(0.7, abs=3e-4)
 
 
-def test_what_is_quoted_for_restitution_is_near_the_exact_relation_for_little_loss():
+def test_restitution_formulas_agree_for_small_loss():
     given = {**ELASTIC, "restitution": 0.95, "speed": 0.4}
     for law_of in (literature.hunt_crossley_1975, literature.lankarani_nikravesh):
         law = law_of(**given).simplest()

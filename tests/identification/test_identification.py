@@ -29,9 +29,13 @@ from palpate import (
     compare,
     identify,
 )
-from palpate.estimators.contact_estimator import CompiledEstimator
-from palpate.estimators.estimate import prediction_rmse_percent, rmse_percent, violated_fraction
-from palpate.preparation.gate import choose_gate, suggest_scale
+from palpate.input.preparation.gate import choose_gate, suggest_scale
+from palpate.method.estimators.contact_estimator import CompiledEstimator
+from palpate.method.estimators.estimate import (
+    prediction_rmse_percent,
+    rmse_percent,
+    violated_fraction,
+)
 
 RECORDED = Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv"
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1))
@@ -45,7 +49,7 @@ def test_identify_chooses_the_gate_and_the_scale_it_is_not_given(kind):
     assert identify(CONTACT).method == "variable-projection"  # unless it is told
 
 
-def test_identify_keeps_the_settings_it_is_given_and_leaves_the_estimator_as_it_is(kind):
+def test_identify_does_not_change_the_given_estimator(kind):
     gate, scale = ContactGate(5e-4, 0.5), Scale(1e-3, 1e-2, 1.0)
     given = kind(
         outlier_rejection=OutlierRejection(20.0),
@@ -100,7 +104,7 @@ def test_the_figures_of_merit_are_of_the_samples_taken(kind):
         assert math.isnan(result.violated_fraction)
 
 
-def test_compare_gives_every_method_and_the_regressions_the_same_samples():
+def test_compare_gives_every_method_the_same_samples():
     results = compare(CONTACT)
     assert list(results) == list(ESTIMATORS)
     for method, result in results.items():
@@ -156,13 +160,13 @@ FLAGGED = {
 
 
 @pytest.mark.parametrize("signals, kind, settings, words", FLAGGED.values(), ids=FLAGGED)
-def test_what_casts_doubt_on_a_contact_is_flagged(signals, kind, settings, words):
+def test_doubtful_contacts_are_flagged(signals, kind, settings, words):
     flags = "; ".join(identify(contact_of(signals), kind(**settings)).flags)
     assert all(each in flags for each in words)
     assert identify(contact_of(BALL), palpate.KelvinVoigtRLS()).flags == ()
 
 
-def test_refused_samples_are_flagged_with_their_number_and_the_channel_that_they_came_from():
+def test_refused_samples_are_counted_by_channel():
     force, depth = BALL.force.copy(), BALL.penetration.copy()
     force[[100, 200, 300]] = math.nan
     flags = flags_of(dataclasses.replace(BALL, force=force))
@@ -178,7 +182,7 @@ def test_refused_samples_are_flagged_with_their_number_and_the_channel_that_they
     assert "velocity" not in flags
 
 
-def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_largest():
+def test_no_contact_is_an_error_that_names_the_gate():
     with pytest.raises(RecordingError, match=r"^probe\.csv: no contact found") as caught:
         identify(contact_of(BALL, source="probe.csv"), SingleStageRLS(gate=ContactGate(0.5, 7.0)))
     words = str(caught.value)
@@ -194,7 +198,7 @@ def test_a_probe_that_never_touches_is_an_error_that_names_the_gate_and_the_larg
             identify(contact)
 
 
-def test_a_contact_without_any_velocity_says_so_and_where_it_came_from():
+def test_a_contact_without_a_velocity_says_so():
     unknown = dataclasses.replace(BALL, velocity=np.full(len(BALL), math.nan))
     origin = {"velocity": "column 'speed'"}
     with pytest.raises(RecordingError, match=r"^p\.csv: no sample in contact has a vel") as caught:
@@ -222,7 +226,7 @@ def test_identify_and_compare_take_what_is_not_yet_a_contact(frame, tmp_path):
         assert {name: bits(result.trace) for name, result in results.items()} == expected
 
 
-def test_what_is_no_recording_and_what_is_no_estimator_are_refused_by_name():
+def test_unknown_recordings_and_estimators_are_refused_by_name():
     with pytest.raises(InvalidParameterError, match=r"^recording must be a Recording"):
         identify([1.0, 2.0])
     for wrong, words in (("spring", "method"), (SingleStageRLS, "estimator"), (3, "estimator")):
@@ -262,7 +266,7 @@ def test_rmse_percent_is_the_error_as_a_share_of_the_force(measured, predicted, 
         rmse_percent([1.0, 2.0], [1.0, 2.0, 3.0])
 
 
-def test_the_prediction_error_counts_contact_and_neither_its_start_nor_the_time_between():
+def test_the_prediction_error_counts_settled_contact_only():
     status = [Status.UPDATED, Status.HELD, Status.HELD, Status.UPDATED, Status.GUARDED]
     steps = np.array([0.15, 5.0, 5.0, 0.15, 0.15])
     trace = trace_of(status, [9.0, 9.0, 9.0, 1.1, 0.9])

@@ -24,7 +24,7 @@ from palpate import (
 IDEAL = lab.IdealProbe()
 
 
-def test_the_force_is_rounded_noisy_and_free_of_its_bias_and_with_perfect_sensors_the_truth():
+def test_the_simulated_force_sensor_adds_noise_and_rounding():
     run = lab.Bench(lab.BALL, lab.THREE_SINES, IDEAL).run(seed=3)
     error = run.contact.force - run.truth.force
     # Noise and rounding, √(0.05² + 0.125²/12) = 0.062 N, and 10 000 samples of it.
@@ -86,7 +86,7 @@ def test_identify_recovers_a_material_within_its_error_bars(name, seeds):
     ],
     ids=["half-space", "single", "half-space single"],
 )
-def test_what_the_robot_presses_is_found_with_its_memory(law):
+def test_a_relaxing_material_pressed_by_a_robot_is_found(law):
     bench = lab.Bench(lab.Homogeneous(law), lab.THREE_SINES)
     for seed in range(4):
         result = identify(bench.run(seed).contact, ViscoelasticContact())
@@ -124,7 +124,7 @@ HERE = np.zeros_like(TIME)
 
 
 @pytest.mark.parametrize("name", lab.MATERIALS)
-def test_a_step_at_a_time_a_material_feels_as_along_the_whole_motion(name):
+def test_step_by_step_simulation_equals_the_whole_motion(name):
     material = lab.MATERIALS[name]
     along = material.force(TIME, HERE, DEPTH, SPEED)
     touch = material.touch()
@@ -144,7 +144,7 @@ def test_a_material_pushes_where_it_is_touched_and_nowhere_else(name):
     assert (force[~inside] == 0.0).all()
 
 
-def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
+def test_a_held_material_relaxes_with_its_time_constant():
     material = lab.Relaxing(lab.RELAXING_SPONGE.law, 150.0, 0.5)
     depth = np.full_like(TIME, 0.01)
     force = material.force(TIME[1:], HERE[1:], depth[1:], HERE[1:])
@@ -160,7 +160,7 @@ def test_a_held_relaxing_material_relaxes_to_its_law_with_its_time_constant():
     np.testing.assert_allclose(force, 3.0)
 
 
-def test_a_relaxing_material_lags_behind_the_leaving_probe_and_never_pulls():
+def test_a_relaxing_material_never_pulls_on_a_leaving_probe():
     material = lab.Relaxing(lab.RELAXING_SPONGE.law, 3000.0, 0.1)
     force = material.force(TIME, HERE, DEPTH - 5e-3, SPEED)
     inside = DEPTH > 5e-3
@@ -292,7 +292,7 @@ def test_palpation_changes_sides_every_five_seconds():
     np.testing.assert_allclose(changes, 2.0 + 5.0 * np.arange(1, 8), atol=2e-3)
 
 
-def test_a_motion_of_ones_own_goes_through_its_samples_and_rests_before_and_after():
+def test_a_custom_motion_rests_before_and_after():
     time = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
     depth = np.array([0.0, 1e-3, 3e-3, 2e-3, 0.0])
     followed = lab.SplineTrajectory(time, depth)

@@ -83,7 +83,7 @@ def recording(tmp_path):
         ("lab:ball --record no/such/folder/a.mcap", "no/such/folder"),
     ],
 )
-def test_what_cannot_be_done_is_one_line(arguments, words, refused):
+def test_impossible_live_options_are_refused_in_one_line(arguments, words, refused):
     assert words in refused("live", *arguments.split(), *BARE)
 
 
@@ -105,7 +105,7 @@ def test_a_recording_is_replayed_printed_and_recorded(recording, tmp_path):
 
 @pytest.mark.long
 @pytest.mark.parametrize("output", [pytest.param("closed", marks=pytest.mark.slow), "full"])
-def test_an_output_that_takes_nothing_ends_nothing_in_tears(recording, tmp_path, output):
+def test_a_blocked_output_ends_nothing(recording, tmp_path, output):
     copy = tmp_path / "copy.mcap"
     arguments = f"{recording} --record {copy} --no-page --no-diagnosis --speed 20"
     where = {"closed": ">&-", "full": "> /dev/full"}[output]
@@ -176,7 +176,7 @@ def test_nothing_is_lost_with_page_recording_and_diagnosis(monkeypatch):
         assert rows[process] > 0.0
 
 
-def test_sinks_see_every_row_and_end_in_order_and_the_memory_is_given_back(tmp_path):
+def test_sinks_see_every_row_and_free_their_memory(tmp_path):
     sinks = [Looking(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
     status = run(Endless(500), None, sinks)
     taken = status["counts"]["taken"]
@@ -260,7 +260,7 @@ class Interrupting(Looking):
 
 
 @pytest.mark.long
-def test_ctrl_c_between_two_sinks_that_are_started_leaves_nobody_behind(tmp_path):
+def test_ctrl_c_while_sinks_start_leaves_no_process(tmp_path):
     before = signal.getsignal(signal.SIGINT)
     sinks = [Interrupting(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
     assert run(Endless(), None, sinks)["counts"]["taken"] == 0
@@ -294,7 +294,7 @@ print(*ask_for_realtime(), sep=chr(10))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="of Linux")
-def test_what_realtime_is_not_allowed_is_said():
+def test_refused_realtime_rights_are_reported():
     out, _ = in_a_process(REALTIME, stdout=subprocess.PIPE).communicate()
     first, second = out.splitlines()
     assert re.match("no fixed priority: .*rtprio", first)
@@ -358,7 +358,7 @@ def test_a_recording_is_not_written_over_another(recorded, tmp_path):
         assert path.name == name
 
 
-def test_what_came_is_read_back_as_it_came(recorded):
+def test_a_recording_is_read_back_as_it_arrived(recorded):
     recording = palpate.open_recording(recorded, strict=True)
     np.testing.assert_array_equal(recording.numbers("/input.position"), POSITIONS)
     np.testing.assert_array_equal(recording.numbers("/input.force"), FORCES)
@@ -366,12 +366,12 @@ def test_what_came_is_read_back_as_it_came(recorded):
     np.testing.assert_array_equal(stamps, [round(1e9 * time) for time in LATER])
 
 
-def test_a_recording_is_identified_without_a_word_about_its_channels(recorded):
+def test_channels_of_a_recording_are_recognised(recorded):
     law = palpate.identify(str(recorded)).estimate.law
     assert law.stiffness_at(8e-3) == pytest.approx(MATERIALS["ball"].stiffness_at(8e-3), rel=0.02)
 
 
-def test_what_was_found_is_that_of_the_loop_to_the_last_bit(recorded):
+def test_a_saved_verdict_equals_that_of_the_loop(recorded):
     _, rows = looped(arrivals(LATER, POSITIONS, FORCES))
     rows = rows[np.isfinite(column(rows, "time"))]
     recording = palpate.open_recording(recorded)
@@ -386,7 +386,7 @@ def test_what_was_found_is_that_of_the_loop_to_the_last_bit(recorded):
         np.testing.assert_array_equal(found, column(rows, of_row), name)
 
 
-def test_others_read_it_too(recorded):
+def test_other_libraries_read_the_file(recorded):
     with recorded.open("rb") as file:
         reader = make_reader(file, decoder_factories=[DecoderFactory()])
         messages = [message for _, _, _, message in reader.iter_decoded_messages()]
@@ -405,13 +405,13 @@ def test_vectors_are_recorded_as_they_came(tmp_path):
     run(source, None, [Recorder(path)], preparation=preparation)
     recording = palpate.open_recording(path)
     # What has to be said to identify it again.
-    assert "flip=['force']" in recording.notes["palpate.preparation"]
-    assert "direction=[0, 0, -1]" in recording.notes["palpate.preparation"]
+    assert "flip=['force']" in recording.notes["palpate.input.preparation"]
+    assert "direction=[0, 0, -1]" in recording.notes["palpate.input.preparation"]
     found = np.column_stack([recording.numbers(f"/input.position.{axis}") for axis in "xyz"])
     np.testing.assert_array_equal(found, positions)
 
 
-def test_what_changes_meanwhile_stands_in_the_recording(tmp_path):
+def test_changes_during_a_run_are_recorded(tmp_path):
     commands = [(300, LiveCommand("estimator", {"method": "kelvin-voigt"}))]
     loop, rows = looped(arrivals(TIMES, POSITIONS, FORCES), commands=commands)
     end = {**loop.status(), "preparation": "tare_time=0.5", "tare": 0.5, "generation": 300}
@@ -501,12 +501,12 @@ def killed(folder, seconds):
 
 @pytest.mark.long
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="of Linux: its table of processes")
-def test_of_a_recording_that_is_killed_all_but_the_last_second_is_there(tmp_path):
+def test_a_killed_recorder_loses_at_most_a_second(tmp_path):
     assert max(killed(tmp_path, [0.31])) < 1.0
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("batch", range(25))
-def test_of_fifty_recordings_that_are_killed_too(tmp_path, batch):
+def test_fifty_killed_recorders_lose_at_most_a_second(tmp_path, batch):
     waits = np.random.default_rng(batch).uniform(0.05, 1.5, 2)
     assert max(killed(tmp_path, waits.tolist())) < 1.0

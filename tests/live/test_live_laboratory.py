@@ -37,7 +37,7 @@ def test_a_bench_that_goes_on_is_the_batch_run_to_the_last_bit(block):
 
 
 @pytest.mark.parametrize("ask", ["change", "place", "move"])
-def test_whatever_is_asked_the_probe_goes_on_without_a_jump(ask):
+def test_no_command_makes_the_probe_jump(ask):
     bench = ongoing()
     before = advanced(bench, 4.0)
     getattr(bench, ask)(lab.TAPPING if ask == "move" else lab.SPONGE)
@@ -51,7 +51,7 @@ def test_whatever_is_asked_the_probe_goes_on_without_a_jump(ask):
     assert bench.material is (lab.BALL if ask == "move" else lab.SPONGE)
 
 
-def test_a_change_is_felt_at_once_and_another_material_only_when_the_probe_has_left():
+def test_a_new_material_starts_only_after_the_probe_has_left():
     bench = ongoing()
     advanced(bench, 4.0)
     bench.change(lab.SPONGE)
@@ -67,7 +67,7 @@ def test_a_change_is_felt_at_once_and_another_material_only_when_the_probe_has_l
     assert resting[-1, 1] < 0.0
 
 
-def test_of_many_wishes_in_a_transition_the_last_one_is_granted():
+def test_the_last_command_in_a_transition_wins():
     bench = ongoing()
     advanced(bench, 3.0)
     for _ in range(300):
@@ -80,7 +80,7 @@ def test_of_many_wishes_in_a_transition_the_last_one_is_granted():
     assert time.perf_counter() - began < 5.0
 
 
-def test_a_simulation_that_breaks_down_begins_again_on_the_first_material():
+def test_a_diverged_simulation_restarts_on_the_first_material():
     bench = ongoing(lab.TwinPantograph())
     advanced(bench, 3.0)
     bench.change(lab.Homogeneous(HuntCrossley(K=1e9, B=1e9, n=1.0), "a rock"))
@@ -120,7 +120,7 @@ def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
     source.close()
 
 
-def test_its_process_ends_with_the_loop():
+def test_the_process_of_the_diagnosis_ends_with_the_loop():
     source = Laboratory("ball", probe="ideal")
     source.open()
     pid = source._process.pid
@@ -130,7 +130,7 @@ def test_its_process_ends_with_the_loop():
 
 
 @pytest.mark.slow
-def test_what_the_loop_does_not_take_in_time_comes_later():
+def test_samples_that_the_loop_misses_come_later():
     source = Laboratory("ball", probe="ideal", sample_time=1e-4)
     source.open()
     time.sleep(3.0)  # more than the connection holds

@@ -12,8 +12,6 @@ from scripted import Scripted, T, arrivals, looped, measured, pressed, rings
 
 import palpate
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, OnlinePreparation, SingleRelaxation
-from palpate.diagnosis import Where
-from palpate.estimators.by_law import estimator_by_law
 from palpate.live import run
 from palpate.live.choices import LiveCommand
 from palpate.live.diagnosing import Diagnosing, build_contact, diagnose_samples, recent
@@ -26,7 +24,8 @@ from palpate.live.sinks import why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import NUMBERS, headline, law_card_texts, verdict_on
 from palpate.live.wires import AFTER, Fields, describe_status, parse_address
-from palpate.results.view import describe_place, number_lines
+from palpate.method.estimators.by_law import estimator_by_law
+from palpate.output.results.view import describe_place, number_lines
 
 BOX = FlatSpectrum(2e-3, 2.048)
 LAWS = {
@@ -100,7 +99,7 @@ def test_the_loop_finds_each_everyday_law_and_its_numbers(name):
     assert [loop.estimator.law_type.symbols[k] for k in shown] == ["K", "n", "B", "M"]
 
 
-def test_numbers_are_those_of_the_estimator_itself_and_every_field_is_a_word_or_in_si():
+def test_published_numbers_are_those_of_the_estimator_in_si():
     loop, _, verdict = watched(arrivals(*swung(ONE_TIME)))
     own, numbers = loop.estimator.dynamic_stiffness(), verdict.numbers()
     assert numbers["stiffness"] == (own.stiffness, own.stiffness_error)
@@ -135,7 +134,7 @@ def test_the_verdict_is_published_in_words_and_numbers():
     assert values == {"law": "spring", "lead": "0.333333333333333"}
 
 
-def test_a_change_of_the_material_gives_the_evidence_up_until_there_is_a_verdict_of_the_new_one():
+def test_a_change_discards_the_evidence_until_a_new_verdict():
     times, x, before = swung(MEMORY, 4.0)
     after = swung(LAWS["half-space"], 4.0, seed=1)[2]
     force = [a if t < 2.0 else 3.0 * b for t, a, b in zip(times, before, after, strict=True)]
@@ -232,7 +231,7 @@ def samples():
     return rows[:, SAMPLE]
 
 
-def test_it_is_the_librarys_own(samples):
+def test_the_live_verdict_is_that_of_the_library(samples):
     page = diagnose_samples(recent(samples, 20.0, LATE), STATUS)
     known = samples[np.isfinite(samples).all(axis=1)]
     diagnosis = palpate.identify(build_contact(known, 1e-3)).diagnosis
@@ -244,7 +243,7 @@ def test_it_is_the_librarys_own(samples):
     assert abs(bars["value"] - stiffness) < 4.0 * bars["standard_error"] + bars["systematic"]
 
 
-def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
+def test_the_headline_is_the_answer_of_identify():
     script = arrivals(*swung(MEMORY, 4.0))
     loop, rows = looped(script)
     status, known = loop.status(), recent(rows[:, SAMPLE], 20.0, LATE)
@@ -254,7 +253,7 @@ def test_the_headline_is_the_answer_of_identify_until_it_is_outdated():
     assert headline(page, status, {}, "") == (lines := number_lines(result))
     assert all(line.mark for line in lines)
     now = {"stiffness": (500.0, 1.0), "damping": (4.0, 0.1)}
-    at = describe_place(Where(9e-3, 2.0))
+    at = describe_place(9e-3, 2.0)
     for found, why in ((None, "--no-diagnosis"), ({}, "first"), (page, "material has changed")):
         first, second = headline(found, {**status, "counts": {"changes": 1}}, now, at)
         assert (first.name, first.value, first.at, first.mark) == (
@@ -277,7 +276,7 @@ def test_the_diagnosis_uses_a_known_exponent_and_the_chosen_depth(samples):
     assert {line["at"].split(",")[0] for line in page["numbers"]} == {"at 5 mm"}
 
 
-def test_it_is_of_the_last_seconds_of_one_clock(samples):
+def test_the_live_diagnosis_uses_the_last_seconds_of_one_clock(samples):
     short = recent(samples, 1.0, LATE)
     assert short[-1, 0] - short[0, 0] == pytest.approx(1.0, abs=2e-3)
     earlier = samples.copy()
@@ -286,7 +285,7 @@ def test_it_is_of_the_last_seconds_of_one_clock(samples):
     np.testing.assert_array_equal(both, recent(samples, 20.0, LATE))
 
 
-def test_it_is_of_what_is_touched_since_the_loop_noticed_a_change(samples):
+def test_the_live_verdict_is_of_the_material_since_the_change(samples):
     times, positions, forces = measured(4.0)
     softer = arrivals([4.0 + time for time in times], positions, [0.3 * f for f in forces])
     _, rows = looped([*arrivals(times, positions, forces), *softer])
@@ -305,7 +304,7 @@ def test_a_gap_begins_another_segment_and_no_contact_is_said(samples):
     assert page["reason"]
 
 
-def test_it_says_when_it_is_no_longer_of_what_the_loop_does(samples):
+def test_an_outdated_live_verdict_is_marked(samples):
     status = {**STATUS, "counts": {"changes": 1}, "tare": None}
     page = diagnose_samples(recent(samples, 1.0, LATE), status)
     assert why_outdated(page, status) == ""
@@ -341,7 +340,7 @@ class Heard(Replay):
 
 
 @pytest.mark.slow
-def test_it_says_its_verdict_while_the_loop_runs(tmp_path):
+def test_the_verdict_is_printed_while_the_loop_runs(tmp_path):
     source = Heard(palpate.Contact(**vars(pressed(30.0))))
     source.said = tmp_path / "said"
     status = run(source, None, [Diagnosing(every=1.0), Reading(source.said)])

@@ -9,7 +9,6 @@ from scripted import PLACE, Scripted, Silence, T, arrivals, column, looped, meas
 
 import palpate
 from palpate import ESTIMATORS, OnlinePreparation, Status, ViscoelasticContact
-from palpate.estimators.estimate import Trace
 from palpate.findings import Finding
 from palpate.live.choices import LiveCommand, State
 from palpate.live.console import ShownDepth, describe_depth
@@ -18,6 +17,7 @@ from palpate.live.ring import COLUMNS, SAMPLE
 from palpate.live.running import default_estimator
 from palpate.live.sources import Arrival, EndOfSourceError, Replay
 from palpate.live.view import verdict_on
+from palpate.method.estimators.estimate import Trace
 
 TIMES, POSITIONS, FORCES = measured()
 SCRIPT = arrivals(TIMES, POSITIONS, FORCES)
@@ -81,7 +81,7 @@ def test_the_loop_over_a_recording_is_the_replay_to_the_last_bit(method):
     assert "N/m" in describe_depth(loop.status(), rows[-1], 8e-3)  # in the terminal's line
 
 
-def test_the_estimate_is_there_50_times_a_second_at_each_change_and_at_the_end():
+def test_estimates_are_published_at_50_hz_and_at_changes():
     commands = [(605, LiveCommand("reset")), (1333, LiveCommand("hold"))]
     _, each = looped(SCRIPT, commands=commands)
     _, rows = looped(SCRIPT, commands=commands, every_sample=False)
@@ -124,7 +124,7 @@ def depths_shown(depths, every=0.2):
 
 
 @pytest.mark.parametrize("every", [0.033, 0.2], ids=["the page", "the console"])
-def test_the_shown_depth_stays_while_the_motion_repeats_and_follows_another(every):
+def test_the_shown_depth_follows_a_new_motion(every):
     time = T * np.arange(60_000)
     # Its median lies between 8.8 and 8.9 mm, on either side in turns.
     swing = 8.85e-3 + 3e-3 * np.sin(2.0 * np.pi * 0.7 * time) + 2e-4 * np.sin(0.3 * time)
@@ -160,7 +160,7 @@ def test_a_law_is_shown_at_a_depth_that_stays():
     [{"position": math.nan}, {"force": math.inf}, {"position": 1e300}],
     ids=["NaN", "infinite", "absurd"],
 )
-def test_what_is_no_number_is_refused_said_and_forgotten(values):
+def test_samples_that_are_not_numbers_are_reported_and_forgotten(values):
     loop, rows = looped([*SCRIPT[:900], SCRIPT[900]._replace(**values), *SCRIPT[901:]])
     states = column(rows, "state")
     assert states[899] == State.CONTACT
@@ -196,7 +196,7 @@ STALLED = [each._replace(there=1.5) for each in SCRIPT[1000:1500]]
     ],
     ids=["repeated", "after a later one", "a stall of the wire that loses nothing"],
 )
-def test_a_sample_too_many_or_too_late_changes_nothing_and_is_counted(script, counted, invalid):
+def test_excess_and_late_samples_are_counted_and_ignored(script, counted, invalid):
     loop, rows = looped(script)
     counts = loop.status()["counts"]
     assert {name: counts[name] for name in counted} == counted
@@ -243,7 +243,7 @@ def test_a_silent_source_is_lost_and_found_again():
     assert loop.estimator.estimate().law.K == column(rows, "parameter_0")[-1]
 
 
-def test_of_a_slow_source_a_person_is_heard_long_before_it_is_lost():
+def test_a_command_is_heard_while_a_source_is_slow():
     source = Scripted([*SCRIPT[:2], Silence(30.0)])
     source.sample_time, asked = 2.0, []
     take = source.take
@@ -275,7 +275,7 @@ def test_the_same_fault_in_each_sample_is_said_once_a_second():
     assert sum("NaN, infinite" in words for words in loop.said) == 2
 
 
-def test_hold_and_resume_and_reset_after_which_nothing_is_known_until_something_is_learned():
+def test_hold_resume_and_reset_act_on_the_estimate():
     wishes = {600: "hold", 1200: "resume", 1400: "hold", 1500: "reset"}
     loop, rows = looped(SCRIPT, commands=[(k, LiveCommand(wish)) for k, wish in wishes.items()])
     stiffness, states = column(rows, "parameter_0"), column(rows, "state")
@@ -337,7 +337,7 @@ PRESSING = {
 
 
 @pytest.mark.parametrize("motion, words", PRESSING.values(), ids=PRESSING)
-def test_a_tare_begun_in_contact_is_refused_and_taken_once_the_probe_is_lifted(motion, words):
+def test_a_tare_in_contact_waits_until_the_probe_is_lifted(motion, words):
     script = at_rest(*motion)
     loop, rows = looped(script, OnlinePreparation(tare_time=0.5))
     assert (column(rows, "state") == State.TARING).all()
@@ -367,7 +367,7 @@ def test_a_tare_in_free_air_is_taken(motion):
     assert not any("refused" in each for each in loop.said)
 
 
-def test_a_command_to_tare_in_contact_leaves_the_earlier_zero_and_the_estimate():
+def test_a_tare_command_in_contact_changes_nothing():
     loop, rows = looped(SCRIPT, commands=[(800, LiveCommand("tare", {"seconds": 0.3}))])
     [said] = [each for each in loop.said if "tare refused" in each]
     assert "the earlier zero holds" in said
@@ -376,7 +376,7 @@ def test_a_command_to_tare_in_contact_leaves_the_earlier_zero_and_the_estimate()
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
 
 
-def test_a_run_whose_tare_was_refused_to_the_end_fails_with_the_reason(run, tmp_path):
+def test_a_run_without_a_successful_tare_fails_with_the_reason(run, tmp_path):
     palpate.write_contact(touch(), tmp_path / "pressing.csv")
     words = [tmp_path / "pressing.csv", "--tare", "1s", "--no-page", "--no-diagnosis"]
     status, _, err = run("live", *words, "--speed", "20")
@@ -385,7 +385,7 @@ def test_a_run_whose_tare_was_refused_to_the_end_fails_with_the_reason(run, tmp_
     assert "or omit --tare" in err
 
 
-def test_another_estimator_and_what_there_is_not():
+def test_commands_change_what_exists_and_refuse_the_rest():
     commands = [
         (500, LiveCommand("estimator", {"method": "single-stage"})),
         (600, LiveCommand("estimator", {"method": "magic"})),
@@ -406,12 +406,12 @@ def test_another_estimator_and_what_there_is_not():
 
 
 @pytest.mark.parametrize("value, direction", [((0.0, 0.0, 0.0), None), (0.0, [0, 0, -1])])
-def test_a_direction_of_numbers_or_vectors_without_one_is_a_clear_line(value, direction):
+def test_a_vector_without_a_usable_direction_is_refused(value, direction):
     with pytest.raises(palpate.InvalidParameterError, match="--direction"):
         looped([Arrival(0.0, value, value, 0.0)], OnlinePreparation(direction=direction))
 
 
-def test_a_recording_says_once_what_its_preparation_said_and_what_it_knows_with_hindsight():
+def test_each_finding_of_the_preparation_is_reported_once():
     ends = Finding("file", "it ends before its end", "record it again")
     place = Finding("surface", "its place is an assumption")
     source = Replay(touch(tare_deviation=0.01, findings=[ends, place]))

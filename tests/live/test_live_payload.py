@@ -147,7 +147,7 @@ def test_a_run_takes_a_payload():
     assert found["counts"]["learned"] > 1000
 
 
-def test_what_the_command_cannot_do_is_one_line(refused, tmp_path):
+def test_impossible_commands_are_refused_in_one_line(refused, tmp_path):
     path = tmp_path / "tool.toml"
     PAYLOAD.save(path)
     robot, bare = "zmq:tcp://127.0.0.1:5999", ("--no-page", "--no-diagnosis")

@@ -13,7 +13,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from palpate import FlatSpectrum, GeneralisedHuntCrossley, Status
-from palpate.estimators import ESTIMATORS
 from palpate.force_laws import HuntCrossley
 from palpate.lab import MATERIALS
 from palpate.live.console import read_numbers
@@ -36,6 +35,7 @@ from palpate.live.ring import (
     Writer,
 )
 from palpate.live.sinks import Session, Watching
+from palpate.method.estimators import ESTIMATORS
 
 AT = {name: place for place, name in enumerate(COLUMNS)}
 DELAY = 0.009
@@ -61,7 +61,7 @@ def frame(history, first, until, **options):
     return number, times, dict(zip(CHANNELS, values.reshape(len(CHANNELS), count), strict=True))
 
 
-def test_what_the_law_in_force_has_not_is_no_curve():
+def test_channels_that_the_law_lacks_have_no_curve():
     rows = np.hstack([rows_of([0.0, 1.0]), np.zeros((2, 4))])
     law = GeneralisedHuntCrossley(
         K=1e3, n=1.5, B=2e3, p=1.5, M=5e2, relaxation=FlatSpectrum(2e-3, 2.0)
@@ -108,7 +108,7 @@ def history():
     return History(1e-3)
 
 
-def test_what_is_kept_is_the_last_seconds_without_a_gap(history):
+def test_the_history_is_the_last_seconds_without_a_gap(history):
     history.show(HuntCrossley, 0.01, 0.0)
     history.response = np.array([900.0, 5.0, 30.0, 1.0])
     times = np.arange(40_000) * 1e-3
@@ -129,7 +129,7 @@ def test_thinned_rows_are_the_same_ones_however_they_are_cut(history):
     np.testing.assert_array_equal(np.concatenate(times), np.arange(0, 100, 4) * 1e-3)
 
 
-def test_a_measurement_without_a_sample_stands_where_the_next_one_would(history):
+def test_an_empty_measurement_keeps_its_place(history):
     times = np.arange(10) * 1e-3
     rows = rows_of(times)
     rows[3:5, AT["time"]] = np.nan
@@ -202,7 +202,7 @@ def test_a_loop_whose_source_is_still_being_opened_is_not_dead(watched):
     assert seen.page({})["state"] == "dead"  # it has been, and says nothing more
 
 
-def test_an_estimate_is_never_shown_by_the_law_of_another_estimator(watched):
+def test_an_estimate_is_shown_by_its_own_law(watched):
     (samples, estimates), shared_json, seen = watched
 
     def write(*times, **columns):
@@ -262,7 +262,7 @@ def another_process(kind, memory, seconds):
     process.join()
 
 
-def test_a_reader_that_races_the_writer_sees_whole_rows_and_counts_the_rest():
+def test_a_reader_that_races_the_writer_sees_only_whole_rows():
     ring = Writer(256)  # so small that it goes round all the time
     reader = Reader(ring.memory)
     seen, dropped, last = 0, 0, -1.0
@@ -295,7 +295,7 @@ def written(ring, *numbers):
         ring.write(*[float(k)] * len(SAMPLE))
 
 
-def test_a_reader_that_falls_behind_gets_the_newest_and_knows_how_many_it_lost(ring):
+def test_a_slow_reader_gets_the_newest_rows_and_the_lost_count(ring):
     written(ring, *range(5))
     early, late = Reader(ring.memory), Reader(ring.memory)
     assert early.take()[0][:, 0].tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]

@@ -222,7 +222,7 @@ class Until(Endless):
         return super().take(timeout)
 
 
-def test_a_page_is_there_while_the_loop_runs_and_every_row_comes_to_it_once():
+def test_the_page_gets_every_row_of_a_running_loop_once():
     page, said = Page(port=0), []
     source = Until()
     running = threading.Thread(target=lambda: said.append(run(source, sinks=[page])))
@@ -286,7 +286,7 @@ def test_a_name_that_is_not_this_machines_is_refused(page, host):
 @pytest.mark.parametrize(
     "origin", [None, "null", "http://elsewhere.example", "http://127.0.0.1:1", "file://"]
 )
-def test_another_site_gets_no_socket(page, origin):
+def test_another_origin_gets_no_socket(page, origin):
     with pytest.raises(InvalidStatus, match="403"):
         page.socket(origin=origin)
 
@@ -347,7 +347,7 @@ def test_a_port_in_use_is_known_before_anything_starts(page):
         ("estimator", {"method": "kelvin-voigt", "forgetting_factor": 0.99}),
     ],
 )
-def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
+def test_commands_of_the_page_reach_the_loop(page, name, options):
     with page.socket() as client:
         client.send(json.dumps({"ask": name, **options}))
         assert page.commands.poll(10)
@@ -376,7 +376,7 @@ def test_what_a_person_asks_arrives_at_the_loop(page, name, options):
         ('{"ask": "source", "material": "ball"}', "the source has no such choice of 'material'"),
     ],
 )
-def test_what_cannot_be_done_is_refused_in_words(page, text, words):
+def test_impossible_requests_are_refused(page, text, words):
     with page.socket() as client:
         client.send(text)
         assert words in received(client, dict, lambda each: each["kind"] == "refused")["words"]
@@ -397,7 +397,7 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
         assert server.MOST_COMMANDS <= arrived < 100
 
 
-def test_a_loop_that_writes_nothing_more_is_said_and_its_return_too(monkeypatch):
+def test_a_silent_loop_and_its_return_are_reported(monkeypatch):
     monkeypatch.setattr(watch, "ALIVE", 0.6)  # s
     with served(seconds=0.1) as page, page.socket() as client:
         assert received(client, dict, lambda each: "state" in each)["state"] != "dead"
@@ -478,7 +478,7 @@ NO_REQUESTS = [b"\x00\xff\r\n\r\n", b"GET / HTTP/9\r\n\r\n", b"A" * 100_000]
 
 
 @pytest.mark.long
-def test_malformed_frames_and_requests_end_their_connections_and_are_counted(page):
+def test_malformed_requests_end_their_connections(page):
     before = page.counts()["malformed"]
     sent = [(handshaken, each) for each in MALFORMED.values()]
     sent += [(connected, each) for each in NO_REQUESTS]
@@ -494,7 +494,7 @@ def test_malformed_frames_and_requests_end_their_connections_and_are_counted(pag
 
 
 @pytest.mark.long
-def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkeypatch):
+def test_idle_connections_do_not_block_active_ones(monkeypatch):
     monkeypatch.setattr(server, "PATIENCE", 0.5)
     with served(seconds=0.1) as page, ExitStack() as idle, page.socket() as client:
         for k in range(100):
@@ -509,7 +509,7 @@ def test_connections_that_ask_for_nothing_take_no_room_from_those_that_do(monkey
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_who_asks_for_answers_and_never_reads_them_is_cut_off():
+def test_a_client_that_never_reads_is_cut_off():
     with served(seconds=0.1) as page:
         connection = handshaken(page)
         before = resident()
@@ -523,7 +523,7 @@ def test_who_asks_for_answers_and_never_reads_them_is_cut_off():
 
 @pytest.mark.long
 @pytest.mark.slow
-def test_a_browser_that_takes_nothing_holds_up_nobody_and_is_closed(monkeypatch):
+def test_a_browser_that_stops_reading_is_disconnected(monkeypatch):
     monkeypatch.setattr(server, "STALLED", 0.7)
     with served(seconds=1.0) as page:
         stuck = handshaken(page)  # it never reads

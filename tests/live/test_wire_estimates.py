@@ -249,7 +249,7 @@ def watching(diagnosis):
     return SimpleNamespace(dropped=0, tell=lambda page: None, diagnosis=diagnosis)
 
 
-def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
+def test_the_wire_reports_a_silent_source() -> None:
     loop, rows = looped(arrivals(*measured(0.3)))
     told = []
     words = {"estimate": lambda *_: "estimate", "status": lambda state, *_: state}
@@ -266,7 +266,7 @@ def test_of_a_source_that_is_silent_the_wire_says_that_it_is_lost() -> None:
     assert told[len(rows) :] == ["contact", "lost"]
 
 
-def test_a_verdict_is_published_until_it_is_not_of_what_the_loop_does():
+def test_a_verdict_is_published_until_it_is_outdated():
     """Over ZeroMQ, from the rows of a loop and the page of a real diagnosis."""
     loop, rows = looped(arrivals(*measured(4.0)))
     status = {**loop.status(), "origin": 10**12}
@@ -333,14 +333,14 @@ def test_an_address_in_use_is_one_clear_line() -> None:
     robot.close()
 
 
-def test_nobody_there_is_one_clear_line() -> None:
+def test_a_missing_publisher_is_one_line() -> None:
     address = f"zenoh:/palpate?connect=tcp/127.0.0.1:{free_port()}"
     with pytest.raises(PalpateError, match=r"^zenoh: no answer from tcp/.*rmw_zenohd") as caught:
         open_publisher(address)
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_not_installed_is_one_clear_line() -> None:
+def test_missing_packages_are_named_in_one_line() -> None:
     code = """
 import sys
 sys.modules["rosbags"] = None

@@ -153,12 +153,12 @@ def fuzz(robot, source, count: int, first: int = 0) -> int:
     return sample
 
 
-def test_what_is_no_sample_is_counted_and_the_next_one_is_taken(robot, source):
+def test_invalid_messages_are_counted_and_the_next_one_is_taken(robot, source):
     fuzz(robot, source, 200)
 
 
 @pytest.mark.parametrize("options", ["", "?socket=pull", "?socket=pull&bind=yes"])
-def test_a_packet_too_long_or_of_many_frames_is_counted_and_those_after_it_are_heard(options):
+def test_an_invalid_packet_is_counted_and_the_next_is_taken(options):
     address = f"tcp://127.0.0.1:{free_port()}"
     with zmq.Context() as context, context.socket(zmq.PUSH if options else zmq.XPUB) as robot:
         robot.linger, robot.sndtimeo = 0, 5000  # ms: where nobody takes it, it fails
@@ -257,7 +257,7 @@ def test_gaps_in_the_stamps_are_lost_samples_at_any_rate():
         assert counts.lost == 5
 
 
-def test_uneven_stamps_pauses_and_a_few_steps_are_no_lost_samples():
+def test_jitter_and_pauses_are_not_lost_samples():
     # Late by up to 0.3 of a step, and some by 0.9, as those of a busy computer are.
     late = np.random.default_rng(4).uniform(0.0, 0.3, 6400)
     late[::37] = 0.9
@@ -289,7 +289,7 @@ STAMPS = st.integers(-(2**63), 2**63 - 1)
 
 
 @given(st.lists(st.tuples(STAMPS, st.none() | st.integers(0, 2**64 - 1)), max_size=200))
-def test_any_stamps_and_numbers_are_counted_and_the_next_good_ones_are_taken(pairs):
+def test_after_any_stamps_good_samples_are_taken(pairs):
     counts = Counts()
     order = Order(counts)
     refused = sum(order.admit(*pair) is Succession.REFUSED for pair in pairs)
@@ -301,7 +301,7 @@ def test_any_stamps_and_numbers_are_counted_and_the_next_good_ones_are_taken(pai
     assert 0 <= counts.lost <= 1_000_000 * max(len(pairs), 1) + 1000
 
 
-def test_what_waited_and_is_sent_at_once_is_not_lost():
+def test_queued_samples_sent_at_once_are_not_lost():
     """A robot that is held up every now and then, for up to 0.8 s, and then hurries."""
     random = np.random.default_rng(6)
     stamps, now = [], 0
@@ -335,7 +335,7 @@ def now(monkeypatch):
     return times
 
 
-def test_samples_that_had_been_waiting_were_there_as_their_stamps_say(now):
+def test_queued_samples_arrived_at_their_stamps(now):
     now[0] = 100.0
     receipt = Receipt()
     assert receipt.there(0, waited=True) == 100.0
@@ -365,7 +365,7 @@ def paired(leaders, followers, tolerance=2 * MS):
     return found, counts
 
 
-def test_equal_stamps_are_pairs_at_once_and_between_two_it_is_interpolated():
+def test_equal_stamps_pair_at_once_and_others_are_interpolated():
     found, counts = paired([k * MS for k in range(50)], [k * MS for k in range(50)])
     assert [(each.stamp, each.leader, each.follower) for each in found] == [
         (k * MS, float(k), float(k)) for k in range(50)
@@ -382,7 +382,7 @@ def test_equal_stamps_are_pairs_at_once_and_between_two_it_is_interpolated():
     assert (pair.follower, pair.leader) == ((1.0, 1.0, 1.0), (9.0, 9.0, 9.0))
 
 
-def test_what_has_no_partner_within_the_tolerance_is_counted():
+def test_unpaired_messages_are_counted():
     # Forces at 100 Hz: a position at 1 kHz has one at most 2 ms away in half of the cases.
     found, counts = paired([k * MS for k in range(100)], [k * 10 * MS for k in range(11)])
     assert len(found) + counts.unpaired == 100
@@ -431,7 +431,7 @@ def test_json_is_taken_with_or_without_numbers():
         (bytes(64), "are vectors: pass --direction"),
     ],
 )
-def test_what_is_no_packet_says_why(data, words):
+def test_an_invalid_packet_is_refused_with_the_reason(data, words):
     with pytest.raises(PacketError, match=words):
         unpacked(data, vectors=False)
 
@@ -524,7 +524,7 @@ def test_any_bytes_are_a_message_or_an_error_of_ours(data):
 WRENCHES = MessageReader("/t", "geometry_msgs/msg/WrenchStamped", ["wrench.force"], vectors=True)
 
 
-def test_layouts_that_a_hostile_sender_invents_are_not_kept_for_ever():
+def test_invented_message_layouts_are_forgotten():
     kind = "geometry_msgs/msg/PointStamped"
     reader = MessageReader("/t", kind, ["point"], vectors=True)
     for k in range(1000):

@@ -8,8 +8,8 @@ import pytest
 from paper_cases import SEED
 
 from palpate import ConstantForgetting, HuntCrossley, KelvinVoigt, KelvinVoigtRLS, SingleStageRLS
-from palpate.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
-from palpate.figures.style import as_svg
+from palpate.method.estimators import DoubleStageRLS, ExtendedKelvinVoigtRLS
+from palpate.output.figures.style import as_svg
 from paper import running
 from paper.changes import correction, palpated, stiffer
 from paper.choices import DRAWS, choosing, draws, shares
@@ -57,7 +57,7 @@ def test_every_claim_has_an_experiment_and_a_judge_and_none_is_left_over():
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_what_was_measured_can_be_written_down_judged_and_drawn(name, tmp_path):
+def test_measurements_can_be_saved_judged_and_drawn(name, tmp_path):
     experiment, outcome = EXPERIMENTS[name], outcome_of(name)
     (tmp_path / "outcomes").mkdir()
     running.write_outcome(tmp_path, experiment, outcome)
@@ -88,7 +88,7 @@ def test_the_whole_paper_runs_and_every_claim_has_its_verdict(tmp_path):
     assert (tmp_path / "report.html").stat().st_size < 2.5e6
 
 
-def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_one():
+def test_initial_values_follow_the_rule_of_the_paper():
     contact = simulated_contact("ball", "three-sines", SEED)
     starts = starts_of(contact, SingleStageRLS)
     assert starts["I"] == HuntCrossley(K=0.1, B=0.1, n=1.0)
@@ -103,7 +103,7 @@ def test_starts_follow_the_rule_of_the_paper_and_agree_at_once_where_they_are_on
     assert np.all(convergence_times(results.values()) == 0.0)
 
 
-def test_what_a_sample_corrects_of_its_error_is_what_the_regressors_say():
+def test_the_correction_of_a_sample_follows_its_regressors():
     contact = palpated(stiffer(0.07), SEED, 3.0)
     result = identified(contact, SingleStageRLS, forgetting=ConstantForgetting())
     taken = result.trace.taken
@@ -128,7 +128,7 @@ def test_every_claim_that_can_be_checked_has_its_share_of_the_draws():
     assert {len(share.held) for share in shares().values()} == {DRAWS}
 
 
-def test_a_draw_changes_what_is_open_and_nothing_that_the_paper_states():
+def test_a_draw_varies_only_what_the_paper_leaves_open():
     contact = simulated_contact("ball", "three-sines", SEED)
     with choosing(draws()[0]):
         other = simulated_contact("ball", "three-sines", SEED)

@@ -71,7 +71,7 @@ def page(report):
     return Reading((report.folder / "report.html").read_text(encoding="utf-8"))
 
 
-def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, report):
+def test_the_page_has_every_claim_with_its_verdict(page, report):
     for each in report.judgements:
         for words in (each.claim.words, each.verdict_text, each.claim.where, each.ours_text):
             assert words in page.words
@@ -96,7 +96,7 @@ def test_the_page_says_every_claim_with_its_verdict_table_and_figure(page, repor
     assert "fig01-drawing-clip" in text
 
 
-def test_the_page_needs_nothing_beside_it_and_every_link_has_its_target(report, page):
+def test_the_page_is_self_contained_and_its_links_work(report, page):
     text = (report.folder / "report.html").read_text(encoding="utf-8")
     assert page.open == re.findall("<script|<link|<img", text) == []
     assert len(page.names) == len(set(page.names))
@@ -125,7 +125,7 @@ def test_the_abstract_names_every_claim_that_can_be_checked_once():
     assert list(abstract([judged(lines[1][0], None)])) == []
 
 
-def test_the_data_hold_the_same_and_what_is_held_against_nothing_with_its_reason(report, page):
+def test_the_data_file_holds_every_claim_with_its_reason(report, page):
     markdown = (report.folder / "claims.md").read_text(encoding="utf-8")
     judged = {claim.words for claims in all_claims().values() for claim in claims}
     for why, sentences in not_held().items():
@@ -189,7 +189,7 @@ def test_it_judges_draws_of_what_the_paper_leaves_open(run, tiny, tmp_path, monk
     assert answers == {"a.even": "101", "b.even": "101"}
 
 
-def test_it_compares_the_methods_on_recordings_of_others(run, tmp_path):
+def test_the_benchmark_compares_the_methods_on_real_recordings(run, tmp_path):
     """Without simulation, and by the file alone; here of a ball, whose truth nobody uses."""
     bench = lab.Bench(lab.BALL, lab.THREE_SINES, lab.IdealProbe())
     good, bad = tmp_path / "ball.csv", tmp_path / "bad.csv"
@@ -219,9 +219,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("words", REFUSED)
-def test_a_bad_option_is_refused_in_a_line_and_nothing_is_written(
-    run, tmp_path, monkeypatch, words
-):
+def test_a_bad_option_is_refused_and_writes_nothing(run, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "file").touch()
     status, out, err = run(*words.split())
@@ -300,7 +298,7 @@ def test_a_bound_is_kept_or_broken_and_all_have_to_be_kept(bound, kept, broken):
             assert judge("bias", number("bias") > 0.0, bound)(numbers).holds is False
 
 
-def test_what_is_not_known_cannot_be_checked():
+def test_unknown_quantities_are_not_checked():
     numbers = {**NUMBERS, "error K [%]": math.nan, "error B [%]": 1.0}
     for unknown in (number("error") > 3.0, number("bias") < "error", largest("bias", "error") < 3):
         assert judge(unknown, number("bias") < 0.0)(numbers).holds is None
@@ -361,7 +359,7 @@ def test_a_verdict_counts_the_seeds_that_can_tell(holds, verdict, words):
 
 @pytest.mark.parametrize("holds", [True, False])
 @pytest.mark.parametrize("held", [7, 8])
-def test_a_claim_that_fails_holds_elsewhere_if_a_fifth_of_the_draws_hold(holds, held):
+def test_a_failed_claim_holds_elsewhere_if_a_fifth_of_draws_hold(holds, held):
     share = Share(tuple(k < held for k in range(DRAWS)))
     judgement = Judgement("fig", CLAIM, (SeedAnswer(holds),), share=share)
     fails = Reproduction.ELSEWHERE if held == 8 else Reproduction.NOT_REPRODUCED
@@ -423,7 +421,7 @@ CHANGES = [
 
 
 @pytest.mark.parametrize("change", CHANGES, ids=str)
-def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(stored, change):
+def test_only_outcomes_of_this_version_and_seed_are_reused(stored, change):
     folder, path = stored
     assert running.read_outcome(folder, Tiny(seconds=1e-9), 1) is None  # of another setting
     assert running.read_outcome(folder, Tiny(), 2) is None  # absent
@@ -438,9 +436,7 @@ def test_an_outcome_of_another_version_or_seed_or_a_damaged_one_is_not_reused(st
 
 
 @pytest.mark.long
-def test_a_run_writes_everything_and_a_second_runs_nothing_though_claims_are_reworded(
-    tmp_path, monkeypatch
-):
+def test_a_second_run_of_the_paper_repeats_no_experiment(tmp_path, monkeypatch):
     folder, steps, taken = tmp_path / "new" / "report", [], []
     report = ran(folder, Tiny("a"), Tiny("b"), progress=lambda *step: steps.append(step))
     assert [section.experiment.name for section in report.sections] == ["a", "b"]
@@ -481,7 +477,7 @@ def test_a_folder_that_cannot_be_written_is_said_before_the_work(tmp_path):
             ran(folder, Tiny(seconds=1e6))
 
 
-def test_a_file_that_palpate_did_not_write_is_not_replaced_and_that_is_said_before_the_work(
+def test_a_foreign_file_is_never_replaced(
     tmp_path,
 ):
     for name in ("report.html", "claims.md", "a-dark.svg"):

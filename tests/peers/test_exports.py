@@ -74,9 +74,7 @@ def test_the_force_is_the_laws_and_as_predicted(engine, law, further, most_perce
         (PVC_LAW, {"time_step": 2e-3}, 1e-6),
     ],
 )
-def test_a_body_rebounds_as_predicted_and_by_a_fine_step_as_the_law_says(
-    law, further, tolerance
-) -> None:
+def test_a_body_rebounds_as_predicted(law, further, tolerance) -> None:
     fragment = drake(law, **further)
     drop = drop_to(law, 1.0, 0.012)
     assert fragment.drop_restitution(drop) == pytest.approx(
@@ -132,9 +130,7 @@ def stage(tmp_path):
 
 
 @pytest.mark.parametrize("shape", ["ground", "tip"])
-def test_both_engines_find_their_numbers_on_the_material_that_both_shapes_are_bound_to(
-    stage, shape
-):
+def test_both_shapes_are_bound_to_the_material_of_the_engines(stage, shape):
     # With the ground's alone Newton 1.8.0 mixed in its defaults: 1.450 or 0.049 N for 0.400.
     physics, shade = installed("pxr.UsdPhysics"), installed("pxr.UsdShade")
     bound = stage.GetPrimAtPath(f"/World/{shape}")

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from palpate.preparation.online import OnlinePreparation
+from palpate.input.preparation.online import OnlinePreparation
 
 pytestmark = [pytest.mark.peers, pytest.mark.slow]
 

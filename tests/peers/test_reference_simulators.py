@@ -83,7 +83,7 @@ def test_an_engine_shows_the_force_of_the_law_that_it_documents(name) -> None:
     ],
     ids=["variable projection", "double stage", "drift tracking"],
 )
-def test_what_was_set_is_returned(name, estimator, most) -> None:
+def test_the_identified_parameters_are_those_that_were_set(name, estimator, most) -> None:
     law = HUNT_CROSSLEY[name].law
     result = identify(shown_by(name), estimator(law))
     assert not result.flags
@@ -94,7 +94,7 @@ def test_what_was_set_is_returned(name, estimator, most) -> None:
 
 
 @pytest.mark.parametrize("name", REFERENCE_SIMULATORS)
-def test_through_a_noisy_sensor_what_was_set_lies_within_the_error_bars(name) -> None:
+def test_error_bars_hold_with_a_noisy_sensor(name) -> None:
     law, unforgetting = REFERENCE_SIMULATORS[name].law, ConstantForgetting(1.0)
     kelvin_voigt = KelvinVoigtRLS(forgetting=unforgetting) if name in KELVIN_VOIGT else None
     for seed in range(5):
@@ -106,7 +106,7 @@ def test_through_a_noisy_sensor_what_was_set_lies_within_the_error_bars(name) ->
 
 
 @hunt_crossley
-def test_the_single_stage_returns_what_was_set_but_for_the_bias_of_its_logarithm(name) -> None:
+def test_the_single_stage_is_biased_by_its_logarithm_only(name) -> None:
     law, contact = HUNT_CROSSLEY[name].law, shown_by(name)
     # Nothing forgotten and next to no weight on the start: plain least squares of ln F.
     estimator = SingleStageRLS(initial_covariance=1e8, forgetting=ConstantForgetting(1.0))
@@ -126,7 +126,7 @@ def with_bias_of_logarithm(law: HuntCrossley, contact: Contact, taken: np.ndarra
 
 
 @hunt_crossley
-def test_with_its_defaults_the_single_stage_is_low_by_no_more_than_condition_10_lets_it(
+def test_the_bias_of_the_single_stage_is_bounded_by_condition_10(
     name,
 ) -> None:
     law, contact = HUNT_CROSSLEY[name].law, shown_by(name)
@@ -137,7 +137,7 @@ def test_with_its_defaults_the_single_stage_is_low_by_no_more_than_condition_10_
     assert -0.0108 < damping < 0.0
 
 
-def test_kelvin_voigt_returns_what_was_set_extended_or_not_and_no_quadratic_stiffness() -> None:
+def test_kelvin_voigt_returns_the_set_parameters() -> None:
     law, contact = KELVIN_VOIGT["drake-sap"].law, shown_by("drake-sap")
     found = identify(contact, KelvinVoigtRLS()).law
     assert np.abs(relative_error(found, law)).max() < EXACT
@@ -175,9 +175,7 @@ def test_a_tip_of_drakes_is_a_spring_in_series(stepping, firmer) -> None:
 # The same material is what OpenSim's Python setters, which give it to both bodies, amount to:
 # s = 1/2 and E = 2^(-3/2) E₁, with the dissipation of either.
 @pytest.mark.parametrize("tip, share", [(opensim_probe.DISSIPATION, 1.0), (0.0, 0.5)])
-def test_a_tip_of_the_same_material_softens_opensims_contact_by_the_root_of_eight(
-    tip, share
-) -> None:
+def test_an_equal_tip_softens_opensims_contact_by_root_eight(tip, share) -> None:
     stiffness = opensim_probe.STIFFNESS / 8.0**0.5
     law = HuntCrossley(K=stiffness, B=stiffness * 1.5 * opensim_probe.DISSIPATION * share, n=1.5)
     same = OpenSimProbe(tip_modulus=opensim_probe.MODULUS, tip_dissipation=tip)
@@ -185,7 +183,7 @@ def test_a_tip_of_the_same_material_softens_opensims_contact_by_the_root_of_eigh
 
 
 @pytest.mark.parametrize("stepping", ["sap", "continuous", "tamsi", "lagged"])
-def test_sap_ignores_the_dissipation_and_the_others_the_relaxation_time(stepping) -> None:
+def test_sap_uses_the_relaxation_time_and_others_the_dissipation(stepping) -> None:
     if stepping == "sap":
         otherwise = probed(DrakeProbe(stepping, dissipation=5.0 * DISSIPATION))
     else:
@@ -209,7 +207,7 @@ def test_the_force_belongs_to_the_state_after_the_step_and_not_before() -> None:
 
 
 @pytest.mark.parametrize("stepping", ["tamsi", "lagged", "similar", "sap"])
-def test_the_depth_beside_a_force_of_a_discrete_plant_is_that_before_the_step(stepping) -> None:
+def test_a_discrete_plant_pairs_force_with_the_earlier_depth(stepping) -> None:
     probe = DrakeProbe(stepping)
     before, depth = [], []
     for k in range(1, 301):
@@ -222,7 +220,7 @@ def test_the_depth_beside_a_force_of_a_discrete_plant_is_that_before_the_step(st
     assert (np.array(depth)[seen] == np.array(before)[seen]).all()
 
 
-def test_a_sphere_on_a_hydroelastic_half_space_is_the_power_law_but_for_its_curvature() -> None:
+def test_a_hydroelastic_sphere_is_nearly_the_power_law() -> None:
     drake = installed("pydrake.all")
     modulus, thickness, radius, dissipation = 1e6, 0.02, 0.1, 2.0
     builder = drake.DiagramBuilder()

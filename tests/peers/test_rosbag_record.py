@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from palpate.errors import RecordingError
-from palpate.recordings import open_recording
+from palpate.input.recordings import open_recording
 from peers.rosbag_publisher import numbers
 
 pytestmark = [pytest.mark.peers, pytest.mark.slow]
@@ -82,7 +82,7 @@ def assert_begins_as_published(found, least: int) -> None:
 
 
 @pytest.mark.parametrize("options", [[], ["--bz2"], ["--lz4"]], ids=["plain", "bz2", "lz4"])
-def test_what_rosbag_records_comes_back_to_the_last_bit(ros, tmp_path, options) -> None:
+def test_recordings_of_rosbag_are_read_exactly(ros, tmp_path, options) -> None:
     with recorder(ros, tmp_path, *options) as process:
         publish(ros)
         os.killpg(process.pid, signal.SIGINT)
@@ -95,9 +95,7 @@ def test_what_rosbag_records_comes_back_to_the_last_bit(ros, tmp_path, options) 
 
 
 @pytest.mark.parametrize("options", [[], ["--bz2"], ["--lz4"]], ids=["plain", "bz2", "lz4"])
-def test_what_a_killed_recorder_leaves_is_refused_and_read_once_it_is_reindexed(
-    ros, tmp_path, options
-) -> None:
+def test_a_bag_of_a_killed_recorder_is_read_after_reindexing(ros, tmp_path, options) -> None:
     with recorder(ros, tmp_path, "--chunksize=16", *options) as process:
         publish(ros)
         os.killpg(process.pid, signal.SIGKILL)

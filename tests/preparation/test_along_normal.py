@@ -19,12 +19,12 @@ from palpate import (
     identify,
     prepare,
 )
-from palpate.channels.frames import rotate_to_base
 from palpate.digits import with_error
-from palpate.preparation.normal import normal_from_forces, parse_normal
-from palpate.preparation.orientation import largest_turn
-from palpate.preparation.surface import find_surface
-from palpate.preparation.touch import never_touches
+from palpate.input.channels.frames import rotate_to_base
+from palpate.input.preparation.normal import normal_from_forces, parse_normal
+from palpate.input.preparation.orientation import largest_turn
+from palpate.input.preparation.surface import find_surface
+from palpate.input.preparation.touch import never_touches
 
 
 def turn(axis, angle) -> np.ndarray:
@@ -152,7 +152,7 @@ def test_a_tools_weight_that_changes_nothing_is_refused(reach, settings):
         prepare(turning(reach), tool_weight=3.0, **settings)
 
 
-def test_what_is_no_quaternion_is_refused():
+def test_invalid_quaternions_are_refused():
     felt = hand(1.0)
     with pytest.raises(RecordingError, match="not a quaternion x, y, z, w: its norm is 2"):
         prepare(with_turns(felt, np.ones((1000, 4))), force_frame="tool")
@@ -242,7 +242,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert prepare(recorded, spot=1.0).prepared.places == ()
 
 
-def test_the_fit_of_a_probe_that_travels_is_that_of_the_law_of_each_place():
+def test_a_travelling_probe_is_fitted_by_the_law_of_each_place():
     """Laws that relax, each with the state in which its place began, not the place before."""
     relaxing = [
         GeneralisedHuntCrossley(K=k, n=1.2, B=0.0, p=1.2, M=k, relaxation=FlatSpectrum(0.05, 5.0))
@@ -262,7 +262,7 @@ def test_the_fit_of_a_probe_that_travels_is_that_of_the_law_of_each_place():
     assert np.nanstd(own[result.trace.taken]) == pytest.approx(np.std(off), rel=0.05)
 
 
-def test_a_place_where_no_force_exceeds_the_noise_takes_the_normal_of_the_others():
+def test_a_place_without_force_uses_the_normal_of_the_others():
     firm = tapping(4.0)
     light = Motion(np.minimum(firm.x, 1.2e-3), firm.v * (firm.x < 1.2e-3))
     felt = travelling((BALL, firm), (BALL, light))
@@ -315,7 +315,7 @@ def marks(contact) -> set[str]:
     return {verdict.stiffness, verdict.damping, verdict.overall}
 
 
-def test_a_sound_recording_has_no_doubt_and_a_coarse_one_is_not_taken_for_clipped():
+def test_a_coarse_force_is_not_called_clipped():
     contact = prepare(table_of(FELT))
     assert not said(contact, "direction")
     assert not said(contact, "saturated axis")
@@ -355,7 +355,7 @@ def test_a_given_normal_needs_the_motion_or_the_force_along_it():
     assert not said(prepare(table_of(slid), normal=NORMAL, spot=1.0), "direction")
 
 
-def test_one_axis_that_is_clipped_is_seen_and_one_that_never_changes_is_not_saturated():
+def test_a_clipped_axis_is_reported_and_a_constant_one_is_not():
     clipped = FELT.force.copy()
     clipped[:, 2] = np.minimum(clipped[:, 2], 0.6 * clipped[:, 2].max())
     contact = prepare(table_of(replace(FELT, force=clipped)))
@@ -378,7 +378,7 @@ def test_a_position_that_was_commanded_calls_for_care():
     assert not said(prepare(Recording({**renamed, **felt})), "channels")  # measured is there
 
 
-def test_options_that_find_nothing_to_act_on_are_named():
+def test_options_without_effect_are_named():
     along = Recording({"t": FELT.time, "z_m": -FELT.motion.x, "Fz_N": FELT.force @ NORMAL})
     contact = prepare(along, normal="z", tool_weight=1.0)
     assert [r.message for r in contact.findings if r.check == "options"] == [

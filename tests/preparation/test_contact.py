@@ -22,7 +22,7 @@ def at(time, segment=None) -> Contact:
     return Contact(time, penetration=ones, velocity=ones, force=ones, segment=segment)
 
 
-def test_the_repr_of_a_recording_a_contact_and_columns_fits_a_screen():
+def test_reprs_fit_a_screen():
     source = f"/data/{'long/' * 30}{'probe' * 20}.csv"
     channels = {"time_s": np.zeros(600), "fz\x1b[31m": np.zeros(600)}
     many = channels | {f"joint_{k}.position": np.zeros(10**4) for k in range(900)}
@@ -151,7 +151,7 @@ SPELLINGS = {
 
 
 @pytest.mark.parametrize("plain, spelled", SPELLINGS.values(), ids=SPELLINGS)
-def test_numbers_are_numbers_however_they_are_spelled_and_left_as_they_are(kind, plain, spelled):
+def test_samples_may_be_numbers_of_any_type(kind, plain, spelled):
     for channel in (each for each in spelled if isinstance(each, np.ndarray)):
         channel.flags.writeable = False
     trace = kind().replay(*spelled)
@@ -213,7 +213,7 @@ def test_an_array_of_another_type_or_dimension_is_refused_by_name(kind, values, 
             kind().replay(**{**GOOD, name: values})
 
 
-def test_a_prediction_is_the_force_of_the_present_law_and_none_out_of_contact(kind, noisy):
+def test_a_prediction_is_the_present_law_and_0_out_of_contact(kind, noisy):
     estimator = kind()
     for row in noisy.rows[:50]:
         estimator.update(*row)

@@ -23,8 +23,8 @@ from scipy.stats import binom
 
 import palpate
 from palpate import Contact, Scale, Status, VariableProjection, identify, lab
-from palpate.design.precision import cramer_rao_bound
-from palpate.preparation.resolution import suggest_surface_deviation
+from palpate.input.preparation.resolution import suggest_surface_deviation
+from palpate.lab.design.precision import cramer_rao_bound
 
 SCALE = Scale(10e-3, 0.1, 20.0)
 GEL = palpate.HuntCrossley(K=5e4, B=1.5e5, n=2.2)
@@ -52,7 +52,7 @@ def test_light_contact_costs_no_more_than_the_bound(law):
     assert (np.sqrt(np.mean(np.square(errors), axis=0)) < 1.35 * bound).all()
 
 
-def test_a_coarsely_rounded_force_has_the_noise_of_its_rounding_and_no_more():
+def test_a_coarsely_rounded_force_has_only_rounding_noise():
     motion = strokes(4.0)
     x, v = motion.x, motion.v
     noise = 0.004 * float(GEL.force(x, v).max())
@@ -123,7 +123,7 @@ def test_free_air_tells_the_offset():
     assert estimates[0].offset_standard_error < 0.8 * estimates[1].offset_standard_error
 
 
-def test_touches_in_correlated_noise_lose_nothing_to_plain_least_squares():
+def test_correlated_noise_costs_no_more_than_least_squares():
     t, law, zero = clock(8.0), PVC, 0.3
     motion = Motion(4e-3 + 8e-3 * np.sin(9.0 * t), 72e-3 * np.cos(9.0 * t))
     force, inside = law.force(motion.x, motion.v) + zero, motion.x > 0.0
@@ -178,7 +178,7 @@ def test_a_tight_tare_gives_way_where_the_surface_is_wrong():
     assert any(flag.startswith(OFFSET) for flag in estimate.flags)
 
 
-def test_what_an_encoders_zero_hides_is_in_the_error_bars():
+def test_the_error_bars_cover_the_zero_of_an_encoder():
     rest, deep = np.full(1000, -1e-3), strokes(4.0, least=5e-3)
     motion = Motion(np.concatenate([rest, deep.x]), np.concatenate([0.0 * rest, deep.v]))
     step, hidden = 20e-6, 6e-6  # the zero lies anywhere within a step
@@ -223,7 +223,7 @@ def test_a_tare_reaches_the_estimator_through_prepare_and_identify():
     assert 1e-3 < contact.tare_deviation < 6e-3
 
 
-def test_identify_gives_variable_projection_no_force_gate_and_keeps_one_that_is_given():
+def test_identify_sets_no_force_gate_but_keeps_a_given_one():
     motion = strokes(2.0)
     contact = contact_of(motion, BALL.force(motion.x, motion.v) + white(len(motion), 10))
     assert identify(contact).estimator.settings["gate"] is None
@@ -272,7 +272,7 @@ def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface):
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_the_law_is_in_its_own_coordinate_and_predictions_in_the_penetrations(name):
+def test_predictions_take_the_penetration_of_the_recording(name):
     law, surface = MATERIALS[name], -0.7e-3
     motion = tapping(10.0, surface)
     estimator = fed(searching(), motion, felt_below(law, motion, surface, 1))
@@ -372,7 +372,7 @@ def test_a_contact_without_free_approach_is_refused_in_plain_words(rise):
         identify(contact_of(motion[few], force[few]), searching())
 
 
-def test_the_approach_counts_without_positive_force_and_far_away_it_does_not():
+def test_a_near_approach_counts_without_positive_force():
     estimator = VariableProjection(surface="estimate")  # ±2 mm, and 1 mm before them
     assert estimator.update(-5e-3, 0.01, -0.01) == Status.WAITING
     assert estimator.update(-2.5e-3, 0.01, -0.01) == Status.UPDATED

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate.channels import choose_roles
-from palpate.channels.signals import build_signals
+from palpate.input.channels import choose_roles
+from palpate.input.channels.signals import build_signals
 
 TIME = np.arange(0.0, 1.0, 1e-3)
 DEPTH = 5e-3 + 2e-3 * np.sin(8.0 * TIME)
@@ -70,7 +70,7 @@ NO_FORCES = {"Load (counts)": "counts", "force_MPa": "MPa", "Force [%]": "%", "F
 
 
 @pytest.mark.parametrize("header, unit", NO_FORCES.items())
-def test_a_unit_that_is_none_of_force_is_refused_with_the_option_that_states_it(header, unit):
+def test_a_unit_that_is_not_a_force_is_refused_with_the_option(header, unit):
     column = rf"r.csv: column {re.escape(repr(header))}: palpate cannot convert the unit"
     words = rf"{column} {re.escape(unit)} of the force .*--unit force=N"
     with pytest.raises(palpate.RecordingError, match=words):

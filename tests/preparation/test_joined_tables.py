@@ -6,7 +6,7 @@ import pytest
 
 import palpate
 from palpate import HuntCrossley, RecordingError
-from palpate.channels.roles import choose_roles
+from palpate.input.channels.roles import choose_roles
 
 LAW = HuntCrossley(K=2000.0, B=1500.0, n=1.2)
 
@@ -100,7 +100,7 @@ def test_the_distance_of_two_bodies_is_the_penetration(columns):
     check_law(palpate.prepare(rows_of(columns)), 1e-3, 0.05)
 
 
-def test_a_distance_that_never_falls_below_zero_is_that_of_a_range_sensor():
+def test_a_distance_never_below_zero_is_of_a_range_sensor():
     columns = {"distance": 0.05 - DEPTH, **MIDDLE, "normal_force": FORCE, "in_contact": INSIDE * 1}
     roles = choose_roles(palpate.Recording(dict(rows_of(columns, slice(None)))))
     assert roles.depth == ("pos_x", "pos_y", "pos_z")

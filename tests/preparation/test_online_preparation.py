@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 
 import palpate
 from palpate import InvalidParameterError, OnlinePreparation, Status
-from palpate.preparation.velocity import estimate_velocities, velocity_of, window_samples
+from palpate.input.preparation.velocity import estimate_velocities, velocity_of, window_samples
 
 T = 1e-3
 LATE = 9  # samples: half a window of 15, and the two that tell of a lost position
@@ -151,7 +151,7 @@ def test_the_filter_costs_neither_stiffness_nor_damping(biases):
     assert np.abs((error - biases["offline"][0]) / bound).max() < 0.1
 
 
-def test_a_backward_difference_costs_11_percent_of_b_and_a_causal_mean_6_of_k(biases):
+def test_a_causal_velocity_filter_biases_damping_and_stiffness(biases):
     """What the filter is for: the same recordings with what is usually done in a loop.
 
     A difference has √2/T of the position's noise, 7.8 mm/s beside a speed of some 24: regression
@@ -374,7 +374,7 @@ def test_samples_that_are_not_known_are_left_out():
     "x, expected",
     [([], []), ([1.0], [0.0]), ([1.0, 3.0], [20.0, 20.0]), ([math.nan] * 2, [math.nan] * 2)],
 )
-def test_of_fewer_than_three_samples_it_is_what_they_say(x, expected):
+def test_the_velocity_of_two_samples_is_their_slope(x, expected):
     time = 0.1 * np.arange(len(x))
     np.testing.assert_allclose(velocity_of(time, np.array(x, dtype=float)), expected, rtol=1e-14)
 

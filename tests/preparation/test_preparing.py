@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 import math
 import pickle
+import re
 import sys
 import types
 from pathlib import Path
@@ -20,10 +21,10 @@ import palpate
 from palpate import Columns, InvalidParameterError, Recording, RecordingError, prepare
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Settings
-from palpate.preparation.options import Options, describe_option
-from palpate.preparation.preparing import join_contacts
-from palpate.preparation.velocity import velocity_of
-from palpate.recordings import opening
+from palpate.input.preparation.options import Options, describe_option
+from palpate.input.preparation.preparing import join_contacts
+from palpate.input.preparation.velocity import velocity_of
+from palpate.input.recordings import opening
 
 CHANNELS = ("time", "penetration", "velocity", "force")
 ARRAYS = {name: getattr(SIGNALS, name) for name in ("time", "penetration", "force")}
@@ -39,7 +40,7 @@ def recorded(**channels) -> Recording:
     return Recording({**TABLE, **channels}, source="probe.bag")
 
 
-def test_a_file_a_recording_a_frame_and_arrays_give_the_same_contact(tmp_path):
+def test_file_recording_frame_and_arrays_give_the_same_contact(tmp_path):
     path = recording(tmp_path)
     expected = numbers(prepare(**ARRAYS))
     for source in (
@@ -80,7 +81,7 @@ def test_velocity_is_never_taken_across_a_segments_border():
     ],
     ids=["pandas", "polars", "pandas objects", "NumPy"],
 )
-def test_what_is_not_known_is_not_a_number(column):
+def test_unknown_values_are_nan(column):
     frame = polars.DataFrame if isinstance(column, polars.Series) else pandas.DataFrame
     contact = prepare(frame({**TABLE, "force_N": column}))
     assert np.isnan(contact.force).nonzero()[0].tolist() == [0]
@@ -110,7 +111,7 @@ def test_a_time_of_day_is_counted_from_the_first():
 
 @pytest.mark.parametrize("bad", [3, [1.0, 2.0], polars.DataFrame(TABLE).lazy()])
 @pytest.mark.filterwarnings("ignore::polars.exceptions.PerformanceWarning")
-def test_what_is_no_recording_is_refused_in_words(bad):
+def test_unsupported_recordings_are_refused(bad):
     words = "^recording must be a Recording, a path, or a table such as a pandas or polars"
     for call in (prepare, palpate.identify):
         with pytest.raises(InvalidParameterError, match=words):
@@ -165,7 +166,7 @@ def test_a_recordings_channels_are_arrays_without_a_mask():
     assert list(contact.provenance) == ["velocity"]
 
 
-def test_a_column_that_is_not_there_is_an_error_that_can_be_asked():
+def test_a_missing_column_raises_an_error_that_names_it():
     for role in ("velocity", "segment", "force"):
         with pytest.raises(palpate.MissingChannelError) as caught:
             prepare(recorded(), columns=Columns(**{role: "Fz"}))
@@ -196,7 +197,7 @@ def test_steps_too_short_for_any_velocity_are_refused_by_row(tmp_path, window):
     assert len(prepare(path, velocity_window=window)) == 1
 
 
-def test_of_no_samples_there_is_a_contact_and_depths_beyond_all_measure_give_no_warning():
+def test_empty_and_huge_inputs_give_no_warning():
     assert len(prepare(time=[], penetration=[], force=[])) == 0
     with pytest.raises(RecordingError, match=r"^probe\.bag: the recording has no samples"):
         prepare(recorded(time_s=[], penetration_m=[], force_N=[]))
@@ -214,11 +215,11 @@ def test_a_channel_of_several_numbers_a_sample_is_refused(name, filling):
         prepare(recorded(**{name: np.full((600, 3), filling)}))
 
 
-def test_a_format_is_one_module_and_one_row_and_text_where_none_is_known(monkeypatch, tmp_path):
+def test_a_new_format_needs_one_module_and_one_row(monkeypatch, tmp_path):
     module = types.ModuleType("toy_format")
     module.read = lambda path, request: recorded()
     monkeypatch.setitem(sys.modules, "toy_format", module)
-    row = palpate.recordings.Format("toy", (".toy",), "toy_format")
+    row = palpate.input.recordings.Format("toy", (".toy",), "toy_format")
     monkeypatch.setattr(opening, "FORMATS", [*opening.FORMATS, row])
     (tmp_path / "a.TOY").write_bytes(b"toy")
     assert numbers(prepare(tmp_path / "a.TOY")) == numbers(prepare(recorded()))
@@ -260,7 +261,7 @@ def test_no_note_of_a_user_changes_what_is_known_of_the_velocity(tmp_path):
     )
 
 
-def test_how_the_velocity_was_computed_goes_wherever_the_contact_goes(tmp_path, undrawn):
+def test_a_contact_keeps_how_its_velocity_was_computed(tmp_path, undrawn):
     contact = coarse(velocity_window=31e-3)
     filtered = palpate.VelocityFilter(31, 2)
     assert contact.velocity_filter == filtered
@@ -344,7 +345,7 @@ def test_the_samples_of_a_slow_clock_are_spread_within_its_ticks(tick, rate):
         prepare(Recording(columns), strict=True)
 
 
-def test_a_slow_clock_with_a_gap_or_a_changing_rate_stays_within_its_ticks():
+def test_times_of_a_slow_clock_stay_within_its_ticks():
     time, arrays = in_ticks(0.01, 500.0)
     keep = np.ones(time.size, dtype=bool)
     keep[300:500] = False
@@ -399,7 +400,7 @@ def test_rows_written_twice_are_dropped_with_a_note(way, tmp_path):
     assert finding.message == "palpate dropped 4 rows that were written twice, of 504"
 
 
-def test_times_that_repeat_with_other_values_are_still_refused_from_arrays():
+def test_repeated_times_in_arrays_are_refused():
     arrays = {name: np.array(values[:500]) for name, values in ARRAYS.items()}
     arrays["time"][20] = arrays["time"][19]
     with pytest.raises(InvalidParameterError, match="time must be finite and increase"):
@@ -410,7 +411,7 @@ def test_times_that_repeat_with_other_values_are_still_refused_from_arrays():
 
 
 @pytest.mark.parametrize("name", ["goal_pos", "action_pos", "cmd_pos", "target_tcp", "desiredPos"])
-def test_a_commanded_position_calls_for_care_and_says_whose_compliance_is_in_it(name):
+def test_a_commanded_position_calls_for_care(name):
     _, arrays = in_ticks(1e-3, 500.0)
     zero = np.zeros_like(arrays["force"])
     channels = {"time_s": np.arange(zero.size) / 500.0}
@@ -427,16 +428,21 @@ def test_a_commanded_position_calls_for_care_and_says_whose_compliance_is_in_it(
     )
 
 
+PREPARING = Path(__file__).parents[2] / "docs" / "preparing.md"
+
+
 @pytest.mark.parametrize("name", [option.name for option in dataclasses.fields(Options)])
-def test_an_option_is_described_once_for_python_the_command_line_and_the_docs(name):
+def test_each_option_is_described_once(name):
     parameter = inspect.signature(prepare).parameters[name]
     assert parameter.default == getattr(Options(), name)
     assert prepare.__doc__.count(f"\n    {name} : ") == 1
     described = describe_option(name)
     assert described.endswith(".")
     assert described[:20] in " ".join(prepare.__doc__.replace('``"', "").replace('"``', "").split())
-    table = Path(__file__).parents[2] / "docs" / "preparing.md"
-    assert f"`{name}=" in table.read_text(encoding="utf-8")
+    entry = re.search(rf"\n    {name} : (.*)\n((?: {{8}}.*\n)+)", Options.__doc__)
+    kind, text = (" ".join(part.split()) for part in entry.groups())
+    row = re.sub(r"``|:\w+:`", "`", f"| `{name}` | {kind} | {text} |")  # Markdown, not Sphinx
+    assert row in PREPARING.read_text(encoding="utf-8").splitlines()
 
 
 def test_a_wrong_argument_of_prepare_is_named_by_python():

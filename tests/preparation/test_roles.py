@@ -13,11 +13,11 @@ from robots import hand, topics_of
 
 import palpate
 from palpate import MissingChannelError, Recording, RecordingError, prepare
-from palpate.channels import Columns
-from palpate.channels.clocks import gaps, select_increasing_rows
-from palpate.channels.roles import choose_roles
-from palpate.channels.signals import build_signals
-from palpate.channels.vectors import find_vectors
+from palpate.input.channels import Columns
+from palpate.input.channels.clocks import gaps, select_increasing_rows
+from palpate.input.channels.roles import choose_roles
+from palpate.input.channels.signals import build_signals
+from palpate.input.channels.vectors import find_vectors
 
 SPACE = {"position": ("px_m", "py_m", "pz_m"), "force": ("fx_N", "fy_N", "fz_N")}
 
@@ -81,7 +81,7 @@ def test_several_that_could_be_it_are_named_with_the_option():
         assert choose_roles(both, Columns(force=name)).force == tuple(names[:3])
 
 
-def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about():
+def test_two_positions_beside_one_force_are_ambiguous():
     channels = {f"/{name}.z_m": np.arange(5.0) for name in ("arm", "camera")}
     channels |= {"/ft.force_N": np.arange(5.0)}
     clocks = {name: f"{name}.stamp" for name in channels}
@@ -90,7 +90,7 @@ def test_two_positions_on_clocks_of_their_own_beside_one_force_are_asked_about()
         choose_roles(Recording(channels, clocks=clocks))
 
 
-def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
+def test_the_orientation_comes_from_the_topic_of_the_position():
     places = [f"{topic}.pose.position.{axis}" for topic in ("/camera", "/arm") for axis in "xyz"]
     turns = [name.replace("position", "orientation") for name in places]
     turns += [f"{topic}.pose.orientation.w" for topic in ("/camera", "/arm")]
@@ -103,7 +103,7 @@ def test_of_several_orientations_the_positions_own_topic_has_the_right_one():
     assert given == tuple(f"/camera.pose.orientation.{axis}" for axis in "xyzw")
 
 
-def test_what_is_not_there_is_said_with_what_is():
+def test_a_missing_name_is_refused_with_those_that_exist():
     with pytest.raises(MissingChannelError, match="no column '/ft'"):
         choose_roles(recording("t", "z", "Fz"), Columns(force="/ft"))
     with pytest.raises(RecordingError, match="must name one channel or three"):
@@ -132,7 +132,7 @@ def table(time) -> Recording:
     return Recording(channels, source="r.csv")
 
 
-def test_samples_whose_time_does_not_increase_are_skipped_counted_and_said():
+def test_samples_without_increasing_time_are_skipped_and_counted():
     time = STEPS.copy()
     time[50], time[80], time[120] = time[49], 0.0791 - 0.001, np.nan
     contact = prepare(table(time))
@@ -195,7 +195,7 @@ def test_whole_nanoseconds_stay_exact():
 
 
 @pytest.mark.parametrize("every", [1, 4])
-def test_the_faster_of_two_clocks_is_interpolated_at_the_times_of_the_slower(every):
+def test_the_faster_clock_is_interpolated_at_the_slower(every):
     recorded = topics_of(hand(2.0), every=every)
     signals = build_signals(recorded, choose_roles(recorded))
     assert np.median(np.diff(signals.time)) == pytest.approx(every * 1e-3)
@@ -221,7 +221,7 @@ def test_no_sample_is_made_up_in_a_gap_of_the_other_clock():
     assert np.unique(signals.part).size == 2
 
 
-def test_clocks_without_a_time_in_common_or_of_another_length_are_refused():
+def test_clocks_without_a_common_time_are_refused():
     recorded, name = topics_of(hand(1.0)), "/pose.header.stamp"
     apart = changed(recorded, **{name: recorded.channels[name] + 10_000_000_000})
     with pytest.raises(RecordingError, match="do not overlap"):
@@ -284,7 +284,7 @@ def columns_of(options: str) -> Columns:
 
 
 @pytest.mark.parametrize("names, options, axes", SIDE_BY_SIDE.values(), ids=SIDE_BY_SIDE)
-def test_columns_side_by_side_are_asked_for_with_options_that_answer(names, options, axes):
+def test_ambiguous_columns_are_refused_with_usable_options(names, options, axes):
     table = side_by_side("t:time", *names)
     with pytest.raises(RecordingError, match=rf"choose one, such as {re.escape(options)}") as asked:
         prepare(table)
@@ -362,7 +362,7 @@ def test_the_signal_and_the_axes_of_nexus_name_force_and_position(tmp_path):
     assert (roles.depth, roles.force) == (("entry/data/channel_2",), ("entry/data/channel_1",))
 
 
-def test_a_state_without_names_is_asked_for_with_the_option_that_answers(tmp_path):
+def test_an_unnamed_state_is_refused_with_the_option(tmp_path):
     time, depth, force = touch()
     path, still = tmp_path / "a.hdf5", np.zeros((len(time), 7))
     with h5py.File(path, "w") as file:
@@ -377,7 +377,7 @@ def test_a_state_without_names_is_asked_for_with_the_option_that_answers(tmp_pat
     )
 
 
-def test_fingers_on_one_clock_are_no_contacts_of_their_own(tmp_path):
+def test_fingers_on_one_clock_are_not_separate_contacts(tmp_path):
     time, depth, force = touch()
     path = tmp_path / "hand.hdf5"
     with h5py.File(path, "w") as file:
@@ -471,7 +471,7 @@ MISSING = {
 
 
 @pytest.mark.parametrize("names, words", MISSING.items(), ids=MISSING)
-def test_what_is_recorded_and_what_is_missing_are_said(names, words):
+def test_a_result_states_recorded_and_missing_quantities(names, words):
     with pytest.raises(MissingChannelError) as caught:
         choose_roles(recording(*names.split()))
     message = str(caught.value)

@@ -13,9 +13,9 @@ from probing import BALL, felt
 
 import palpate
 from palpate import Contact, ContactGate, InvalidParameterError, Scale, lab
-from palpate.preparation.gate import choose_gate, suggest_scale
-from palpate.preparation.resolution import noise_of
-from palpate.preparation.touch import find_touches
+from palpate.input.preparation.gate import choose_gate, suggest_scale
+from palpate.input.preparation.resolution import noise_of
+from palpate.input.preparation.touch import find_touches
 
 # 20 000 fourth differences hold at least a fifth as many independent ones; the median absolute
 # deviation of n is good to 1.17/√n: 3 of those are 5.6 %.
@@ -85,7 +85,7 @@ def test_a_sample_that_no_estimator_takes_sets_nothing(channel, bad):
 
 
 @pytest.mark.parametrize("sign", [-1.0, 0.0])
-def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
+def test_without_contact_the_scales_have_safe_defaults(sign):
     same = np.full(50, sign)
     away = Contact(np.arange(50.0), penetration=same, velocity=np.zeros(50), force=same)
     assert choose_gate(away) == ContactGate()
@@ -96,7 +96,7 @@ def test_a_probe_that_never_touches_gets_what_refuses_nothing(sign):
     "method", [m for m, kind in palpate.ESTIMATORS.items() if "K" in kind.law_type.names()]
 )
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
-def test_what_is_identified_does_not_depend_on_the_units(method, unit):
+def test_results_do_not_depend_on_the_units(method, unit):
     """Lengths and forces a thousand million times as large: the same numbers in those units."""
     signals = tapping(MATERIALS["ball"], noise=0.02, seed=9)
     kind = palpate.ESTIMATORS[method]
@@ -133,14 +133,14 @@ def test_a_threshold_that_is_given_wins_and_the_other_is_chosen(given):
 
 @pytest.mark.parametrize("name", ["minimum_penetration", "minimum_force"])
 @pytest.mark.parametrize("bad", [-1.0, math.nan, 1e101, "much"])
-def test_a_threshold_of_no_sense_is_refused_by_the_name_it_was_given_by(name, bad):
+def test_an_invalid_threshold_is_refused_by_its_option(name, bad):
     contact = contact_of(exciting(MATERIALS["ball"], seconds=0.1))
     with pytest.raises(InvalidParameterError, match=f"^{name} must be") as caught:
         choose_gate(contact, **{name: bad})
     assert repr(bad) in str(caught.value)
 
 
-def test_near_the_surface_the_depth_decides_and_not_the_noise_of_the_force():
+def test_near_the_surface_the_depth_decides_on_contact():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
     gate = choose_gate(contact)
     assert gate.break_force == 0.0
@@ -151,7 +151,7 @@ def test_near_the_surface_the_depth_decides_and_not_the_noise_of_the_force():
     assert (contact.force[shallower & (contact.penetration > 0.0)] <= gate.make_force).any()
 
 
-def test_where_no_depth_tells_touching_from_free_the_force_decides():
+def test_the_force_decides_on_contact_if_the_depth_cannot():
     contact = lab.Bench(lab.SPONGE, lab.NEAR_SURFACE, lab.IdealProbe()).run().contact
     # A probe that lifts what it touches off its table: deep, by its own account, and free.
     lifted = np.where(contact.time > 8.0, 0.1, contact.force)
@@ -189,7 +189,7 @@ def test_every_stroke_is_one_touch(seed):
         assert touch.peak_penetration == contact.penetration[during].max()
 
 
-def test_a_bounce_of_less_than_50_ms_is_no_touch_of_its_own_and_free_air_has_none():
+def test_a_bounce_below_50_ms_is_not_a_separate_touch():
     contact = tapped(3.0)
     force = contact.force.copy()
     middle = int(np.argmax(force))

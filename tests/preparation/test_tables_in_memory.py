@@ -97,7 +97,7 @@ def test_a_table_of_pint_is_the_contact_that_it_holds(unit, expected):
 
 
 @pytest.mark.parametrize("form", ["to_pandas", "to_xarray"])
-def test_what_palpate_gave_comes_back(form, expected):
+def test_tables_written_by_palpate_are_read_back(form, expected):
     found = palpate.identify(getattr(expected, form)())
     assert found.stiffness.value == pytest.approx(expected.stiffness.value, rel=1e-9)
 
@@ -113,7 +113,7 @@ def test_units_delay_and_exponent_are_arguments(expected):
 
 
 @pytest.mark.parametrize("thing", [7, [], [1.0, 2.0], {}, np.zeros(3), object()])
-def test_what_is_no_table_is_refused_in_words(thing):
+def test_unsupported_tables_are_refused(thing):
     with pytest.raises(
         palpate.InvalidParameterError, match="must be a Recording, a path, or a table"
     ):

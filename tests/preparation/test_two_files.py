@@ -8,11 +8,11 @@ from containers import write_hdf5
 from scipy.optimize import nnls
 
 import palpate
-from palpate.contact import Delay
-from palpate.estimators.least_squares import nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.preparation.clock_offset import rough_offset
-from palpate.recordings import Recording
+from palpate.input.preparation.clock_offset import rough_offset
+from palpate.input.recordings import Recording
+from palpate.method.contact import Delay
+from palpate.method.estimators.least_squares import nonnegative
 
 LAWS = {
     "hunt-crossley": GeneralisedHuntCrossley(K=9000.0, n=1.4, B=15000.0, p=1.4),
@@ -76,7 +76,7 @@ def test_the_offset_of_two_clocks_is_found_with_its_error(offset, rates):
     assert damping < 2.0
 
 
-def test_a_date_against_a_clock_from_zero_is_an_offset_like_another():
+def test_a_dated_clock_against_one_from_zero_is_an_offset():
     at, depth, later, force = touched(offset=37e-3)
     stamps = (1.7e18 + 1e9 * later).astype(np.int64).astype("M8[ns]")
     force_file = Recording({"t": stamps, "Fz_N": force}, source="ft.csv")
@@ -86,7 +86,7 @@ def test_a_date_against_a_clock_from_zero_is_an_offset_like_another():
     assert "ft.csv's clock is 1700000000.037" in contact.provenance["clocks"]
 
 
-def test_with_half_space_damping_the_error_of_the_offset_is_that_of_the_damping():
+def test_half_space_damping_hides_a_clock_offset():
     """A force that is late by 7 ms without damping fits nearly as well: no fit can tell."""
     for seed in range(2):
         at, depth, later, force = touched("half-space", seed=seed)
@@ -103,7 +103,7 @@ def test_with_half_space_damping_the_error_of_the_offset_is_that_of_the_damping(
 
 
 @pytest.mark.parametrize("offset, moved", [(0.2e-3, False), (37e-3, True)])
-def test_clocks_that_both_show_the_date_are_moved_only_by_a_significant_offset(offset, moved):
+def test_dated_clocks_move_only_by_a_significant_offset(offset, moved):
     at, depth, later, force = touched("half-space", pose=50.0, push=100.0, offset=offset)
     stamps = [(1.7e18 + 1e9 * each).astype(np.int64) for each in (at, later)]
     pose = Recording({"t": stamps[0], "penetration_m": depth}, {"t": "ns"}, "pose.csv")
@@ -116,7 +116,7 @@ def test_clocks_that_both_show_the_date_are_moved_only_by_a_significant_offset(o
     assert contact.delay.standard_error > 0.0
 
 
-def test_a_drift_of_the_clock_is_reported_with_a_remedy_and_widens_the_bar():
+def test_a_drifting_clock_is_reported_and_widens_the_bar():
     [steady, drifting] = (touched(drift=drift) for drift in (0.0, 1e-3))
     results = [
         palpate.prepare(pose, companion=push)
@@ -141,7 +141,7 @@ def files(tmp_path):
     return tmp_path / "pose.npz", write_hdf5(tmp_path / "ft.h5", columns)
 
 
-def test_a_pose_and_a_wrench_in_space_of_any_format_and_in_any_order(files, printed, tmp_path):
+def test_pose_and_wrench_files_combine_in_any_order_and_format(files, printed, tmp_path):
     config = tmp_path / "run.toml"
     out = printed("identify", files[0], "--with", files[1], "--save-config", config)
     [line] = [line for line in out.splitlines() if line.startswith("clocks")]
@@ -152,8 +152,9 @@ def test_a_pose_and_a_wrench_in_space_of_any_format_and_in_any_order(files, prin
         again = printed("identify", *others)
         assert again.splitlines()[1:4] == out.splitlines()[1:4]
     contact = palpate.prepare(files[0], companion=files[1])
-    assert np.array_equal(contact.force, contact.prepared.again().force)
-    assert contact.prepared.again().delay == contact.delay
+    again = contact.prepared.again()
+    assert np.array_equal(again.force, contact.force)
+    assert again.delay == contact.delay
 
 
 def test_info_shows_both_files_on_one_clock(files, printed):
@@ -197,7 +198,7 @@ def test_files_without_a_common_contact_are_refused_with_the_remedy(run, tmp_pat
     assert "--with joins a second file to one file" in err
 
 
-def test_a_file_with_a_force_of_its_own_gives_the_position_to_a_file_with_the_force_alone():
+def test_a_companion_with_only_a_force_provides_the_force():
     at, depth, later, force = touched()
     pose, push = tables(at, depth, later, force)
     estimated = np.full(at.size, 3.0) + np.arange(at.size)
@@ -208,7 +209,7 @@ def test_a_file_with_a_force_of_its_own_gives_the_position_to_a_file_with_the_fo
     assert np.array_equal(contacts[0].force, contacts[1].force)
 
 
-def test_between_clocks_with_the_date_a_small_offset_is_preferred_where_the_motion_repeats():
+def test_a_periodic_motion_prefers_a_small_clock_offset():
     time = np.arange(0.0, 30.0, 5e-3)
     position = np.sin(2.0 * np.pi * time)[:, None]
     force = np.maximum(position, 0.0)

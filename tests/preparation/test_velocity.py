@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 import palpate
 import palpate._core as core
 from palpate import VelocityFilter, prepare
-from palpate.preparation.velocity import (
+from palpate.input.preparation.velocity import (
     FEWEST_OF_SPLINE,
     estimate_velocities,
     filter_gain,
@@ -121,7 +121,7 @@ def test_no_velocity_is_worse_than_that_of_the_parabola(motion, kind):
 
 
 @pytest.mark.parametrize("beat", [4, 10])
-def test_the_samples_between_which_a_tracker_was_interpolated_choose_its_spline(beat):
+def test_an_interpolated_tracker_is_read_at_its_own_samples(beat):
     """A tracker of 62.5 or 25 Hz at 250 Hz, slow press: errors were 1.2 of the parabola's."""
     ratios = []
     for seed in range(4):
@@ -138,7 +138,7 @@ def test_the_samples_between_which_a_tracker_was_interpolated_choose_its_spline(
     assert np.mean(ratios) < 0.5
 
 
-def test_a_contact_knows_its_spline_and_one_penalty_is_for_all_of_its_segments():
+def test_all_segments_of_a_contact_share_one_spline_penalty():
     time = np.arange(1200) / RATE
     x = strokes(time)[0] + np.random.default_rng(0).normal(0.0, 3e-6, time.size)
     segment = np.repeat([0, 1], [1185, 15])

@@ -14,10 +14,10 @@ from cases import contact_of, exciting, tapping
 import palpate
 from palpate import Contact, HuntCrossley, KelvinVoigt, QueryOptions, identify
 from palpate.digits import percent, with_error
-from palpate.preparation.touch import find_touches
-from palpate.quantities.derived import build_path
-from palpate.quantities.energy import find_loops
-from palpate.results.saved import derived_dict
+from palpate.identification.quantities.derived import build_path
+from palpate.identification.quantities.energy import find_loops
+from palpate.input.preparation.touch import find_touches
+from palpate.output.results.saved import derived_dict
 
 LAW = faults.LAW
 
@@ -45,7 +45,7 @@ def clean():
     return identify(faults.clean())
 
 
-def test_every_representation_is_a_line_with_the_numbers_and_their_errors(clean):
+def test_every_repr_is_one_line_with_numbers_and_errors(clean):
     modulus = clean.elastic_modulus(palpate.FlatPunch(radius=5e-3))
     quantities = clean.energy, clean.passivity, clean.restitution(), modulus
     for each in (*quantities, clean.law_verdict, clean.estimate, clean.trace):
@@ -58,7 +58,7 @@ def test_every_representation_is_a_line_with_the_numbers_and_their_errors(clean)
     assert f"{len(clean.trace)} samples: {clean.trace.taken.sum()} taken" in repr(clean.trace)
 
 
-def test_the_rebound_is_that_of_the_law_at_the_fastest_approach_unless_another_is_asked_for(clean):
+def test_the_rebound_defaults_to_the_fastest_approach(clean):
     found = clean.restitution()
     taken = clean.contact.velocity[clean.trace.taken]
     assert 0.98 * taken.max() < found.speed <= taken.max()
@@ -97,14 +97,14 @@ def test_the_error_bars_of_rebound_and_loss_hold_the_truth():
     assert np.all(np.abs(np.mean(deviations, axis=0)) < (0.6, 0.5))
 
 
-def test_what_the_findings_move_the_damping_by_is_in_the_rebounds_systematic_part():
+def test_the_rebound_has_the_systematic_error_of_the_damping():
     result = identify(faults.late(10e-3))
     e, exact = result.restitution(0.1).coefficient, palpate.restitution(LAW.dissipation, 0.1)
     assert abs(e.value - exact) > 10.0 * e.standard_error  # a force 10 ms late costs half of B
     assert abs(e.value - exact) < 2.0 * e.systematic
 
 
-def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
+def test_negative_or_insignificant_damping_is_reported():
     law = HuntCrossley(K=9000.0, B=9.0, n=1.4)
     found = identify(contact_of(exciting(law, noise=0.5, seed=1))).restitution()
     bound = math.hypot(found.coefficient.standard_error, found.coefficient.systematic)
@@ -124,7 +124,7 @@ def test_damping_that_is_negative_or_not_distinguishable_from_none_is_said():
     assert "the law generates energy" in "; ".join(result.energy.remarks)
 
 
-def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_damping():
+def test_a_relaxing_law_rebounds_by_its_dynamic_stiffness():
     spectrum = palpate.RelaxationSpectrum((0.1, 0.5), (4000.0, 4000.0))
     law = palpate.GeneralisedHuntCrossley(K=9000.0, n=1.4, B=0.0, p=1.4, relaxation=spectrum)
     plain = exciting(LAW, seconds=6.0, noise=0.0)
@@ -152,7 +152,7 @@ def test_the_rebound_of_a_law_that_relaxes_is_that_of_its_dynamic_stiffness_and_
     assert result.passivity.limit < 0.0
 
 
-def test_what_the_diagnosis_does_not_trust_and_a_rebound_that_goes_with_the_mass_are_said():
+def test_an_export_repeats_the_marks_of_the_diagnosis():
     result = identify(faults.changed(1.0))
     assert result.diagnosis.verdict.damping == "do-not-trust"
     assert "the diagnosis does not trust the damping" in result.restitution().remarks
@@ -164,7 +164,7 @@ def test_what_the_diagnosis_does_not_trust_and_a_rebound_that_goes_with_the_mass
     assert "for the kelvin-voigt law it depends on the body's mass" in words
 
 
-def test_the_loss_of_a_linear_damper_in_a_cycle_is_the_ellipse_of_its_force():
+def test_the_loss_of_a_damper_is_the_area_of_its_ellipse():
     """π B ω a² of a sine; on its way in K x̄ 2a + half of that goes in."""
     law, rate, swing, depth = KelvinVoigt(K=1500.0, B=8.0), 7.0, 3e-3, 8e-3
     contact = sine(law, rate=rate, swing=swing, depth=depth)
@@ -229,7 +229,7 @@ def test_a_loss_that_is_not_the_dampers_is_said():
     )
 
 
-def test_work_goes_on_where_the_time_does_and_a_probe_that_only_goes_in_closes_no_loop():
+def test_an_approach_alone_closes_no_loop():
     """A force curve: approach and retract are segments, and one touch."""
     time = 1e-3 * np.arange(2000)
     whole = moved(time, 5e-3 * np.sin(math.pi * (time - 0.2) / 1.6))
@@ -249,7 +249,7 @@ def test_work_goes_on_where_the_time_does_and_a_probe_that_only_goes_in_closes_n
 
 
 @pytest.mark.parametrize("delay", [2e-3, 10e-3, -5e-3, None])
-def test_loss_that_a_late_force_or_a_drifting_zero_hides_is_in_the_systematic_part(clean, delay):
+def test_delay_and_drift_are_in_the_systematic_error_of_the_loss(clean, delay):
     contact, least = clean.contact, 10.0
     if delay is None:
         drift, least = 0.5 * contact.time / contact.time[-1], 2.0
@@ -276,7 +276,7 @@ def test_the_steps_of_an_encoder_are_in_the_error_of_the_energy_lost():
     assert abs(found.value - true) < 2.0 * math.hypot(found.standard_error, found.systematic)
 
 
-def test_what_a_long_gap_or_lost_samples_hide_is_in_no_loop():
+def test_gaps_and_lost_samples_are_in_no_loop():
     contact = sine(LAW, noise=0.02)
     whole = identify(contact).energy
     gone = contact.taken((contact.time < 2.0) | (contact.time > 2.3))
@@ -325,7 +325,7 @@ def test_a_hunt_crossley_law_pulls_beyond_one_over_its_dissipation():
     assert faster.measured_there < 0.0  # this material, which is none, does pull
 
 
-def test_a_kelvin_voigt_law_pulls_at_light_touch_where_the_material_does_not():
+def test_a_kelvin_voigt_law_pulls_at_light_touch():
     contact = contact_of(tapping(HuntCrossley(K=1500.0, B=6000.0, n=1.0), seconds=6.0, noise=0.01))
     result = identify(contact, "kelvin-voigt")
     found = result.passivity
@@ -344,7 +344,7 @@ def test_a_kelvin_voigt_law_pulls_at_light_touch_where_the_material_does_not():
     assert found.measured_fraction > 0.05
 
 
-def test_the_numbers_of_every_method_are_in_the_json_object_and_can_be_written():
+def test_json_has_the_numbers_of_every_method():
     for name, result in palpate.compare(faults.clean()).items():
         whole = json.loads(json.dumps(result.as_dict(), allow_nan=False))
         assert whole["restitution"] == result.restitution().as_dict(), name

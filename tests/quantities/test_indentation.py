@@ -11,8 +11,12 @@ import palpate
 from benchmarks.fleets.force_curves import COUNT, force_curve
 from palpate import Cone, FlatPunch, Pyramid, Recording, RecordingError, Sphere
 from palpate.findings import Check
-from palpate.quantities.elastic_modulus import TIPS
-from palpate.quantities.indentation import fit_approach, fit_force_curve, prepare_force_curve
+from palpate.identification.quantities.elastic_modulus import TIPS
+from palpate.identification.quantities.indentation import (
+    fit_approach,
+    fit_force_curve,
+    prepare_force_curve,
+)
 
 RADIUS = 5e-6
 TIP = "sphere:radius=5um"
@@ -29,7 +33,7 @@ def checks(found):
     return {each.check for each in found.findings}
 
 
-def test_the_modulus_of_known_curves_is_within_two_bars_and_their_adhesion_is_named():
+def test_the_modulus_of_known_curves_is_within_two_bars():
     curves = [force_curve(number) for number in range(COUNT)]
     fits = [curve.fit() for curve in curves]
     for fit, curve in zip(fits, curves, strict=True):
@@ -80,7 +84,7 @@ def test_another_tip_than_the_true_one_is_not_trusted():
     assert "to the power 2.00" in found.modulus.remarks[0]
 
 
-def test_a_curve_without_contact_and_a_depth_beyond_the_ball_have_no_modulus():
+def test_impossible_curves_and_depths_have_no_modulus():
     x = np.linspace(0.0, 1e-6, 500)
     noise = np.random.default_rng(2).normal(size=500)
     for force in (-x, np.full(500, np.nan)):
@@ -106,7 +110,7 @@ def recorded(*, retract):
     return Recording(channels, source="curve", clocks={"force": "time", "tip position": "time"})
 
 
-def test_an_approach_alone_has_no_damping_and_with_its_retract_it_has():
+def test_only_an_approach_with_its_retract_has_a_damping():
     for retract in (False, True):
         curve = recorded(retract=retract)
         found = fit_force_curve(curve, Sphere(RADIUS))

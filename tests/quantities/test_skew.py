@@ -33,7 +33,7 @@ NO_SPRING = {
 
 
 @pytest.mark.parametrize("name", NO_SPRING)
-def test_a_touch_that_is_none_of_a_spring_is_refused_with_the_reason(name):
+def test_a_touch_that_is_not_on_a_spring_is_refused(name):
     fault, reason = NO_SPRING[name]
     for seed in range(3):
         contact, _ = touch(seed, **fault)
@@ -41,7 +41,7 @@ def test_a_touch_that_is_none_of_a_spring_is_refused_with_the_reason(name):
             palpate.skew(contact)
 
 
-def test_a_slow_touch_is_used_with_care_and_asks_for_a_quicker_one():
+def test_a_slow_touch_asks_for_a_quicker_one():
     contact, late = touch(1, slow=0.3, quick=1.5)
     found = palpate.skew(contact)
     assert found.mark == "with-care"

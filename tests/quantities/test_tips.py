@@ -25,7 +25,7 @@ from palpate import (
     restitution,
 )
 from palpate.cli.options import parse_specimen, parse_tip
-from palpate.quantities.restitution import compute_approximations, restitution_slope
+from palpate.identification.quantities.restitution import compute_approximations, restitution_slope
 
 MODULUS, POISSON = 40e3, 0.45  # Pa
 REDUCED = MODULUS / (1.0 - POISSON**2)
@@ -92,7 +92,7 @@ def test_the_modulus_of_the_material_is_found(tip):
     assert told["exponent"]["of_tip"] == tip.exponent
 
 
-def test_an_exponent_that_is_nearly_the_tips_costs_an_error_bar_and_no_modulus():
+def test_an_exponent_near_that_of_the_tip_widens_the_modulus_bar():
     """n = 1.52 ± 0.002 is formally not 1.5; the modulus of the force there is meaningful."""
     result = identify(pressed(BALL, exponent=1.52))
     found = result.elastic_modulus(BALL, POISSON)
@@ -135,7 +135,7 @@ def test_strains_that_are_not_small_are_said(tip, words):
     assert words in "; ".join(identified(tip).elastic_modulus(tip).remarks)
 
 
-def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening():
+def test_tips_are_given_by_radius_diameter_or_half_angle():
     assert parse_tip("sphere:radius=5mm") == parse_tip("sphere:diameter=10mm") == Sphere(5e-3)
     assert parse_tip("punch:radius=0.002") == FlatPunch(2e-3)
     assert parse_tip("cone:angle=60deg").half_angle == pytest.approx(math.pi / 3.0, rel=1e-15)
@@ -156,11 +156,11 @@ def test_a_tip_is_told_by_its_radius_or_diameter_and_a_cone_by_half_its_opening(
         (["--impact-speed", "fast"], "--impact-speed must be a number and one of m/s"),
     ],
 )
-def test_what_cannot_be_is_one_line_before_the_file_is_read(refused, options, words):
+def test_impossible_options_are_refused_before_reading(refused, options, words):
     assert words in refused("identify", "no such file.csv", *options)
 
 
-def test_the_table_ends_with_a_line_each_and_those_of_a_tip_and_a_speed(run, tmp_path):
+def test_the_table_ends_with_the_requested_quantities(run, tmp_path):
     recording = tmp_path / "ball.csv"
     palpate.write_contact(pressed(BALL), recording)
 
@@ -216,9 +216,7 @@ def test_the_exact_relation_is_solved_to_rounding(d):
     "stiffness, exponent, mass", [(1e5, 1.0, 0.2), (1e6, 1.5, 1.0), (4e8, 2.0, 30.0)]
 )
 @pytest.mark.parametrize("d", [0.03, 0.5, 3.0, 30.0])
-def test_a_body_that_falls_on_the_law_rebounds_by_it_whatever_its_mass(
-    stiffness, exponent, mass, d
-):
+def test_a_falling_body_of_any_mass_rebounds_by_the_law(stiffness, exponent, mass, d):
     """Against the equation of motion, integrated step by step."""
     speed, b = 0.7, d / 0.7
 
@@ -264,7 +262,7 @@ def test_the_inverse_gives_the_dissipation_back():
     assert isinstance(restitution(1, 2), float)
 
 
-def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_makes_energy():
+def test_the_rebound_speed_is_bounded_by_the_dissipation():
     speeds = 10.0 ** np.linspace(-3.0, 9.0, 40)
     back = speeds * restitution(2.0, speeds)
     assert np.all(np.diff(back) >= -1e-15)  # a few roundings
@@ -300,7 +298,7 @@ def test_the_rebound_is_slower_than_one_over_the_dissipation_unless_the_law_make
         (lambda: identified(BALL).elastic_modulus(), "tip is missing"),
     ],
 )
-def test_what_makes_no_sense_is_refused_by_name(call, words):
+def test_nonsense_is_refused_by_the_name_of_the_argument(call, words):
     with pytest.raises(InvalidParameterError, match=words):
         call()
 
@@ -310,7 +308,7 @@ def test_what_makes_no_sense_is_refused_by_name(call, words):
 SPECIMEN = palpate.Specimen(area=3.14e-4, height=0.2)
 
 
-def test_the_modulus_of_a_compressed_cylinder_is_found_with_the_bar_of_its_stiffness():
+def test_the_modulus_of_a_cylinder_has_the_bar_of_its_stiffness():
     stiffness = MODULUS * SPECIMEN.area / SPECIMEN.height
     x = exciting(palpate.HuntCrossley(K=stiffness, B=stiffness, n=1.0), seconds=3.0, noise=2e-4)
     contact = Contact(x.time, penetration=x.penetration, velocity=x.velocity, force=x.force)
@@ -327,7 +325,7 @@ def test_the_modulus_of_a_compressed_cylinder_is_found_with_the_bar_of_its_stiff
     assert "kPa for a specimen of 314 mm² and 200 mm height" in result.summary()
 
 
-def test_a_specimen_is_remarked_on_or_refused_by_its_strain_and_shape():
+def test_strain_and_shape_of_a_specimen_are_checked():
     result = identified(BALL)
     depth = result.diagnosis.working_depth.depth
     wide = result.compression_modulus(palpate.Specimen(area=1e-3, height=2.0 * depth))
@@ -362,7 +360,7 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize("name", PUBLISHED)
-def test_an_approximation_is_the_inverse_of_what_was_published_and_as_near_as_said(name):
+def test_restitution_approximations_invert_published_formulas(name):
     published, near, worst = PUBLISHED[name]
     for e in (0.01, 0.3, 0.7, 0.99, 1.0):
         assert compute_approximations(published(e), 1.0)[name] == pytest.approx(e, rel=1e-12)

@@ -9,7 +9,7 @@ from cases import contact_of, exciting
 
 import palpate
 from palpate.errors import InvalidParameterError
-from palpate.recordings.recording import read_truth
+from palpate.input.recordings.recording import read_truth
 
 HARD = palpate.HuntCrossley(K=228e3, B=2e3, n=2.0)
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
@@ -23,7 +23,7 @@ def late():
 
 
 @pytest.mark.parametrize("method", ["single-stage", "drift-tracking"])
-def test_the_error_bars_hold_for_a_method_that_is_off_the_least_squares(method):
+def test_error_bars_hold_for_methods_off_the_least_squares(method):
     found = palpate.identify(EXAMPLES / "tapping.csv", method)
     truth = read_truth(found.contact.provenance)
     for there in found.working_depths:
@@ -34,7 +34,7 @@ def test_the_error_bars_hold_for_a_method_that_is_off_the_least_squares(method):
             assert abs(each.value - value) < 3.0 * bar  # 34 of them where only noise counts
 
 
-def test_a_damper_that_does_not_grow_with_depth_is_off_by_no_more_than_it_can_be():
+def test_a_depth_independent_damper_has_a_bounded_error():
     found = palpate.identify(EXAMPLES / "tapping.csv", "extended-kelvin-voigt")
     checks = {finding.check for finding in found.diagnosis.findings}
     assert "damping with depth" in checks
@@ -112,7 +112,7 @@ def test_an_estimate_knows_stiffness_and_damping_with_their_errors(method):
         assert not error < 0.0
 
 
-def test_what_a_velocity_filter_takes_off_the_velocity_is_in_the_error_of_the_damping():
+def test_the_velocity_filter_is_in_the_error_of_the_damping():
     stiff = palpate.HuntCrossley(K=5e5, B=2e5, n=1.5)
     signals = exciting(stiff, seconds=6.0, noise=0.02, seed=5)
     arrays = {"time": signals.time, "penetration": signals.penetration, "force": signals.force}
@@ -123,7 +123,7 @@ def test_what_a_velocity_filter_takes_off_the_velocity_is_in_the_error_of_the_da
     assert off < 2.0 * np.hypot(there.damping.standard_error, there.damping.systematic)
 
 
-def test_what_a_tare_leaves_is_in_the_errors_of_a_method_without_an_offset():
+def test_tare_errors_are_in_the_bars_of_methods_without_offset():
     signals = exciting(HARD, seconds=4.0, noise=0.02, seed=6)
     contact = contact_of(replace(signals, force=signals.force + 0.05))
     there = palpate.identify(contact, "double-stage").diagnosis.working_depth

@@ -6,7 +6,7 @@ import sys
 import attacks
 import pytest
 
-from palpate.recordings.opening import FORMATS
+from palpate.input.recordings.opening import FORMATS
 
 POSIX = pytest.mark.skipif(sys.platform == "win32", reason="a process for each file is forked")
 
@@ -19,7 +19,7 @@ def test_each_format_has_a_file_to_mutate():
 @POSIX
 @pytest.mark.long
 @pytest.mark.parametrize("options", [("--files", "100"), ("--cases",)])
-def test_no_damaged_or_hostile_file_breaks_palpate_or_makes_it_trust_wrong_numbers(options):
+def test_damaged_files_never_give_trusted_wrong_numbers(options):
     """More by ``python tests/attacks.py --files 2000``; its output has the seed."""
     command = [sys.executable, attacks.__file__, *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=3000)

@@ -30,7 +30,7 @@ from containers import (
 )
 
 from palpate import MissingExtraError, RecordingError, errors, prepare
-from palpate.recordings import FORMATS, Recording, open_recording
+from palpate.input.recordings import FORMATS, Recording, open_recording
 
 RNG = np.random.default_rng(5)
 NOW = 1_763_800_000_123_456_789  # ns since 1970; a float is exact to 256 of them
@@ -54,7 +54,7 @@ def same(left: np.ndarray, right: np.ndarray) -> bool:
 
 
 @pytest.mark.parametrize("name", WRITERS)
-def test_numbers_come_back_to_the_last_bit_and_only_those_asked_for(name, tmp_path):
+def test_requested_numbers_are_read_exactly(name, tmp_path):
     write, path = WRITERS[name], tmp_path / name
     # A format is known by its content before its suffix.
     path = path.with_suffix(".csv") if name == "packed.h5" else path
@@ -206,7 +206,7 @@ def test_columns_of_arrow_are_flattened_and_their_times_exact(tmp_path):
         assert recording.omissions == ("column 'uneven' holds lists of 0 to 2 values",)
 
 
-def test_units_in_the_description_of_a_column_and_the_index_of_pandas_are_read(tmp_path):
+def test_units_and_index_of_pandas_columns_are_read(tmp_path):
     frame = pandas.DataFrame({"force": [1.0, 2.0]}, index=pandas.Index([0.0, 0.1], name="time_s"))
     table = pa.Table.from_pandas(frame)
     described = table.schema.field(0).with_metadata({"unit": "mN"})
@@ -246,7 +246,7 @@ def test_a_curve_of_a_force_map_is_calibrated_and_keeps_its_segments(tmp_path):
     assert recording.omissions == ("height (piezo): not in this file",)
 
 
-def test_one_curve_alone_needs_no_choice_and_comes_back_through_hdf5_and_text(tmp_path):
+def test_a_single_curve_needs_no_choice(tmp_path):
     path = write_jpk(tmp_path / "one.jpk-force-map", [curve(1)])
     direct = open_recording(path)
     # Without the height that the instrument does not have, as afmformats itself would refuse.
@@ -276,7 +276,7 @@ def test_a_file_that_ends_too_early_is_said_to_be_cut_off(write, tmp_path):
         open_recording(cut(path, path.stat().st_size * 2 // 3))
 
 
-def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
+def test_complete_batches_of_a_truncated_feather_file_are_read(tmp_path):
     path = write_feather(tmp_path / "cut.feather", chunksize=100)
     recording = open_recording(cut(path, path.stat().st_size * 2 // 3))
     count = len(recording.channels["force_N"])
@@ -289,7 +289,7 @@ def test_the_whole_batches_of_a_feather_file_that_is_cut_off_are_read(tmp_path):
 
 
 @pytest.mark.parametrize("packed", [False, True], ids=["plain", "packed"])
-def test_the_whole_variables_of_a_matlab_file_that_is_cut_off_are_read(packed, tmp_path):
+def test_complete_variables_of_a_truncated_matlab_file_are_read(packed, tmp_path):
     path = write_mat5(tmp_path / "cut.mat", do_compression=packed)
     recording = open_recording(cut(path, -200))
     assert set(recording.channels) == {"time_s", "penetration_m"}
@@ -304,7 +304,7 @@ def damage(path, at: int) -> None:
     path.write_bytes(content)
 
 
-def test_a_damaged_column_of_parquet_is_lost_and_the_others_are_read(tmp_path):
+def test_only_the_damaged_column_of_parquet_is_lost(tmp_path):
     columns = {"time_s": COLUMNS["time_s"], "force_N": COLUMNS["force_N"]}
     kind = {"row_group_size": 100, "use_dictionary": False, "compression": "gzip"}
     path = write_parquet(tmp_path / "bad.parquet", columns, **kind)
@@ -327,7 +327,7 @@ def test_a_damaged_array_of_hdf5_is_lost_and_the_others_are_read(tmp_path):
 
 
 @pytest.mark.parametrize("write", [write_hdf5, write_mat73], ids=["hdf5", "matlab"])
-def test_an_array_that_was_not_written_takes_no_memory_and_is_said(write, tmp_path):
+def test_an_unwritten_array_takes_no_memory_and_is_reported(write, tmp_path):
     path = write(tmp_path / "fill.h5")
     with h5py.File(path, "r+") as file:
         for name, size, chunk, written in (
@@ -358,7 +358,7 @@ def test_sizes_that_a_matlab_file_only_claims_take_no_memory(at, tmp_path):
         open_recording(path)
 
 
-def test_what_is_no_series_of_numbers_is_left_out_by_name(tmp_path):
+def test_channels_that_are_not_series_of_numbers_are_skipped(tmp_path):
     odd = {
         "cells: holds cells": np.array([1.0, "a"], dtype=object),
         "complex: holds complex": np.arange(5) * 1j,
@@ -375,7 +375,7 @@ def test_what_is_no_series_of_numbers_is_left_out_by_name(tmp_path):
         assert words in " ".join(recording.omissions)
 
 
-def test_an_object_of_matlab_is_left_out_with_what_to_save_instead(tmp_path):
+def test_a_matlab_object_is_skipped_with_a_remedy(tmp_path):
     path = write_mat73(tmp_path / "object.mat", {"force": np.arange(5.0)})
     with h5py.File(path, "r+") as file:
         made = file.create_dataset("ts", data=np.array([[0xDD000000, 2, 1, 1, 1, 1]], np.uint32))
@@ -386,7 +386,7 @@ def test_an_object_of_matlab_is_left_out_with_what_to_save_instead(tmp_path):
     assert "save s = struct('time', ts.Time, 'data', ts.Data) instead" in recording.omissions[0]
 
 
-def test_links_to_other_files_and_to_groups_above_are_not_followed(tmp_path):
+def test_links_out_of_a_group_are_not_followed(tmp_path):
     path = write_hdf5(tmp_path / "links.h5")
     with h5py.File(path, "r+") as file:
         file["elsewhere"] = h5py.ExternalLink("/etc/passwd", "/x")
@@ -402,7 +402,7 @@ SUFFIXES = [suffix for each in FORMATS if each.extra for suffix in each.suffixes
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_has_only_the_suffix_of_a_format_is_refused_on_one_line(suffix, tmp_path):
+def test_a_wrong_suffix_is_refused_in_one_line(suffix, tmp_path):
     file = io.BytesIO()
     np.savez(file, a=np.zeros(3))  # a zip
     path = tmp_path / f"probe{suffix}"
@@ -454,7 +454,7 @@ DAMAGED = {
 
 
 @pytest.mark.parametrize("name", DAMAGED)
-def test_a_damaged_file_is_refused_on_one_line_or_read_with_what_is_lost(name, tmp_path):
+def test_a_damaged_file_is_refused_or_read_with_a_warning(name, tmp_path):
     path = DAMAGED[name](tmp_path / name)
     whole, clean = path.read_bytes(), open_recording(path)
     size, chance = len(whole), random.Random(name)

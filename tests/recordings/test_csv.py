@@ -9,15 +9,15 @@ import pytest
 from recordings import HEADER, SIGNALS, changed, recording, rows_of, text_of, written
 
 from palpate import Columns, RecordingError, open_recording, prepare, write_contact
-from palpate.preparation.velocity import velocity_of
-from palpate.recordings.units import unit_in_name
+from palpate.input.preparation.velocity import velocity_of
+from palpate.input.recordings.units import unit_in_name
 
 
 def with_column(rows, values):
     return [[*row, str(value)] for row, value in zip(rows, values, strict=True)]
 
 
-def test_a_good_file_is_read_to_the_last_bit_and_says_how_each_channel_was_made(tmp_path):
+def test_a_good_file_is_read_exactly_with_its_provenance(tmp_path):
     path = recording(tmp_path)
     contact = prepare(path)
     for name in ("time", "penetration", "force"):
@@ -62,7 +62,7 @@ def test_columns_of_other_names_are_mapped_in_any_order(tmp_path):
 
 
 @pytest.mark.parametrize("labels", [list("aabbb"), [0, 0, 1, 1, 1], ["1.0", "1", "x", "x", "x"]])
-def test_time_runs_back_and_velocity_jumps_at_a_segments_border_only(tmp_path, labels):
+def test_time_and_velocity_jump_between_segments_only(tmp_path, labels):
     times, depths = ["0.1", "0.2", "0", "0.1", "0.2"], "11137"
     rows = [[time, depth, "2"] for time, depth in zip(times, depths, strict=True)]
     header = (*HEADER, "segment")
@@ -182,7 +182,7 @@ BAD_ROWS = {
 
 
 @pytest.mark.parametrize("content, words", BAD_CELLS.values(), ids=BAD_CELLS)
-def test_a_bad_cell_is_not_known_and_said_unless_all_must_be_read(tmp_path, content, words):
+def test_a_bad_cell_becomes_nan_with_a_warning_or_strict_refuses(tmp_path, content, words):
     read = open_recording(written(tmp_path / "cells.csv", content))
     name = words[0].strip("'")
     fault = read.faults[name]
@@ -196,7 +196,7 @@ def test_a_bad_cell_is_not_known_and_said_unless_all_must_be_read(tmp_path, cont
 
 
 @pytest.mark.parametrize("content, words", BAD_ROWS.values(), ids=BAD_ROWS)
-def test_a_bad_row_is_left_out_and_said_unless_all_must_be_read(tmp_path, content, words):
+def test_a_bad_row_is_skipped_with_a_warning_or_strict_refuses(tmp_path, content, words):
     path = written(tmp_path / "rows.csv", content)
     read = open_recording(path)
     [loss] = read.losses
@@ -339,7 +339,7 @@ def test_a_vector_of_another_length_is_not_known(tmp_path):
 
 
 @pytest.mark.parametrize("begin, end", [("x", "1.5"), ("1.50", "x")])
-def test_what_most_cells_hold_counts_wherever_they_stand(tmp_path, begin, end):
+def test_the_majority_of_cells_decides_the_type_of_a_column(tmp_path, begin, end):
     """The column begins unlike the rest, over more rows than are looked at first."""
     rows = [f"{k},{begin if k < 1500 else end},{'x' if k % 2 else k}" for k in range(4000)]
     read = open_recording(written(tmp_path / "h.csv", "t,c,half\n" + "\n".join(rows) + "\n"))
@@ -442,7 +442,7 @@ def test_a_whole_number_since_1970_is_exact(tmp_path, unit, size, name):
     assert_times(open_recording(written(tmp_path / "t.csv", text)), name, times, unit)
 
 
-def test_a_number_of_that_size_is_no_time_by_another_name_and_a_fraction_stays(tmp_path):
+def test_a_large_number_is_a_time_only_by_its_name(tmp_path):
     read = open_recording(written(tmp_path / "t.csv", "t,n\n0,1700000000\n1,1700000001\n"))
     assert {values.dtype for values in read.channels.values()} == {np.dtype(float)}
     assert read.units == {}
@@ -496,7 +496,7 @@ def test_thousands_are_read(tmp_path, form, mark):
     assert not read.faults
 
 
-def test_a_comma_that_may_be_the_decimal_mark_is_no_thousands_separator(tmp_path):
+def test_an_ambiguous_comma_is_no_thousands_separator(tmp_path):
     text = "time;force\n0.5;1,063\n0.6;0,412\n0.7;1,204\n"
     read = open_recording(written(tmp_path / "t.csv", text))
     assert read.channels["force"].dtype.kind not in "fi"

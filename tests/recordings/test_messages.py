@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from palpate import RecordingError
-from palpate.recordings import open_recording
-from palpate.recordings.messages import containers
+from palpate.input.recordings import open_recording
+from palpate.input.recordings.messages import containers
 
 GIVEN = files.values()
 
@@ -139,7 +139,7 @@ def test_every_kind_of_number_of_protobuf_comes_back(tmp_path, syntax) -> None:
     assert found.clocks["/probe.a_double"] == "/probe.stamp"
 
 
-def test_what_foxglove_writes_comes_back_to_the_last_bit(tmp_path) -> None:
+def test_files_of_foxglove_are_read_exactly(tmp_path) -> None:
     given = files.values(finite=True)
     found = open_recording(files.foxglove_mcap(tmp_path / "a.mcap", given))
     for k, name in enumerate(files.POSE_FIELDS):
@@ -180,7 +180,7 @@ def cdr(tmp_path, definition: str, bodies: list[bytes], form: str = "ros2msg"):
     return open_recording(files.raw_mcap(tmp_path / "own.mcap", messages, {"/own": schema}))
 
 
-def test_each_pair_of_frames_of_tf_has_channels_and_a_clock_of_its_own(tmp_path) -> None:
+def test_each_transform_has_its_own_channels_and_clock(tmp_path) -> None:
     pairs = [("base", "tool"), ("base", "camera")]
     messages = [
         MAKER.transforms(stamp, row, *pairs[: 1 + (k % 3 == 0)])
@@ -303,7 +303,7 @@ def test_images_and_scans_are_left_out_and_said(tmp_path) -> None:
     assert not found.losses
 
 
-def test_a_long_list_beside_numbers_is_left_out_and_they_are_read(tmp_path) -> None:
+def test_a_long_list_beside_numeric_channels_is_skipped(tmp_path) -> None:
     body = struct.pack("<60dI65B", *range(60), 65, *range(65))
     found = cdr(tmp_path, "float64[60] short\nuint8[] long", [body] * 3)
     assert found.channels["/own.short[59]"].tolist() == [59.0] * 3
@@ -433,9 +433,7 @@ def test_a_chunk_with_a_wrong_checksum_is_left_out_and_said(tmp_path, compressio
 
 @pytest.mark.parametrize("compression", [None, "LZ4"])
 @pytest.mark.parametrize("fraction", [0.3, 0.8, None])
-def test_a_bag_of_ros1_that_was_not_closed_is_refused_with_the_cure(
-    tmp_path, compression, fraction
-):
+def test_an_unclosed_ros1_bag_is_refused_with_the_remedy(tmp_path, compression, fraction):
     messages = files.wrenches_and_poses(WHOLE, ros1=True)
     path = files.rosbag1(tmp_path / "a.bag", messages, compression)
     data = bytearray(path.read_bytes())
@@ -457,7 +455,7 @@ def database(tmp_path, mode: str | None = None):
     return folder / "bag.db3"
 
 
-def test_what_a_recorder_left_in_the_log_of_its_database_is_read(tmp_path) -> None:
+def test_rows_in_the_write_ahead_log_are_read(tmp_path) -> None:
     path = database(tmp_path)
     count = len(open_recording(path).channels["/ft.log_time"])
     live = sqlite3.connect(path)

@@ -13,7 +13,7 @@ from recordings import FOLDER, files, has_penetration
 
 import palpate
 from palpate import ESTIMATORS, ContactGate, RecordingError, SingleStageRLS, open_recording, prepare
-from palpate.preparation.places import divide_by_place
+from palpate.input.preparation.places import divide_by_place
 
 
 def one_of_each_set(*patterns: str) -> list:
@@ -126,7 +126,7 @@ def test_a_surface_that_is_never_seen_is_called_an_assumption(path):
 
 
 @pytest.mark.parametrize("path", one_of_each_set("[ACDEFG]_*[!w].csv"))
-def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
+def test_every_recording_dissipates_energy(path):
     if not has_penetration(path):
         pytest.skip("a travelling probe: its places have their own")
     result = palpate.identify(path)
@@ -140,7 +140,7 @@ def test_every_recording_loses_energy_in_its_loops_and_says_what_follows(path):
 
 
 @pytest.mark.parametrize("path", files("afm_maps/*.jpk-force-map"))
-def test_every_curve_of_a_map_is_read_and_is_that_which_others_took_out(path):
+def test_every_curve_of_a_force_map_is_read(path):
     with pytest.raises(RecordingError, match="curves; choose one with --curve N") as refusal:
         open_recording(path)
     count = int(str(refusal.value).partition("holds ")[2].split()[0])

@@ -108,7 +108,7 @@ OTHER_TABLES = [PREAMBLES[f"a table of {size} columns"] for size in ("more", "as
 
 @pytest.mark.parametrize("preamble", PREAMBLES.values(), ids=PREAMBLES)
 @pytest.mark.parametrize("below", ["", "\nMaximum,7.8\nEnd of test", "\nMean\nNo,Max,E\n1,2,3\n"])
-def test_what_stands_around_a_table_does_not_change_it(tmp_path, preamble, below):
+def test_text_around_a_table_does_not_change_it(tmp_path, preamble, below):
     read = open_recording(written(tmp_path / "r.txt", preamble + HEAD + SOME + below))
     assert read.units == CHANNELS
     assert list(read.channels) == list(CHANNELS)
@@ -159,8 +159,8 @@ def blocks(header: str = "F\th\tt\n") -> str:
 
 @pytest.mark.parametrize("size", [200, 1 << 20])
 def test_blocks_below_the_same_header_are_contacts(tmp_path, monkeypatch, size):
-    monkeypatch.setattr("palpate.recordings.text.BLOCK", size)
-    monkeypatch.setattr("palpate.recordings.text.CHUNK", 177)
+    monkeypatch.setattr("palpate.input.recordings.text.BLOCK", size)
+    monkeypatch.setattr("palpate.input.recordings.text.CHUNK", 177)
     path = written(tmp_path / "r.txt", blocks().encode("latin-1"))
     with pytest.raises(RecordingError, match=r"no unit of the penetration .*line 6.*; pass") as e:
         prepare(path)
@@ -177,7 +177,7 @@ def test_blocks_below_the_same_header_are_contacts(tmp_path, monkeypatch, size):
     assert np.array_equal(again.penetration, contact.penetration)
 
 
-def test_what_a_report_states_is_used(tmp_path):
+def test_units_that_a_report_states_are_used(tmp_path):
     notes = (
         "Sampling rate (Hz):\t250\nTip diameter: 4 mm\nk (N/m)\t0.025\nSample height [mm]\t12.5\n"
     )

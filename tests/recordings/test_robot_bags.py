@@ -17,10 +17,10 @@ from robots import hand
 from scipy.spatial.transform import Rotation
 
 from palpate import MissingChannelError, Recording, RecordingError, identify, prepare
-from palpate.channels import Columns
-from palpate.channels.frames import interpolate_rotation
-from palpate.channels.roles import choose_roles
-from palpate.recordings import open_recording
+from palpate.input.channels import Columns
+from palpate.input.channels.frames import interpolate_rotation
+from palpate.input.channels.roles import choose_roles
+from palpate.input.recordings import open_recording
 
 MAKER = files.Maker()
 START = 1_700_000_000_000_000_000
@@ -184,7 +184,7 @@ SAID = {
 
 
 @pytest.mark.parametrize("name", SAID)
-def test_what_a_robot_records_is_identified_without_an_option(recorded, name):
+def test_recordings_of_robots_need_no_option(recorded, name):
     result = identify(recorded[name])
     assert_right(result)
     said = [each.message for each in result.contact.findings if each.check == "transforms"]
@@ -342,7 +342,7 @@ def test_transforms_without_one_fixed_frame_are_refused_in_a_line(tmp_path, edge
     assert "\n" not in str(refused.value)
 
 
-def test_what_is_late_or_no_rotation_is_excluded_and_said(tmp_path):
+def test_late_transforms_and_invalid_rotations_are_excluded(tmp_path):
     late = [m for m in few("/tf", "base", "arm") if m[2] >= START + 100_000_000]
     path = bag(tmp_path / "bag", wrenches(400), late, few("/tf", "arm", "ft_sensor", NAN))
     roles = choose_roles(open_recording(path))

@@ -17,13 +17,14 @@ from drawn import Drawn
 from recordings import recording
 
 import palpate
-from palpate import ESTIMATORS, InvalidParameterError, RecordingError, figures, lab
-from palpate.design import Motion, design
-from palpate.design.figures import draw_design
-from palpate.figures import style
-from palpate.figures.panels import JOINED, Subject, draw_spectrum
-from palpate.figures.style import DARK, LIGHT
+from palpate import ESTIMATORS, InvalidParameterError, RecordingError, lab
 from palpate.identification.ranking import rank
+from palpate.lab.design import Motion, design
+from palpate.lab.design.figures import draw_design
+from palpate.output import figures
+from palpate.output.figures import style
+from palpate.output.figures.panels import JOINED, Subject, draw_spectrum
+from palpate.output.figures.style import DARK, LIGHT
 
 CONTACT = contact_of(tapping(MATERIALS["ball"], noise=0.02, seed=1), source="folder/probe.csv")
 
@@ -184,7 +185,7 @@ def test_a_panel_that_is_not_known_and_axes_too_many_are_refused(panels, axes, w
 
 
 @pytest.mark.parametrize("dark", [False, True])
-def test_a_spectrum_is_drawn_as_a_stem_for_each_time_that_has_a_stiffness(dark):
+def test_a_spectrum_is_drawn_as_stems(dark):
     spectrum = palpate.RelaxationSpectrum((0.01, 0.02, 0.04, 0.5), (0.0, 1500.0, 500.0, 3000.0))
     law = palpate.GeneralisedHuntCrossley(K=8e3, n=1.5, B=60.0, p=0.5, relaxation=spectrum)
     look = style.choose_look(dark=dark, width=None)
@@ -222,7 +223,7 @@ def test_the_band_of_every_parameter_is_seen(name):
         assert 0.05 * height < band < height, axes.get_title(loc="left")
 
 
-def test_the_bar_at_the_end_is_that_of_the_result_with_what_the_findings_move():
+def test_the_last_bar_drawn_is_the_whole_error_of_the_result():
     result = of_example("ball", "kelvin-voigt")
     stiffness = result.diagnosis.working_depth.stiffness
     [axes] = figures.draw(result, ["stiffness"]).axes
@@ -233,7 +234,7 @@ def test_the_bar_at_the_end_is_that_of_the_result_with_what_the_findings_move():
     assert heights[0] < heights[1]
 
 
-def test_stiffness_over_time_ends_at_the_result_and_its_band_at_the_error_bar():
+def test_the_stiffness_curve_ends_at_the_result_and_its_bar():
     result = of_example("ball")
     axes = every_course("ball").axes[0]
     depth = result.diagnosis.working_depth.depth
@@ -257,7 +258,7 @@ def test_each_segment_has_a_box_of_its_own():
         assert box[:, 0].min() >= part.contact.time[0]
 
 
-def test_a_comparison_names_every_method_in_the_order_of_its_rank_in_a_colour_of_its_own():
+def test_a_comparison_figure_names_every_method_by_rank():
     figure = figures.draw_comparison(all_methods())
     rows = {axes.get_title(loc="left").split(":")[0]: axes for axes in figure.axes}
     ranking = rank(all_methods())
@@ -380,7 +381,7 @@ def test_the_fonts_of_a_pdf_are_in_it_as_outlines_that_can_be_edited(tmp_path):
     assert b"/Type3" not in content
 
 
-def test_a_residual_of_noise_stays_in_the_band_of_noise_and_of_another_law_leaves_it():
+def test_only_the_residual_of_a_wrong_law_leaves_the_noise_band():
     figure = figures.draw_residuals(of_example("ball"))
     assert titles_of(figure)[:3] == ["Over time", "Over depth", "Over velocity"]
     for axes in figure.axes[:3]:
@@ -451,7 +452,7 @@ def test_the_same_result_gives_the_same_file(tmp_path):
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
 
 
-def test_a_figure_that_was_there_survives_one_that_cannot_be_drawn(tmp_path):
+def test_a_failed_figure_keeps_the_old_file(tmp_path):
     path = tmp_path / "out.xyz"
     path.write_text("mine")
     with pytest.raises(RecordingError):

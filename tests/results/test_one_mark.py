@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import palpate
-from palpate import Status, figures
-from palpate.contact import Delay
+from palpate import Status
 from palpate.findings import spoken
 from palpate.fleet.card import card_of
 from palpate.fleet.maps import map_of
@@ -18,7 +17,9 @@ from palpate.fleet.report import _tiles
 from palpate.live.diagnosing import diagnose_samples
 from palpate.live.sinks import diagnosis_fields
 from palpate.live.view import fact_texts
-from palpate.reports import identification
+from palpate.method.contact import Delay
+from palpate.output import figures
+from palpate.output.reports import identification
 
 # Under half-space damping no sample shows a skew: this error leaves the sign of B' open, not K'.
 DELAY = Delay(0.0, 8e-3)

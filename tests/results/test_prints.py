@@ -5,7 +5,8 @@ import pytest
 
 import palpate
 from benchmarks.bank.springs import touch
-from palpate import design, exports, lab
+from palpate import exports, lab
+from palpate.lab import design
 
 LAW = palpate.HuntCrossley(K=2000.0, B=2000.0, n=1.3)
 LONGEST = 200  # characters of a line that dataclass would print
@@ -74,7 +75,7 @@ def test_every_result_prints_in_lines_that_can_be_read(results):
         assert "array(" not in words, name
 
 
-def test_what_is_printed_has_the_numbers(results):
+def test_printed_results_have_the_numbers(results):
     assert "2000" in str(results["working depth"])
     assert "variable-projection: <Identification" in str(results["compare"])
     assert str(np.round(float(results["stiffness"]))).startswith("2000")

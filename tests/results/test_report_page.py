@@ -14,13 +14,13 @@ from report_reading import Reading
 from robots import table_of, travelling
 
 import palpate
-from palpate.figures import identified as drawn
-from palpate.figures.field import draw_field
-from palpate.figures.style import as_svg, choose_look
 from palpate.identification import identified
-from palpate.reports.html import DRAWINGS, STYLE
-from palpate.reports.identification import Circumstances, page
-from palpate.results import view
+from palpate.output.figures import identified as drawn
+from palpate.output.figures.field import draw_field
+from palpate.output.figures.style import as_svg, choose_look
+from palpate.output.reports.html import DRAWINGS, STYLE
+from palpate.output.reports.identification import Circumstances, page
+from palpate.output.results import view
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 HERE = Circumstances("today", "palpate identify <file>", 'method = "x"\n', ("a&b.csv",))
@@ -51,7 +51,7 @@ def test_the_page_is_whole_and_fetches_nothing(report):
     assert not re.search(r"#[0-9a-f]{6}\b", body, re.IGNORECASE)
 
 
-def test_the_numbers_with_their_marks_stand_first_then_the_picture_then_the_tables(report, ball):
+def test_a_page_shows_numbers_then_pictures_then_tables(report, ball):
     words = Reading(report).words
     order = (
         *(each.value for each in view.number_lines(ball)),
@@ -68,9 +68,7 @@ def test_the_numbers_with_their_marks_stand_first_then_the_picture_then_the_tabl
     assert "<i>not italic" in words
 
 
-def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_shown(
-    report, ball, run
-):
+def test_every_section_has_the_same_words_in_every_output(report, ball, run):
     """A table over the renderers: terminal, plain text, report; of the first three a notebook."""
     out = (
         run("identify", EXAMPLES / "ball.csv", "-v")[1] + run("diagnose", EXAMPLES / "ball.csv")[1]
@@ -94,7 +92,7 @@ def test_every_section_of_a_result_is_said_in_the_same_words_wherever_it_is_show
                 assert " ".join(words.split()) in each
 
 
-def test_each_segment_between_changes_is_a_row_and_the_fit_names_their_own_laws():
+def test_each_segment_between_changes_is_a_row():
     result = palpate.identify(changed(0.3)).by_segment()
     [section] = view.segment_table(result)
     assert len(section.rows) == 2
@@ -115,7 +113,7 @@ def places():
     return palpate.identify(palpate.prepare(recorded)).by_place()
 
 
-def test_the_report_of_a_probe_that_travels_begins_with_its_verdicts_and_its_map(places):
+def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
     text = page(places, HERE)
     words = Reading(text).words
     counts = next(view.short_answer(places, ())).lines[0].text
@@ -129,7 +127,7 @@ def test_the_report_of_a_probe_that_travels_begins_with_its_verdicts_and_its_map
     assert values.index("Each by itself") < values.index("One law for all places, an average")
 
 
-def test_the_map_shows_the_stiffness_its_error_and_the_verdict_of_each_place(places):
+def test_the_map_shows_stiffness_error_and_verdict(places):
     figure = drawn.draw_places(places)
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     along_normal = np.argmax(np.abs(places.segments[0].place.normal.vector))
@@ -165,9 +163,7 @@ def test_a_contact_that_says_nothing_has_no_error_bars():
 
 @pytest.mark.long
 @pytest.mark.parametrize("law", [None, "auto"])
-def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
-    run, tmp_path, monkeypatch, law
-):
+def test_a_report_diagnoses_and_draws_once_per_method(run, tmp_path, monkeypatch, law):
     done = Counter()
 
     def counted(where, name, of=lambda *_: ""):
@@ -187,7 +183,7 @@ def test_a_report_diagnoses_each_method_once_and_draws_each_figure_once(
     assert done["draw MixedModeRenderer"] == 2
 
 
-def test_only_a_drawing_that_is_wider_than_the_phone_asks_to_scroll():
+def test_only_a_drawing_wider_than_the_phone_scrolls():
     """The live page has the same styles, and its charts fit."""
     rules = re.findall(r"([^{}]+)\{[^{}]*Scroll the figure sideways", STYLE + DRAWINGS)
     assert [rule.strip().splitlines()[-1].strip() for rule in rules] == [
@@ -208,7 +204,7 @@ def test_a_map_of_places_shows_the_peak_of_its_trusted_values():
     assert {dots.get_clim() for dots in axes.collections} == {(300.0, 2000.0)}
 
 
-def test_a_drawing_has_no_indentation_and_short_paths_that_end_where_they_did():
+def test_a_drawing_is_compact_and_keeps_its_end_points():
     """Pages hold tens of drawings: a paper's page was twice as long with white space and zeros."""
     figure = Figure()
     axes = figure.subplots()
@@ -219,9 +215,9 @@ def test_a_drawing_has_no_indentation_and_short_paths_that_end_where_they_did():
     assert not re.search(r"[\d]\.\d{3,}", "".join(re.findall(r' d="[^"]*"', svg)))
     path = max(re.findall(r' d="([^"]*)"', svg), key=len)
     numbers = [float(each) for each in re.findall(r"-?(?:\d+\.?\d*|\.\d+)", path)]
-    x, y = np.cumsum(numbers[0::2])[-1], np.cumsum(numbers[1::2])[-1]
+    x, y = numbers[-2:]
     figure.dpi = 72.0
     height = figure.bbox.height
     expected = axes.transData.transform(line.get_xydata()[-1])
     assert (x, y) == pytest.approx((expected[0], height - expected[1]), abs=0.02)
-    assert len(path) < 14 * 50
+    assert len(path) < 18 * 50

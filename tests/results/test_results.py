@@ -18,8 +18,8 @@ import pytest
 
 import palpate
 from palpate.errors import RecordingError
-from palpate.recordings import table_files
-from palpate.reports import identification
+from palpate.input.recordings import table_files
+from palpate.output.reports import identification
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "recordings"
 BALL = EXAMPLES / "ball.csv"
@@ -29,7 +29,7 @@ def same(one, other) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-def test_what_was_saved_is_read_back_to_the_last_bit(ball, saved):
+def test_saved_results_are_read_back_exactly(ball, saved):
     found = palpate.load_result(saved)
     assert found.law == ball.law
     assert same(found.standard_errors, ball.standard_errors)
@@ -65,7 +65,7 @@ def test_a_folder_may_be_named_like_a_file(ball, saved, tmp_path):
     assert palpate.load_result(folder / "result.json").law == ball.law
 
 
-def test_what_standard_input_gave_is_repeated_from_it(ball, tmp_path, undrawn):
+def test_saved_options_repeat_standard_input(ball, tmp_path, undrawn):
     identification.Destination(tmp_path).save(ball, options={"method": ball.method})
     assert "palpate identify - --config" in (tmp_path / "report.html").read_text("utf-8")
 
@@ -82,9 +82,7 @@ def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path, un
     assert again["working_depth"]["depth"] == pytest.approx(9e-3)
 
 
-def test_a_result_replaces_an_earlier_one_and_no_file_that_palpate_did_not_write(
-    run, refused, good, undrawn
-):
+def test_a_result_replaces_only_files_that_palpate_wrote(run, refused, good, undrawn):
     folder = good.parent / "results"
     folder.mkdir()
     for name in ("report.html", "run.toml", "result.json"):
@@ -200,9 +198,7 @@ main()
 
 @pytest.mark.long
 @pytest.mark.parametrize("option, extra", [("--figure", "figures"), ("-o", "report")])
-def test_without_matplotlib_a_card_and_the_live_page_work_and_a_figure_names_its_extra(
-    option, extra, tmp_path
-):
+def test_without_matplotlib_only_figures_fail(option, extra, tmp_path):
     words = [sys.executable, "-c", WITHOUT_MATPLOTLIB, BALL, option, tmp_path / "a.svg"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout, done.stderr.count("\n")) == (2, "", 1)

@@ -20,7 +20,7 @@ from payloads import (
 )
 
 from palpate import InvalidParameterError, PayloadCompensation, Status
-from palpate.channels.frames import multiply, rotate
+from palpate.input.channels.frames import multiply, rotate
 
 
 def compensated(compensation, time, wrench, orientations=None):
@@ -40,7 +40,7 @@ def compensated(compensation, time, wrench, orientations=None):
     "sign, delay, frame",
     [(1.0, 0.0, "base"), (-1.0, 0.0123, "base"), (1.0, -0.047, "sensor"), (1.0, 0.0604, "base")],
 )
-def test_live_outputs_are_the_external_wrench_of_the_formula_for_a_whole_log(sign, delay, frame):
+def test_live_outputs_are_the_external_wrench_of_the_formula(sign, delay, frame):
     payload = replace(PAYLOAD, sign=sign, delay=delay)
     time = np.arange(0.0, 1.0, STEP)
     compensation = PayloadCompensation(payload=payload, frame=frame)
@@ -56,7 +56,7 @@ def test_live_outputs_are_the_external_wrench_of_the_formula_for_a_whole_log(sig
     np.testing.assert_allclose(rows[:, 4:], expected[:, 3:], atol=3e-4)
 
 
-def test_outputs_equal_the_formula_with_the_quartic_that_the_filter_states():
+def test_outputs_equal_the_formula_of_the_filter():
     """To rounding, on poses with noise: the derivatives are of the least-squares quartic."""
     random = np.random.default_rng(1)
     time = np.arange(0.0, 0.2, STEP)
@@ -158,7 +158,7 @@ def test_bad_samples_are_refused_and_change_nothing():
         assert clean.update(*sample[:3], jump + STEP) is Status.WAITING
 
 
-def test_samples_that_arrive_at_less_than_a_tenth_of_the_rate_have_no_output():
+def test_samples_below_a_tenth_of_the_rate_have_no_output():
     compensation = PayloadCompensation(payload=PAYLOAD)
     time = 10.1e-3 * np.arange(500)
     assert len(compensated(compensation, time, wrench_of(PAYLOAD, time))) == 0

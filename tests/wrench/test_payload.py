@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 import palpate
 from palpate import Recording, RecordingError, prepare
-from palpate.preparation.force_frame import compensate_log
-from palpate.preparation.settings import Preparation
-from palpate.recordings.units import GRAVITY
-from palpate.wrench.fit import regressors, rotation, skew
-from palpate.wrench.motion import motion_of
-from palpate.wrench.payload import Payload
+from palpate.input.preparation.force_frame import compensate_log
+from palpate.input.preparation.settings import Preparation
+from palpate.input.recordings.units import GRAVITY
+from palpate.input.wrench.fit import regressors, rotation, skew
+from palpate.input.wrench.motion import motion_of
+from palpate.input.wrench.payload import Payload
 
 
 def without(recording: Recording, word: str) -> Recording:
@@ -69,13 +69,13 @@ LONG = pytest.mark.long
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=LONG), pytest.param(9, marks=LONG)])
-def test_payload_clock_and_stiffness_are_those_of_the_simulator(seed):
+def test_payload_delay_and_stiffness_match_the_simulator(seed):
     assert_found(random_setup(seed, touch_tilt=0.0, friction=0.0))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 120))
-def test_payload_clock_and_stiffness_are_those_of_the_simulator_for_more_seeds(seed):
+def test_payload_delay_and_stiffness_match_for_more_seeds(seed):
     assert_found(random_setup(seed, touch_tilt=0.0, friction=0.0))
 
 
@@ -169,7 +169,7 @@ def test_a_log_without_contact_has_a_payload():
 
 
 @pytest.mark.parametrize("frequency, blur", [(1.0, 0.0), (2.4, 2e-5), (5.0, 3e-5)])  # Hz, m
-def test_a_tool_that_moves_along_gravity_tells_its_mass_but_not_its_mount(frequency, blur):
+def test_vertical_motion_tells_the_mass_but_not_the_mount(frequency, blur):
     time, omega = np.arange(0.0, 12.0, 2e-3), 2.0 * math.pi * frequency
     height = 0.7 / omega**2 * np.sin(omega * time)
     still = np.zeros((len(time), 3))
@@ -266,7 +266,7 @@ def test_a_tools_weight_acts_or_is_refused(ideal):
         prepare(still.recording, tool_weight=3.92)
 
 
-def test_without_a_torque_the_mass_is_found_and_the_torque_can_be_named(ideal):
+def test_without_a_torque_the_mass_is_found(ideal):
     tool = prepare(without(ideal, "torque")).prepared.payload
     assert tool.mass == pytest.approx(0.4, rel=5e-3)
     assert (

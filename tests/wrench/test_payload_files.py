@@ -9,10 +9,10 @@ from payloads import PAYLOAD, turn
 from ruamel.yaml import YAML
 
 from palpate import Columns, Payload, Recording, RecordingError, prepare
-from palpate.channels.frames import rotate
 from palpate.exports.ros_parameters import ros_parameters
 from palpate.findings import Check
-from palpate.wrench.payload import LARGEST
+from palpate.input.channels.frames import rotate
+from palpate.input.wrench.payload import LARGEST
 
 FULL = replace(
     PAYLOAD,
@@ -50,7 +50,7 @@ def test_a_payload_is_loaded_as_it_was_saved(payload, tmp_path):
     assert path.read_bytes() == before
 
 
-def test_comments_stand_in_the_file_and_an_input_is_never_overwritten(tmp_path):
+def test_a_payload_file_has_comments_and_replaces_no_input(tmp_path):
     path = tmp_path / "tool.toml"
     PAYLOAD.save(path, ["turns 43°\nenough"])
     assert "# turns 43° enough" in path.read_text("utf-8")
@@ -89,7 +89,7 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("words", BROKEN)
-def test_a_file_that_is_no_payload_is_one_line_that_names_the_field(words, tmp_path):
+def test_an_invalid_payload_file_is_refused_by_field(words, tmp_path):
     path = tmp_path / "tool.toml"
     FULL.save(path)
     path.write_text(edited(path.read_text("utf-8"), *BROKEN[words]), "utf-8")

@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 import palpate
 from palpate import Recording, RecordingError, prepare
-from palpate.channels import Columns
-from palpate.preparation import Preparation
-from palpate.preparation.force_frame import measure_payload
+from palpate.input.channels import Columns
+from palpate.input.preparation import Preparation
+from palpate.input.preparation.force_frame import measure_payload
 
 SETUP = Setup(seed=5, **IDEAL | {"delay": 0.01})
 
@@ -92,7 +92,7 @@ def test_a_force_in_the_axes_of_the_base_is_read_there():
     np.testing.assert_array_equal(contact.force, stated.force)
 
 
-def test_what_neither_free_air_nor_contact_tells_is_asked():
+def test_ambiguous_wrench_frames_are_asked_for():
     felt = hand(6.0)
     turns = np.tile(Rotation.from_rotvec([0.115, 0.0, 0.0]).as_quat(), (len(felt.time), 1))
     named = {f"q{axis}": turns[:, k] for k, axis in enumerate("xyzw")}

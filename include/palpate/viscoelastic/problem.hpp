@@ -257,10 +257,11 @@ class Factored {
     largest = std::max(largest, std::abs(normal.b[i]) * per_size[i]);
   }
   Linear now;
+  Factored factored(normal, open);
   for (std::size_t round = 0; round < 3 * parts; ++round) {
     // Moves to the least squares of the open parts, or along the way until one of them reaches 0.
     for (;;) {
-      const Linear there = Factored(normal, open).solve(normal.b);
+      const Linear there = factored.solve(normal.b);
       double way = 1.0;
       PartSet below = 0;
       for (PartSet rest = there.fitted & constrained; rest != 0; rest &= rest - 1U) {
@@ -284,6 +285,7 @@ class Factored {
         }
       }
       open &= ~(stopped == 0 ? below : stopped);
+      factored = Factored(normal, open);
     }
     // Opens the part with the steepest descent of J. If there is none, this is the minimum.
     double steepest = 1e-9 * largest;
@@ -302,10 +304,12 @@ class Factored {
     }
     if (joining == parts) break;
     open |= bit(joining);
+    factored = Factored(normal, open);
     // A part that its pivot excludes again would be opened forever.
-    if (!has(Factored(normal, open).fitted(), joining)) {
+    if (!has(factored.fitted(), joining)) {
       constrained &= ~bit(joining);
       open &= ~bit(joining);
+      factored = Factored(normal, open);
     }
   }
   return now;

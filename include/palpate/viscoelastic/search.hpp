@@ -293,8 +293,8 @@ class ResidualNoise {
     // find no law in a short record.
     double energy = 0.0, pairs = 0.0;
     for (std::size_t k = noise.measured; k < noise.used; ++k) {
-      energy += levels_[k].older;
-      pairs += levels_[k].older_pairs;
+      energy += double{levels_[k].older};
+      pairs += double{levels_[k].older_pairs};
     }
     const double few = pairs > 0.0 ? energy / (variance * (pairs + std::sqrt(2.0 * pairs))) : 1.0;
     const double slowest =

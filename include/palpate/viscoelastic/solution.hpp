@@ -237,7 +237,8 @@ inline Matrix<GeneralisedHuntCrossley::size + 1> law_covariance(
           n,
           Grid::step * Grid::step * s.covariance[in_triangle(exponent_node, exponent_node)],
           s.fit.value[offset] * u.force,
-          s.covariance[in_triangle(offset, offset)] * u.force * u.force};
+          s.covariance[in_triangle(offset, offset)] * u.force * u.force,
+          1.0};
 }
 
 }  // namespace palpate::viscoelastic

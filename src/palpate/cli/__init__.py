@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 
 def _end_quietly(
-    kind: type[BaseException], error: BaseException, trace: "TracebackType | None"
+    kind: type[BaseException],
+    error: BaseException,
+    trace: "TracebackType | None",
 ) -> None:
     if issubclass(kind, KeyboardInterrupt):
         os._exit(130)
@@ -96,7 +98,8 @@ class _Interrupts:
     catch a KeyboardInterrupt.
     """
 
-    interval, longest = 0.05, 5.0  # s; the import of a user's module may never end
+    interval = 0.05
+    longest = 5.0  # s; the import of a user's module may never end
 
     def __init__(self) -> None:
         self.ended, self.waiting, self._left = False, False, round(self.longest / self.interval)
@@ -112,7 +115,8 @@ class _Interrupts:
             frame = frame.f_back
         if frame is None or not self._left or sys.platform == "win32":
             raise KeyboardInterrupt
-        self._left, self.waiting = self._left - 1, True
+        self._left = self._left - 1
+        self.waiting = True
         signal.signal(signal.SIGALRM, self._interrupt)
         signal.setitimer(signal.ITIMER_REAL, self.interval)
 
@@ -165,7 +169,8 @@ def _replace_with_plain_signs(error: UnicodeError) -> tuple[str | bytes, int]:
     if not isinstance(error, UnicodeEncodeError):
         raise error
     signs = error.object[error.start : error.end]
-    plain, raised = "", False
+    plain = ""
+    raised = False
     for sign in signs:
         if sign in _SUPERSCRIPTS:
             plain += _SUPERSCRIPTS[sign] if raised else f"^{_SUPERSCRIPTS[sign]}"

@@ -13,6 +13,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 from cyclopts import App, CycloptsError, Group, Parameter
 from cyclopts.config import Toml
 
+from palpate._plugins import SWITCH
 from palpate.cli.options import KEPT, WHAT, OutputFile
 from palpate.cli.printing import Terminal, say, say_path
 from palpate.errors import InvalidParameterError, printable
@@ -28,7 +29,7 @@ COMMANDS = {
 OUTPUTS = {"output", "figure", "picture", "record", "ros_parameters", "save_config"}
 _NAMES_OF_FILES = ("source", "material", "trajectory")  # or of something in palpate
 _RESULTS = ("result", "results")
-_NOT_IN_A_FILE = ("config", "save-config", "no-color", "verbose")
+_NOT_IN_A_FILE = ("config", "save-config", "no-color", "no-plugins", "verbose")
 _Shell: TypeAlias = Literal["bash", "zsh", "fish", "powershell"]
 _NARROWEST_HELP = 20  # rich folds frames forever if they have no room for a word
 _ANY = Group("Any command", sort_key=10)
@@ -55,7 +56,9 @@ def application(words: Sequence[str] = ()) -> App:
 
     @app.command(name="--install-completion")
     def install_completion(
-        *, shell: _Shell | None = None, output: OutputFile | None = None
+        *,
+        shell: _Shell | None = None,
+        output: OutputFile | None = None,
     ) -> None:
         """Complete commands, options and their values in the shell.
 
@@ -90,6 +93,7 @@ def application(words: Sequence[str] = ()) -> App:
         *rest: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
         config: Annotated[Path | None, Parameter(group=KEPT)] = None,
         no_color: Annotated[bool, Parameter(negative="", group=_ANY)] = False,
+        no_plugins: Annotated[bool, Parameter(negative="", group=_ANY)] = False,
         verbose: Annotated[int, _VERBOSE] = 0,
     ) -> Any:
         """Identify what a probe touches: contact models from penetration, velocity and force.
@@ -100,9 +104,13 @@ def application(words: Sequence[str] = ()) -> App:
             Take options from this TOML file; the command line overrides them.
         no_color
             Print without colour, like the environment variable NO_COLOR.
+        no_plugins
+            Load no laws and formats of other packages, like the variable PALPATE_NO_PLUGINS.
         verbose
             Print everything, and log each step with its time to standard error; -vv logs more.
         """
+        if no_plugins:
+            os.environ[SWITCH] = "1"
         if config is not None:
             app.config = OptionsFile(config, source=str(config), must_exist=True)
         command, bound, _ = app.parse_args(rest)
@@ -126,7 +134,7 @@ def inputs_of(command: Mapping[str, Any]) -> Iterator[Path]:
         for each in value if isinstance(value, tuple) else (value,):
             if name in OUTPUTS or not (isinstance(each, Path) or name in _NAMES_OF_FILES):
                 continue
-            from palpate.recordings.opening import whole_recording
+            from palpate.input.recordings.opening import whole_recording
 
             path = Path(each)
             if not (name in _RESULTS and path.is_dir()):
@@ -142,18 +150,18 @@ def run(arguments: Sequence[str]) -> int:
         The arguments do not fit the command, or the file of ``--config`` contains no options.
     """
     # Standard input: cyclopts treats a lone hyphen as an option, and Path converts ./- to - again.
-    words = ["./-" if word == "-" else word for word in arguments]
-    if words and words[0] not in COMMANDS and Path(words[0]).is_file():
+    typed = ["./-" if word == "-" else word for word in arguments]
+    if typed and typed[0] not in COMMANDS and Path(typed[0]).is_file():
         raise InvalidParameterError(
-            f"{words[0]} is a file, not a command: run palpate identify {' '.join(words)}"
+            f"{typed[0]} is a file, not a command: run palpate identify {' '.join(typed)}"
         )
     # --help after a misspelt command would print the help of palpate; the shell calls __complete.
-    if words and words[0] not in COMMANDS and not words[0].startswith(("-", "__")):
-        words = words[:1]
-    if "--no-color" in words:  # before help is printed
+    if typed and typed[0] not in COMMANDS and not typed[0].startswith(("-", "__")):
+        typed = typed[:1]
+    if "--no-color" in typed:  # before help is printed
         os.environ["NO_COLOR"] = "1"
     try:
-        status = application(words).meta(move_common_options_first(words))
+        status = application(typed).meta(move_common_options_first(typed))
     except CycloptsError as error:
         raise InvalidParameterError(str(error)) from None
     return status if isinstance(status, int) else 0
@@ -166,11 +174,14 @@ def move_common_options_first(words: Sequence[str]) -> list[str]:
     those that stand behind it.
     """
     end = words.index("--") if "--" in words else len(words)
-    common, rest = list[str](), list[str]()
+    common = list[str]()
+    rest = list[str]()
     k = 0
     while k < end:
         takes_next = words[k] == "--config" and k + 1 < end
-        one_word = words[k] in ("--no-color", "--verbose") or words[k].startswith("--config=")
+        one_word = words[k] in ("--no-color", "--no-plugins", "--verbose") or words[k].startswith(
+            "--config="
+        )
         size = 2 if takes_next else 1
         (common if takes_next or one_word else rest).extend(words[k : k + size])
         k += size
@@ -207,9 +218,9 @@ class _Lines(logging.Handler):
     begun = time.perf_counter()
 
     def emit(self, record: logging.LogRecord) -> None:
-        words = " ".join(record.getMessage().split())
+        text = " ".join(record.getMessage().split())
         where = record.name.removeprefix("palpate.")
-        line = printable(f"{time.perf_counter() - self.begun:7.3f} s  {where}: {words}")
+        line = printable(f"{time.perf_counter() - self.begun:7.3f} s  {where}: {text}")
         with suppress(OSError):  # there is nobody left to tell
             print(line, file=sys.stderr)
 
@@ -217,7 +228,8 @@ class _Lines(logging.Handler):
 @contextmanager
 def _print_log(loudness: int) -> Iterator[None]:
     """Print palpate's log: level INFO at loudness 1, level DEBUG at 2."""
-    logger, handler = logging.getLogger("palpate"), _Lines()
+    logger = logging.getLogger("palpate")
+    handler = _Lines()
     level = logger.level
     if loudness:
         logger.addHandler(handler)

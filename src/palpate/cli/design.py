@@ -13,8 +13,8 @@ from palpate.errors import InvalidParameterError
 from palpate.writing import check_outputs, is_standard_output
 
 if TYPE_CHECKING:
-    from palpate.design import Design, MotionCommand
     from palpate.force_laws import HuntCrossley
+    from palpate.lab.design import Design, MotionCommand
 
 Several = Annotated[tuple[float, ...] | None, Parameter(consume_multiple=True)]
 
@@ -140,8 +140,8 @@ def design(
         Print one JSON object instead of a table; infinite numbers are null.
     """
     from palpate.cli.design_tables import command_line, print_design
-    from palpate.design import PAPER_MOTION, Motion
-    from palpate.design import design as run
+    from palpate.lab.design import PAPER_MOTION, Motion
+    from palpate.lab.design import design as run
 
     drawing.check()
     written.check(drawing.figure, as_json=as_json)
@@ -160,7 +160,7 @@ def design(
         max_speed=plan.max_speed,
     )
     played = _write_motion(result, written)
-    drawing.save("palpate.design.figures.draw_design", result)
+    drawing.save("palpate.lab.design.figures.draw_design", result)
     if as_json:
         print_json({**result.as_dict(), "command": command_line(result)})
         return
@@ -179,7 +179,7 @@ def design(
 def _write_motion(result: "Design", written: Written) -> "MotionCommand | None":
     """Write the motion if -o names a file, and return it."""
     from palpate.cli.design_tables import comment_lines
-    from palpate.design import MotionCommand, write_motion
+    from palpate.lab.design import MotionCommand, write_motion
     from palpate.validation import number_in
 
     if written.output is None:

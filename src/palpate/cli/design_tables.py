@@ -8,16 +8,16 @@ from rich.console import Console
 
 from palpate import __version__
 from palpate.cli.printing import print_table, say, say_command
-from palpate.design.planned import Design
-from palpate.design.precision import HORIZON, PredictedPrecision
 from palpate.digits import rounded
+from palpate.lab.design.planned import Design
+from palpate.lab.design.precision import HORIZON, PredictedPrecision
 
 
 def print_design(design: Design, console: Console) -> None:
     """Print how precisely and how soon the planned and a better motion identify the material."""
     law = design.law
     words = (law.K, law.n, law.dissipation)
-    say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(each, 4) for each in words)), "bold")
+    say(console, "F = {} x^{} (1 + {} v)".format(*(rounded(number, 4) for number in words)), "bold")
     say(console, _sensor(design))
     _print_precision(design, console)
     console.print()
@@ -42,7 +42,8 @@ def print_design(design: Design, console: Console) -> None:
 def comment_lines(design: Design) -> dict[str, str]:
     """Return the comment lines above the header of a motion's file."""
     name, chosen = design.chosen
-    law, motion = design.law, chosen.motion
+    law = design.law
+    motion = chosen.motion
     sines = zip(motion.amplitudes, motion.frequencies, strict=True)
     terms = [f"{a:.6g} sin({w:.6g} t)" for a, w in sines]
     errors = zip(law.symbols, chosen.expected_errors[-1], strict=True)
@@ -61,7 +62,8 @@ def command_line(design: Design) -> str | None:
     """Return the ``palpate design`` command of the better motion."""
     if design.better is None:
         return None
-    motion, limits = design.better.motion, design.limits
+    motion = design.better.motion
+    limits = design.limits
     options: dict[str, tuple[float, ...]] = {
         **{name: (value,) for name, value in design.law.as_dict().items()},
         "noise": (design.noise,),
@@ -73,13 +75,13 @@ def command_line(design: Design) -> str | None:
         "max-depth": (limits.peak_penetration,),
         "max-speed": (limits.speed,),
     }
-    words = [
+    phrases = [
         " ".join([f"--{name}", *(f"{value:.12g}" for value in values)])
         for name, values in options.items()
         if values
     ]
     flags = [*([] if design.offset else ["--no-offset"]), *(["--surface"] * design.surface)]
-    return " ".join(["palpate design", *words, *flags])
+    return " ".join(["palpate design", *phrases, *flags])
 
 
 def _columns(design: Design) -> list[tuple[PredictedPrecision, str]]:
@@ -101,7 +103,7 @@ def _print_precision(design: Design, console: Console) -> None:
     """Standard errors after each duration, and the time to each target."""
     shown = _columns(design)
     headings = [f">{name}\n{symbol}" for _, name in shown for symbol in design.law.symbols]
-    rows: list[list[str]] = []
+    rows = []
     errors, rounding, times = (
         np.hstack([getattr(predicted, name) for predicted, _ in shown])
         for name in ("relative_errors", "expected_errors", "times")
@@ -129,7 +131,9 @@ def _print_motions(design: Design, console: Console) -> None:
             "–" if math.isnan(o.violated_fraction) else f"{o.violated_fraction:.1%} of contact"
         ),
     }
-    rows = [[label, *(word(o) for o, _ in _columns(design))] for label, word in words.items()]
+    rows = [
+        [label, *(describe(o) for o, _ in _columns(design))] for label, describe in words.items()
+    ]
     print_table(console, headings, rows)
 
 

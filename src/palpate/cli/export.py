@@ -78,7 +78,7 @@ def export(
     """
     from palpate.exports.exporting import export as run
     from palpate.exports.exporting import save_statement
-    from palpate.results.saved import RESULT, TRACES, load_result
+    from palpate.output.results.saved import RESULT, TRACES, load_result
 
     saved = load_result(result)
     inputs = [saved.folder / name for name in (RESULT, *TRACES)]
@@ -101,10 +101,11 @@ def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
         print_json({**statement.as_dict(), "files": [str(path) for path in paths]})
         return
     console = Terminal()
-    first, *others = statement.describe()
-    say(console, first, "bold")
-    for line in others:
-        say(console, line, "yellow" if line.startswith("Warning") else "")
+    claim, *lines = statement.describe()
+    say(console, claim, "bold")
+    warned = len(lines) - len(statement.warnings)
+    for k, line in enumerate(lines):
+        say(console, line, "yellow" if k >= warned else "")
     if statement.refused:
         say(console, "palpate exported nothing; add --allow to export despite the refusals.")
     for path in paths:

@@ -3,13 +3,14 @@
 import math
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
 
 from cyclopts import Group, Parameter
+from rich.console import Console
 from rich.text import Text
 
 from palpate.cli import complain
@@ -33,8 +34,9 @@ from palpate.errors import InvalidParameterError
 from palpate.writing import protect
 
 if TYPE_CHECKING:
+    from palpate.fleet.maps import RowVerdict
     from palpate.fleet.running import Fleet
-    from palpate.fleet.tasks import Settings
+    from palpate.fleet.tasks import Settings, Table
 
 
 Sources: TypeAlias = tuple[str, ...]
@@ -112,7 +114,7 @@ def fleet(
     from palpate.fleet.files import disk_name, list_sources
     from palpate.fleet.running import run_fleet
     from palpate.fleet.tasks import default_diagnosis
-    from palpate.recordings.opening import whole_recording
+    from palpate.input.recordings.opening import whole_recording
 
     shape, ratio = parse_material(tip, poisson)
     listed = list_sources(sources, leave_out=output)
@@ -135,7 +137,7 @@ def fleet(
 
         with bar("writing the report"):
             page = save_report(output)
-    cards: list[Path] = []
+    cards = []
     if any(source.kind == "episodes" for source in listed):
         from palpate.fleet.card import save_card
 
@@ -159,7 +161,9 @@ def _status(folder: Path, fail_on: Literal["do-not-trust", "with-care"] | None) 
 
 
 def _settings(
-    choosing: MethodOptions, diagnosis: Literal["none", "input", "full"], reading: ReadingOptions
+    choosing: MethodOptions,
+    diagnosis: Literal["none", "input", "full"],
+    reading: ReadingOptions,
 ) -> "Settings":
     """Return the settings of a run; preparation options with their default values are omitted."""
     from palpate.fleet.tasks import AUTO, Settings
@@ -168,10 +172,10 @@ def _settings(
         if getattr(reading, option) is not None:
             name = "with" if option == "companion" else option.replace("_", "-")
             raise InvalidParameterError(f"--{name} applies to one recording; omit it for a fleet")
-    given = reading.choose_default_law(choosing)
-    estimator = {**given.settings, **reading.chosen(given.kind)}
+    chosen = reading.choose_default_law(choosing)
+    estimator = {**chosen.settings, **reading.chosen(chosen.kind)}
     return Settings(
-        method=given.kind.method if given is choosing else AUTO,
+        method=chosen.kind.method if chosen is choosing else AUTO,
         estimator=estimator,
         preparation=reading.changed_preparation,
         diagnosis=diagnosis,
@@ -183,7 +187,7 @@ def _settings(
 
 def require_figures() -> None:
     """Raise before the work starts if matplotlib is not installed."""
-    import_module("palpate.figures")
+    import_module("palpate.output.figures")
 
 
 def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: bool) -> None:
@@ -225,11 +229,10 @@ def _describe_count(contacts: int) -> str:
 
 def _print_rows(console: Terminal, found: "Fleet") -> bool:
     """Print rows, or counts of verdicts, and the worst reasons; return whether these are all."""
-    from palpate.findings import spoken
     from palpate.fleet import maps
     from palpate.fleet.files import read_results
     from palpate.fleet.rows import touches_nothing
-    from palpate.recordings.opening import MAPS
+    from palpate.input.recordings.opening import MAPS
 
     table = read_results(found.folder)
     shown = maps.list_quantities(table)
@@ -238,22 +241,11 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     names = maps.names_of(table)
     common = len(os.path.commonprefix(names).rpartition("/")[0])  # noqa: RUF071 - cut at a slash
     names = [name[common:].lstrip("/") for name in names]
+    marks = {of: _marks_of(verdicts[of], free) for of in shown}
     if few := len(names) <= _MOST_ROWS:
-        turns = maps.numbers(table, "frequency") / math.tau
-        at = [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
-        columns: list[Sequence[str | Text]] = [names]
-        header = ["contact"]
-        for of in shown:
-            columns += [maps.format_values(table, of), _marks_of(verdicts[of], free)]
-            header += [maps.quantity_name(of), "mark"]
-        print_table(console, [*header, "frequency"], [*zip(*columns, at, strict=True)])
+        _print_contacts(console, table, names, marks)
     else:
-        say(console, f"{len(names)} rows")
-        for of in shown:
-            counts = Counter(str(mark) for mark in _marks_of(verdicts[of], free))
-            kinds = (spoken(each) for each in (*maps.VERDICTS, _FREE))
-            words = [f"{counts[each]} {each}" for each in kinds if each in counts]
-            say(console, f"{maps.quantity_name(of)}: {', '.join(words)}")
+        _print_counts(console, len(names), marks)
     if (lag := maps.rig_lag_of(table)) is not None:
         say(console, str(lag), "yellow")
     touching = [k for k, none in enumerate(free) if not none]
@@ -271,11 +263,45 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
     return few and len(reasons) <= _MOST_REASONS
 
 
-def _marks_of(verdicts: Sequence[tuple[str, str]], free: Sequence[bool]) -> list[Text]:
+def _print_contacts(
+    console: Console,
+    table: "Table",
+    names: Sequence[str],
+    marks: Mapping[str, Sequence[Text]],
+) -> None:
+    """Print each contact with its numbers and their marks."""
+    from palpate.fleet import maps
+
+    turns = maps.numbers(table, "frequency") / math.tau
+    columns: list[Sequence[str | Text]] = [names]
+    header = ["contact"]
+    for of, cells in marks.items():
+        columns += [maps.format_values(table, of), cells]
+        header += [maps.quantity_name(of), "mark"]
+    columns.append(
+        [f"{rounded(turn, 3)} Hz" if math.isfinite(turn) else "–" for turn in turns.tolist()]
+    )
+    print_table(console, [*header, "frequency"], [*zip(*columns, strict=True)])
+
+
+def _print_counts(console: Console, rows: int, marks: Mapping[str, Sequence[Text]]) -> None:
+    """Print how many contacts have each mark."""
+    from palpate.findings import spoken
+    from palpate.fleet import maps
+
+    say(console, f"{rows} rows")
+    kinds = [spoken(mark) for mark in (*maps.VERDICTS, _FREE)]
+    for of, cells in marks.items():
+        counts = Counter(cell.plain for cell in cells)
+        listed = [f"{counts[kind]} {kind}" for kind in kinds if kind in counts]
+        say(console, f"{maps.quantity_name(of)}: {', '.join(listed)}")
+
+
+def _marks_of(verdicts: "Sequence[RowVerdict]", free: Sequence[bool]) -> list[Text]:
     """Return the marks of a quantity as cells."""
     from palpate.findings import spoken
 
-    marks = (_FREE if none else mark for none, (mark, _) in zip(free, verdicts, strict=True))
+    marks = (_FREE if none else mark for none, (mark, _, _) in zip(free, verdicts, strict=True))
     return [Text(spoken(mark), _STYLES.get(mark, "")) for mark in marks]
 
 

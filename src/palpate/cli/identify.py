@@ -26,10 +26,10 @@ from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
-    from palpate.contact import Contact
-    from palpate.estimators import ContactEstimator
+    from palpate.identification.quantities.elastic_modulus import Tip
     from palpate.identifying import Identification
-    from palpate.quantities.elastic_modulus import Tip
+    from palpate.method.contact import Contact
+    from palpate.method.estimators import ContactEstimator
 
 
 Item = TypeVar("Item")
@@ -79,17 +79,18 @@ def identify(
     from palpate.findings import Check
     from palpate.identifying import identify as run
 
-    query, depth = deriving.query, judging.depth
+    query = deriving.query
+    depth = judging.depth
     drawing.check()
     destination = None
     if output is not None:  # once it is known that it can be written there
-        from palpate.reports.identification import Destination
+        from palpate.output.reports.identification import Destination
 
         destination = Destination(output, [file for file in files if str(file) != "-"])
     choosing.check()
     contact = reading.contact(files, choosing.options, tip=query.tip)
     if query.tip is not None:
-        from palpate.quantities.indentation import find_force_curve
+        from palpate.identification.quantities.indentation import find_force_curve
 
         if find_force_curve(contact) is not None:
             reading = replace(reading, exponent=query.tip.exponent)
@@ -102,11 +103,11 @@ def identify(
     if hold_out:
         result = result.hold_out()
     result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
-    drawing.save("palpate.figures.draw", result)
+    drawing.save("palpate.output.figures.draw", result)
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
-        watch = partial(_show_progress, words="comparing with every method")
+        watch = partial(_show_progress, text="comparing with every method")
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
@@ -118,7 +119,9 @@ def identify(
 
 
 def _estimator(
-    contact: "Contact", choosing: MethodOptions, reading: ReadingOptions
+    contact: "Contact",
+    choosing: MethodOptions,
+    reading: ReadingOptions,
 ) -> "tuple[MethodOptions, ContactEstimator]":
     """The estimator that the options request, and the options that name it."""
     choosing = reading.choose_default_law(choosing, timeless=contact.timeless)
@@ -128,11 +131,13 @@ def _estimator(
 
 def _find_stated_tip(contact: "Contact") -> "Tip | None":
     """The ball on the probe, if the recording states its radius."""
-    from palpate.quantities.elastic_modulus import Sphere
-
     prepared = contact.prepared
     radius = None if prepared is None else prepared.recording.settings.get("tip radius")
-    return None if radius is None else Sphere(radius)
+    if radius is None:
+        return None
+    from palpate.identification.quantities.elastic_modulus import Sphere
+
+    return Sphere(radius)
 
 
 def _identify_parts(result: "Identification", *, changes: bool) -> "Identification":
@@ -141,13 +146,13 @@ def _identify_parts(result: "Identification", *, changes: bool) -> "Identificati
         return result.by_segment()
     prepared = result.contact.prepared
     if prepared is not None and prepared.places:
-        return result.by_place(partial(_show_progress, words="identifying each place"))
+        return result.by_place(partial(_show_progress, text="identifying each place"))
     return result
 
 
-def _show_progress(items: Sequence[Item], words: str) -> Iterable[Item]:
+def _show_progress(items: Sequence[Item], text: str) -> Iterable[Item]:
     """Go through items, with a bar."""
-    with bar(words) as progress:
+    with bar(text) as progress:
         for k, item in enumerate(items):
             yield item
             progress(k + 1, len(items))
@@ -179,9 +184,10 @@ def diagnose(
         Print one JSON object instead of text.
     """
     from palpate.identifying import identify as run
-    from palpate.results.saved import describe_contact
+    from palpate.output.results.saved import describe_contact
 
-    depth, contact = judging.depth, reading.contact(files, choosing.options)
+    depth = judging.depth
+    contact = reading.contact(files, choosing.options)
     result = run(contact, _estimator(contact, choosing, reading)[1], trace=False)
     result = result if depth is None else result.at_depth(depth)
     if as_json:
@@ -226,6 +232,6 @@ def compare(
     results = reading.compared(contact)
     if depth is not None:
         results = {name: result.at_depth(depth) for name, result in results.items()}
-    drawing.save("palpate.figures.draw_comparison", results)
+    drawing.save("palpate.output.figures.draw_comparison", results)
     print_identifications(files, list(results.values()), drawing.figure, as_json=as_json)
     return judging.status([result.diagnosis.verdict for result in results.values()])

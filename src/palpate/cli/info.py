@@ -60,14 +60,14 @@ def info(
         Print one JSON object instead of tables.
     """
     from palpate.cli.info_tables import as_dict, print_curves, print_episodes, print_recording
-    from palpate.recordings.datasets import describe_data_set
-    from palpate.recordings.opening import MAPS
-    from palpate.recordings.survey import survey
+    from palpate.input.recordings.datasets import describe_data_set
+    from palpate.input.recordings.opening import MAPS
+    from palpate.input.recordings.survey import survey
 
     if curve is None and file.name.lower().endswith(MAPS):
         return print_curves(file, max_size, as_json=as_json)
     if figure is not None:
-        from palpate.figures import check_figure
+        from palpate.output.figures import check_figure
 
         check_figure(figure)
     data = None if episode is not None else describe_data_set(file, max_size)
@@ -76,16 +76,16 @@ def info(
     options = {"curve": curve, "episode": episode, "sheet": sheet, "header_row": header_row}
     recording = open_with_progress(file, channel or None, max_size=max_size, **options)
     if companion is not None:
-        from palpate.preparation.clock_offset import align
-        from palpate.preparation.preparing import prepare_contact
-        from palpate.preparation.settings import Preparation
+        from palpate.input.preparation.clock_offset import align
+        from palpate.input.preparation.preparing import prepare_contact
+        from palpate.input.preparation.settings import Preparation
 
         second = open_with_progress(companion, None, max_size=max_size)
         recording, _ = align(recording, second, Preparation(), prepare_contact)
     surveyed = survey(recording)
     if figure is not None:
-        from palpate import figures
-        from palpate.figures.strips import draw_strips
+        from palpate.output import figures
+        from palpate.output.figures.strips import draw_strips
 
         figures.save(draw_strips(recording, surveyed, dark=dark), figure)
     if as_json:

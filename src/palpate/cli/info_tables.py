@@ -11,13 +11,13 @@ import numpy as np
 from rich.cells import cell_len
 from rich.text import Text
 
-from palpate.channels.roles import explain_roles
 from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
 from palpate.digits import format_quantity, rounded
 from palpate.errors import RecordingError, printable
-from palpate.recordings.datasets import DataSet
-from palpate.recordings.recording import Recording
-from palpate.recordings.survey import ChannelSurvey, ClockSurvey, Survey
+from palpate.input.channels.roles import explain_roles
+from palpate.input.recordings.datasets import DataSet
+from palpate.input.recordings.recording import Recording
+from palpate.input.recordings.survey import ChannelSurvey, ClockSurvey, Survey
 from palpate.validation import plain
 
 #: Version of the JSON; it increases when a field is removed or changes its meaning.
@@ -41,7 +41,8 @@ Section: TypeAlias = tuple[list[str], list[list[Cell]]]
 def print_recording(recording: Recording, surveyed: Survey) -> None:
     """Print the contents of a recording; empty sections are omitted."""
     console = Terminal()
-    channels, clocks = len(surveyed.channels), sum(bool(c.name) for c in surveyed.clocks)
+    channels = len(surveyed.channels)
+    clocks = sum(bool(c.name) for c in surveyed.clocks)
     say_path(console, recording.source or "recording", "bold")
     times = f"on {_count(clocks, 'clock')}" if clocks else "without times"
     say(console, f"{_count(channels, 'channel')} {times}")
@@ -77,7 +78,7 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
 
 def print_curves(file: Path, max_size: float | None, *, as_json: bool) -> None:
     """Print a line for each of the first curves of a force map, or all curves as JSON."""
-    from palpate.recordings.opening import FORCE_CURVES
+    from palpate.input.recordings.opening import FORCE_CURVES
 
     reader = FORCE_CURVES.reader()
     count = reader.count_curves(file)
@@ -99,7 +100,9 @@ def print_curves(file: Path, max_size: float | None, *, as_json: bool) -> None:
         for curve in curves
     ]
     print_table(
-        console, [">curve", ">x", ">y", ">travel", ">peak force", ">samples", "error"], rows
+        console,
+        [">curve", ">x", ">y", ">travel", ">peak force", ">samples", "error"],
+        rows,
     )
     if count > len(curves):
         say(console, f"and {count - len(curves)} more; see --json")
@@ -126,7 +129,8 @@ def _describe_curve(number: int, curve: Recording | RecordingError) -> dict[str,
 
 def print_episodes(data: DataSet) -> None:
     """Print how many episodes a data set has, and the lengths of the first ones."""
-    console, lengths = Terminal(), data.lengths
+    console = Terminal()
+    lengths = data.lengths
     rate = "" if data.rate is None else f" at {rounded(data.rate, 4)} Hz"
     say(console, f"{data.name}: {_count(len(lengths), 'episode')}{rate}", "bold")
     for number, length in [*lengths.items()][:_MOST_EPISODES]:
@@ -141,7 +145,10 @@ def print_episodes(data: DataSet) -> None:
 
 
 def as_dict(
-    file: Path, recording: Recording, surveyed: Survey, data: DataSet | None = None
+    file: Path,
+    recording: Recording,
+    surveyed: Survey,
+    data: DataSet | None = None,
 ) -> dict[str, Any]:
     """Return the contents of a recording as JSON types, with the episodes of a data set."""
     uses, refusal = explain_roles(recording)
@@ -203,7 +210,9 @@ def _clocks_table(surveyed: Survey) -> Section:
 
 
 def _say_channels(
-    console: Terminal, uses: Mapping[str, tuple[str, str]], channels: Sequence[ChannelSurvey]
+    console: Terminal,
+    uses: Mapping[str, tuple[str, str]],
+    channels: Sequence[ChannelSurvey],
 ) -> None:
     """Print one line a channel, cut off at the width of the terminal unless that is narrow."""
     rows: list[tuple[str, ...]] = [

@@ -86,7 +86,7 @@ def lab(
         --relaxation-stiffnesses, each repeated for every relaxation time.
     """
     from palpate import lab as laboratory
-    from palpate.recordings.table_files import write_contact
+    from palpate.input.recordings.table_files import write_contact
 
     check_outputs([output, picture] if picture else [output])
     check_marked(output, _MADE)
@@ -101,14 +101,16 @@ def lab(
     )
     bench = laboratory.Bench(_material(material, law), _trajectory(trajectory), probe, sensors)
     if picture is not None:
-        from palpate.figures import check_figure
+        from palpate.output.figures import check_figure
 
         check_figure(picture)
         if ideal:
             raise InvalidParameterError("--picture needs a robot: use --probe twin-pantograph")
     with bar(f"simulating a touch of {bench.material.name}") as progress:
         measurement = bench.run(
-            seed, seconds=seconds, progress=lambda reached: progress(reached / seconds)
+            seed,
+            seconds=seconds,
+            progress=lambda reached: progress(reached / seconds),
         )
     write_contact(measurement.contact, output, notes=_versions(bench))
     # The summary must not mix with a recording that goes to standard output.
@@ -141,13 +143,14 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
         from palpate.exports.mujoco.robot import Scene
 
         return Scene(name)
-    check_choice("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
+    if name not in FORCE_LAWS:
+        check_choice("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
     law = FORCE_LAWS[name]
     needed = [each for each in law.names() if each not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
-        words = f"law '{name}' takes exactly {_options(needed)}"
-        words += f", and optionally {_options(law.optional)}" if law.optional else ""
-        raise InvalidParameterError(words)
+        text = f"law '{name}' takes exactly {_options(needed)}"
+        text += f", and optionally {_options(law.optional)}" if law.optional else ""
+        raise InvalidParameterError(text)
     return Homogeneous(law_from({"kind": name, **given}), name)
 
 
@@ -183,7 +186,8 @@ def _versions(bench: "Bench") -> dict[str, str]:
 
 
 def _print(measurement: "Measurement", output: Path, console: Terminal) -> None:
-    contact, truth = measurement.contact, measurement.truth
+    contact = measurement.contact
+    truth = measurement.truth
     say(console, f"{contact.source}: {len(contact)} samples, {contact.time[-1]:.3f} s")
     say_path(console, f"truth: {contact.provenance['truth']}")
     say(

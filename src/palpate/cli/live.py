@@ -35,10 +35,10 @@ from palpate.cli.reading import (
 from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
+    from palpate.input.preparation.online import OnlinePreparation
+    from palpate.input.wrench import Payload
     from palpate.live.sinks import Sink
     from palpate.live.sources import Source
-    from palpate.preparation.online import OnlinePreparation
-    from palpate.wrench import Payload
 
 # Fraction of a source's initial rest that is certainly without contact.
 _OF_REST = 0.8
@@ -83,7 +83,7 @@ class StreamOptions:
 
     def source(self, address: str) -> "Source":
         """Return the source at an address."""
-        from palpate.channels import Columns
+        from palpate.input.channels import Columns
         from palpate.live.sources import SOURCES, SourceOptions, open_source
         from palpate.validation import number_in
 
@@ -113,7 +113,7 @@ class StreamOptions:
     @property
     def tool(self) -> "Payload | None":
         """The payload in the file, if one is named."""
-        from palpate.wrench import Payload
+        from palpate.input.wrench import Payload
 
         return None if self.payload is None else Payload.load(self.payload)
 
@@ -122,12 +122,12 @@ class StreamOptions:
         others = ("rate",) if recording else ("speed", "position", "force", "unit")
         for name in others:
             if getattr(self, name) != getattr(StreamOptions, name):
-                words = "has timestamps" if recording else "is not a recording"
-                raise InvalidParameterError(f"{address} {words}: omit --{name}")
+                text = "has timestamps" if recording else "is not a recording"
+                raise InvalidParameterError(f"{address} {text}: omit --{name}")
 
     def preparation(self, source: "Source") -> "OnlinePreparation":
         """Return the preparation of the source's samples."""
-        from palpate.preparation.online import OnlinePreparation
+        from palpate.input.preparation.online import OnlinePreparation
 
         given: dict[str, Any] = quantities(self, surface="penetration")
         if self.tare is not None:
@@ -231,7 +231,8 @@ def live(
     chosen = default_estimator(choosing.kind, **choosing.settings)
     if exponent is not None:
         chosen = chosen.replace(exponent=check_fixed_exponent(exponent, type(chosen)))
-    tool, taken = incoming.tool, incoming.source(source)
+    tool = incoming.tool
+    taken = incoming.source(source)
     sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
     found = run(
         taken,

@@ -14,12 +14,12 @@ from cyclopts import Group, Parameter
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
-    from palpate.diagnosis import Verdict
-    from palpate.estimators import ContactEstimator
     from palpate.findings import Mark
-    from palpate.quantities.derived import QueryOptions
-    from palpate.quantities.elastic_modulus import Tip
-    from palpate.quantities.specimen import Specimen
+    from palpate.identification.diagnosis import Verdict
+    from palpate.identification.quantities.derived import QueryOptions
+    from palpate.identification.quantities.elastic_modulus import Tip
+    from palpate.identification.quantities.specimen import Specimen
+    from palpate.method.estimators import ContactEstimator
 
 # The headings under which help shows the options.
 WHAT = Group("Options", sort_key=1)
@@ -58,7 +58,7 @@ _ANGLE = re.compile(r"\s*(\d+\.?\d*|\.\d+)\s*(deg|°|rad)\s*$")
 
 
 def _laws(_: object) -> Iterable[str]:
-    from palpate.estimators.by_law import law_names
+    from palpate.method.estimators.by_law import law_names
 
     return law_names()
 
@@ -67,14 +67,14 @@ def names_in(*registries: str, prefix: str = "") -> Callable[[object], Iterable[
     """Return a completion of values: the names in registries such as ``palpate.lab.MATERIALS``."""
 
     def complete(_: object) -> Iterable[str]:
-        for module, _, name in (each.rpartition(".") for each in registries):
+        for module, _, name in (registry.rpartition(".") for registry in registries):
             yield from (f"{prefix}{each}" for each in getattr(import_module(module), name))
 
     return complete
 
 
 Law: TypeAlias = Annotated[str | None, Parameter(metavar="LAW", completer=_laws)]
-_METHOD = Parameter(metavar="METHOD", completer=names_in("palpate.estimators.ESTIMATORS"))
+_METHOD = Parameter(metavar="METHOD", completer=names_in("palpate.method.estimators.ESTIMATORS"))
 Method: TypeAlias = Annotated[str | None, _METHOD]
 
 
@@ -101,13 +101,13 @@ class MethodOptions:
 
     @cached_property
     def _found(self) -> "tuple[type[ContactEstimator], dict[str, Any]]":
-        from palpate.estimators.by_law import estimator_by_law
+        from palpate.method.estimators.by_law import estimator_by_law
 
         return estimator_by_law(self.law, self.method)
 
     def choose_default_law(self, exponent: float | None = None) -> "MethodOptions":
         """Return law auto if neither law nor method is requested and it can take the exponent."""
-        from palpate.estimators import ViscoelasticContact
+        from palpate.method.estimators import ViscoelasticContact
 
         low, high = ViscoelasticContact.exponents
         known = exponent is None or low <= exponent <= high
@@ -141,24 +141,26 @@ class FigureOptions:
             if self.width is not None:
                 raise InvalidParameterError("--width needs a figure: pass --figure FILE too")
             return
-        from palpate.figures import check_figure
+        from palpate.output.figures import check_figure
 
         self._metres()
         check_figure(self.figure)
 
     def save(self, draw: str, what: Any) -> None:
-        """Draw with a function such as ``palpate.figures.draw``, if a figure is requested."""
+        """Draw with a function such as ``palpate.output.figures.draw``, if requested."""
         if self.figure is not None:
-            from palpate.figures import save
+            from palpate.output.figures import save
 
             module, _, name = draw.rpartition(".")
             rendered = getattr(import_module(module), name)(
-                what, dark=self.dark, width=self._metres()
+                what,
+                dark=self.dark,
+                width=self._metres(),
             )
             save(rendered, self.figure)
 
     def _metres(self) -> float | None:
-        from palpate.figures.style import NARROWEST, WIDEST
+        from palpate.output.figures.style import NARROWEST, WIDEST
 
         width = None if self.width is None else quantity("--width", self.width, "penetration")
         if width is None or NARROWEST <= width <= WIDEST:
@@ -190,7 +192,11 @@ class VerdictOptions:
 
     def status(self, verdicts: "Iterable[Verdict]", *, damping: bool = False) -> int:
         """Return 3 if a mark of a stiffness, or of a damping if that counts, is a failure."""
-        marks = (mark for each in verdicts for mark in (each.stiffness, *[each.damping] * damping))
+        marks = (
+            mark
+            for verdict in verdicts
+            for mark in (verdict.stiffness, *[verdict.damping] * damping)
+        )
         return mark_status(self.fail_on, marks)
 
 
@@ -229,7 +235,7 @@ class QuantityOptions:
     @property
     def query(self) -> "QueryOptions":
         """The request, SI."""
-        from palpate.quantities.derived import QueryOptions
+        from palpate.identification.quantities.derived import QueryOptions
 
         speed = positive("--impact-speed", self.impact_speed, "velocity", 1e6)
         tip, ratio = parse_material(self.tip, self.poisson)
@@ -244,7 +250,7 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     If ``channel`` is a mapping from units to sizes, the number has one of its units; without a unit
     it has the first.
     """
-    from palpate.recordings.units import UNITS
+    from palpate.input.recordings.units import UNITS
 
     found = _NUMBER.match(text)
     units = UNITS[channel] if isinstance(channel, str) else channel
@@ -272,7 +278,10 @@ def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group)
 
 
 def positive(
-    option: str, text: str | None, channel: str | Mapping[str, float], most: float
+    option: str,
+    text: str | None,
+    channel: str | Mapping[str, float],
+    most: float,
 ) -> float | None:
     """Return a quantity in SI, in (0, ``most``]; None if it was not passed."""
     from palpate.validation import number_in
@@ -329,11 +338,12 @@ def parse_tip(text: str) -> "Tip":
     InvalidParameterError
         The text has none of the forms, or a size is out of its range.
     """
-    from palpate.quantities.elastic_modulus import Cone, FlatPunch, Pyramid, Sphere
+    from palpate.identification.quantities.elastic_modulus import Cone, FlatPunch, Pyramid, Sphere
 
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))
-    option, round_ = f"--tip {kind}:{name}", {"sphere": Sphere, "punch": FlatPunch}
+    option = f"--tip {kind}:{name}"
+    round_ = {"sphere": Sphere, "punch": FlatPunch}
     pointed: dict[str, type[Cone | Pyramid]] = {"cone": Cone, "pyramid": Pyramid}
     if kind in round_ and name in ("radius", "diameter"):
         length = quantity(option, value, "penetration")
@@ -355,7 +365,7 @@ def parse_specimen(text: str) -> "Specimen":
     InvalidParameterError
         The text does not have this form, or a size is out of its range.
     """
-    from palpate.quantities.specimen import Specimen
+    from palpate.identification.quantities.specimen import Specimen
 
     parts = (each.partition("=") for each in text.split(","))
     sizes = {name.strip(): size for name, _, size in parts}

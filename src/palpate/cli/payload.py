@@ -33,7 +33,7 @@ from palpate.cli.reading import negative_number_parameter, parse_delay
 from palpate.digits import percent
 
 if TYPE_CHECKING:
-    from palpate.wrench import Payload
+    from palpate.input.wrench import Payload
 
 _READ = cyclopts.Parameter(group=READ)
 _UNKNOWN_TORQUE = 10.0  # N·m: standard error of the bias without a torque
@@ -75,7 +75,7 @@ class LogOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """Return the settings of the preparation."""
-        from palpate.channels import Columns
+        from palpate.input.channels import Columns
 
         names = ("time", "position", "orientation", "orientation_form", "force", "torque")
         named = {name: getattr(self, name) for name in names}
@@ -122,8 +122,8 @@ def payload(
         Print one JSON object instead of text.
     """
     from palpate.exports.ros_parameters import ros_parameters as parameters
-    from palpate.preparation.force_frame import measure_payload
-    from palpate.preparation.settings import Preparation
+    from palpate.input.preparation.force_frame import measure_payload
+    from palpate.input.preparation.settings import Preparation
     from palpate.validation import plain
     from palpate.writing import check_marked, check_outputs, write_text
 
@@ -140,7 +140,7 @@ def payload(
     if ros_parameters is not None:
         frame = measured.sensor_frame or "ft_sensor"
         write_text(ros_parameters, parameters(found, sensor_frame=frame))
-    drawing.save("palpate.figures.payload.draw_payload", measured)
+    drawing.save("palpate.output.figures.payload.draw_payload", measured)
     if as_json:
         fields = plain(found.as_dict())
         print_json({"file": str(log), "mark": found.mark, "verdict": verdict_on(found), **fields})
@@ -156,15 +156,15 @@ def verdict_on(found: "Payload") -> str:
     """Return what the log is good for: *turns 43° about 2 axes, 20 s of free air: enough*."""
     axes = f"{found.axes} axis" if found.axes == 1 else f"{found.axes} axes"
     turns = f"turns {math.degrees(found.turn):.0f}° about {axes}" if found.axes else "does not turn"
-    words = f"{turns}, {found.free_time:.0f} s of free air ({percent(found.free_share)})"
+    text = f"{turns}, {found.free_time:.0f} s of free air ({percent(found.free_share)})"
     marks = {
         "mass": found.mass_mark, "mount": found.mount_mark, "clock": found.delay_mark,
     }  # fmt: skip
     poor = [name for name, mark in marks.items() if mark == "do-not-trust"]
     fair = [name for name, mark in marks.items() if mark == "with-care"]
     if poor:
-        return f"{words}: not enough for {' and '.join(poor)}"
-    return f"{words}: enough, with care for {' and '.join(fair)}" if fair else f"{words}: enough"
+        return f"{text}: not enough for {' and '.join(poor)}"
+    return f"{text}: enough, with care for {' and '.join(fair)}" if fair else f"{text}: enough"
 
 
 def _print(log: Path, found: "Payload") -> None:
@@ -181,10 +181,12 @@ def _print(log: Path, found: "Payload") -> None:
         return ", ".join(with_error(factor * a, factor * b) for a, b in pairs) + f" {unit}"
 
     cosine = float(np.clip(0.5 * (np.trace(found.mount) - 1.0), -1.0, 1.0))
-    turned, off = math.degrees(math.acos(cosine)), math.degrees(float(found.mount_error.max()))
+    turned = math.degrees(math.acos(cosine))
+    off = math.degrees(float(found.mount_error.max()))
     angle = with_error(turned, off, unit="°").replace(" °", "°")
     roll, pitch, yaw = map(math.degrees, roll_pitch_yaw(found.mount))
-    bias, error = found.sign * found.bias, found.bias_error
+    bias = found.sign * found.bias
+    error = found.bias_error
     torque = float(error[3:].max()) < _UNKNOWN_TORQUE
     centre = three(found.centre, found.centre_error, 1e3, "mm")
     late = "late" if found.delay >= 0.0 else "early"

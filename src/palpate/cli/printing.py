@@ -12,7 +12,7 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, TypeAlias
 
 from cyclopts import Parameter
 from rich.cells import cell_len
@@ -25,8 +25,8 @@ from palpate.errors import printable
 if TYPE_CHECKING:
     from palpate.findings import Finding
     from palpate.identifying import Identification
-    from palpate.recordings import Recording
-    from palpate.results.view import Line, Styled, ViewSection
+    from palpate.input.recordings import Recording
+    from palpate.output.results.view import Line, Styled, ViewSection
 
 Cell: TypeAlias = str | Text
 
@@ -93,9 +93,9 @@ def say_path(console: Console, words: str, style: str = "") -> None:
     console.print(Text(printable(words), style), soft_wrap=True)
 
 
-def say_command(console: Console, words: str, style: str = "") -> None:
+def say_command(console: Console, text: str, style: str = "") -> None:
     r"""Print a command to be copied: broken before its options, with a \ that the shell joins."""
-    joined = re.sub(" (?!--)", "\xa0", words)  # prevents a line break
+    joined = re.sub(" (?!--)", "\xa0", text)  # prevents a line break
     folder = textwrap.TextWrapper(max(console.width - _GAP, 1), subsequent_indent="  ")
     folder.break_long_words = folder.break_on_hyphens = False
     for line in " \\\n".join(folder.wrap(joined)).split("\n"):
@@ -123,66 +123,90 @@ def print_table(
     prose : sequence of str
         Headings of the columns whose text may be wrapped; other cells are never wrapped.
     """
+    texts = [list(map(as_text, row)) for row in rows]
+    columns = []
+    for k, cells in enumerate(zip(*texts, strict=True)):
+        words = set(map(str, cells))
+        if words.issubset(_NOTHING):
+            continue
+        folded = headings[k] in prose
+        title = headings[k].removeprefix(">")
+        most = _NARROWEST_PROSE if folded else math.inf
+        widest = int(min(max(map(_width, words)), most))
+        least = max(widest, int(min(_width(title), most)))
+        columns.append(_TableColumn(cells, title, title != headings[k], folded, widest, least))
+    if sum(column.least for column in columns) + _GAP * (len(columns) - 1) <= console.width:
+        _print_side_by_side(console, columns)
+    else:
+        _print_one_below_the_other(console, columns)
+
+
+class _TableColumn(NamedTuple):
+    cells: Sequence[Text]
+    title: str
+    numeric: bool
+    folded: bool
+    #: Widths of the widest cell, and of the column at least; prose may be narrower.
+    widest: int
+    least: int
+
+
+def _print_side_by_side(console: Console, columns: Sequence[_TableColumn]) -> None:
     from rich.table import Table  # here, because help needs no table and must be fast
 
-    texts = [list(map(as_text, row)) for row in rows]
-    shown, plain, least, cells = list[int](), dict[int, str](), dict[int, int](), dict[int, int]()
-    for k, column in enumerate(zip(*texts, strict=True)):
-        words = list(map(str, column))
-        if set(words).issubset(_NOTHING):
-            continue
-        shown.append(k)
-        plain[k] = headings[k].removeprefix(">")
-        most = _NARROWEST_PROSE if headings[k] in prose else math.inf
-        cells[k] = int(min(max(map(_width, words)), most))
-        least[k] = max(cells[k], int(min(_width(plain[k]), most)))
-    if sum(least.values()) + _GAP * (len(shown) - 1) <= console.width:
-        table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
-        table.show_header = any(plain.values())
-        for k in shown:
-            justify: JustifyMethod = "left" if plain[k] == headings[k] else "right"
-            folded = headings[k] in prose
-            table.add_column(plain[k], justify=justify, no_wrap=not folded, overflow="fold")
-        for row in texts:
-            table.add_row(*(row[k] for k in shown))
-        for parts in console.render_lines(table, pad=False):
-            line = Text.assemble(*((part.text, part.style or "") for part in parts))
-            line.rstrip()
-            console.print(line, soft_wrap=True)
-        return
-    flat = {k: plain[k].replace("\n", ", ").strip() for k in shown}
-    labels = {k: flat[k] for k in shown[1:]}
-    widest = max(cells[k] for k in labels) if labels else 0
+    table = Table(box=None, pad_edge=False, padding=(0, _GAP, 0, 0), header_style="bold")
+    table.show_header = any(column.title for column in columns)
+    for column in columns:
+        justify: JustifyMethod = "right" if column.numeric else "left"
+        table.add_column(column.title, justify=justify, no_wrap=not column.folded, overflow="fold")
+    for row in zip(*(column.cells for column in columns), strict=True):
+        table.add_row(*row)
+    for segments in console.render_lines(table, pad=False):
+        line = Text.assemble(*((segment.text, segment.style or "") for segment in segments))
+        line.rstrip()
+        console.print(line, soft_wrap=True)
+
+
+def _print_one_below_the_other(console: Console, columns: Sequence[_TableColumn]) -> None:
+    from rich.table import Table
+
+    name, *others = columns
+    labels = [_flatten(column.title) for column in others]
+    widest = max((column.widest for column in others), default=0)
     room = max(console.width - widest - 2 * _GAP, _NARROWEST_LABEL)
-    for row in texts:
+    labelled = min(room, max(map(cell_len, labels), default=0))
+    unit = f"{_flatten(name.title)} " if name.numeric else ""
+    for k, title in enumerate(name.cells):
         block = Table(box=None, show_header=False, padding=(0, 0, 0, _GAP))
-        labelled = min(room, max(map(cell_len, labels.values()), default=0))
         block.add_column(width=labelled, overflow="fold")
         block.add_column(overflow="fold")
-        for k, label in labels.items():
-            if row[k].plain not in _NOTHING:
-                block.add_row(Text(label, "dim"), row[k])
-        unit = Text(f"{flat[shown[0]]} " if headings[shown[0]].startswith(">") else "")
-        say(console, unit.append_text(row[shown[0]]), "bold")
+        for label, column in zip(labels, others, strict=True):
+            if column.cells[k].plain not in _NOTHING:
+                block.add_row(Text(label, "dim"), column.cells[k])
+        say(console, Text(unit).append_text(title), "bold")
         console.print(block)
 
 
-def _width(words: str) -> int:
-    return max(map(cell_len, words.split("\n")))
+def _flatten(title: str) -> str:
+    return title.replace("\n", ", ").strip()
+
+
+def _width(text: str) -> int:
+    return max(map(cell_len, text.split("\n")))
 
 
 def open_with_progress(
     file: Path, channels: Sequence[str] | None, *, max_size: float | None, **options: Any
 ) -> "Recording":
     """Open a recording with options of :func:`palpate.open_recording`, and show a bar."""
-    from palpate.recordings import open_recording
+    from palpate.input.recordings import open_recording
 
     with bar(f"reading {file}") as progress:
         return open_recording(file, channels, progress=progress, max_size=max_size, **options)
 
 
 @contextmanager
-def bar(words: str) -> Iterator[Callable[..., None]]:
+def bar(text: str) -> Iterator[Callable[..., None]]:
     """Show the progress of a task, and the remaining time.
 
     It yields a function of the number done and the total (default: 1, for a fraction). Nothing is
@@ -195,7 +219,7 @@ def bar(words: str) -> Iterator[Callable[..., None]]:
     from rich.progress import Progress
 
     with Progress(console=Terminal(stderr=True), transient=True) as shown:
-        task = shown.add_task(escape(printable(words)), total=None)
+        task = shown.add_task(escape(printable(text)), total=None)
         yield lambda done, total=1: shown.update(task, completed=done, total=total)
 
 
@@ -217,11 +241,11 @@ def print_identifications(
 ) -> None:
     """Print the identification of a file, or several identifications side by side."""
     if as_json:
-        from palpate.results.saved import describe_contact
+        from palpate.output.results.saved import describe_contact
 
         print_json(describe_contact(files, results))
         return
-    from palpate.results import view
+    from palpate.output.results import view
 
     if len(results) > 1:
         sections = [*view.comparison_sections(results), view.preparation_section(results)]
@@ -240,7 +264,7 @@ def print_identifications(
 
 def print_diagnosis(result: "Identification") -> None:
     """Print the verdict, its numbers, and every finding with its remedy."""
-    from palpate.results import view
+    from palpate.output.results import view
 
     _print(result.contact.source or "contact", view.diagnosis_sections(result))
 
@@ -281,9 +305,9 @@ def _cell(cell: "str | Styled") -> Cell:
 def _format_line(line: "Line") -> Text:
     from palpate.findings import spoken  # here: it imports NumPy, which help does not need
 
-    words = Text(f"{line.name}: " if line.name else "")
+    text = Text(f"{line.name}: " if line.name else "")
     if line.mark:
-        words.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
-        words.append(": " if line.text[:1].islower() else ". ")
-    words.append("; ".join((line.text, *line.remarks)))
-    return words.append(f" ({line.remedy})", "dim") if line.remedy else words
+        text.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
+        text.append(": " if line.text[:1].islower() else ". ")
+    text.append("; ".join((line.text, *line.remarks)))
+    return text.append(f" ({line.remedy})", "dim") if line.remedy else text

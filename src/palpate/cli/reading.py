@@ -23,16 +23,16 @@ from palpate.cli.options import (
 )
 from palpate.cli.printing import open_with_progress
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
-from palpate.preparation.options import SurfaceRule, describe_option
+from palpate.input.preparation.options import SurfaceRule, describe_option
 from palpate.writing import as_toml, check_marked, write_text
 
 if TYPE_CHECKING:
-    from palpate.contact import Contact
-    from palpate.estimators import ContactEstimator
+    from palpate.identification.quantities.elastic_modulus import Tip
     from palpate.identifying import Identification
-    from palpate.quantities.elastic_modulus import Tip
-    from palpate.recordings import Recording
-    from palpate.settings import ContactGate
+    from palpate.input.recordings import Recording
+    from palpate.method.contact import Contact
+    from palpate.method.estimators import ContactEstimator
+    from palpate.method.settings import ContactGate
 
 #: One file or several.
 Files: TypeAlias = tuple[Path, ...]
@@ -50,7 +50,7 @@ def negative_number_parameter(metavar: str) -> Parameter:
 
 
 def _help(name: str, example: str = "") -> Parameter:
-    """The description that :class:`~palpate.preparation.options.Options` has of an option."""
+    """The description that :class:`~palpate.input.preparation.options.Options` has of an option."""
     return Parameter(help=describe_option(name, example))
 
 
@@ -179,7 +179,7 @@ class ReadingOptions:
 
         The tip finds the contact point of force curves.
         """
-        from palpate.preparation.preparing import join_contacts
+        from palpate.input.preparation.preparing import join_contacts
 
         if self.companion is not None and len(files) > 1:
             raise InvalidParameterError("--with joins a second file to one file: pass one")
@@ -187,7 +187,7 @@ class ReadingOptions:
             check_marked(self.save_config)
         contact = join_contacts([self._contact(file, tip) for file in files])
         if self.save_config is not None:
-            from palpate.results.saved import how_made
+            from palpate.output.results.saved import how_made
 
             options = {**(choice or {}), **self.options}
             text = as_toml(options, how_made(contact, files))
@@ -196,7 +196,7 @@ class ReadingOptions:
 
     def _force_curve(self, recording: "Recording", tip: "Tip") -> "Contact | None":
         """Return the contact of a force curve, from the contact point that the tip finds."""
-        from palpate.quantities.indentation import (
+        from palpate.identification.quantities.indentation import (
             fit_force_curve,
             is_force_curve,
             prepare_force_curve,
@@ -210,7 +210,7 @@ class ReadingOptions:
         return prepare_force_curve(recording, fit_force_curve(recording, tip))
 
     def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
-        from palpate.preparation import prepare
+        from palpate.input.preparation import prepare
 
         recording = None
         try:
@@ -222,7 +222,10 @@ class ReadingOptions:
                 if curve is not None:
                     return curve
             second = self.companion and open_with_progress(
-                self.companion, None, max_size=self.max_size, strict=self.strict
+                self.companion,
+                None,
+                max_size=self.max_size,
+                strict=self.strict,
             )
             return prepare(recording, companion=second, **self.preparation)
         except MissingChannelError as error:
@@ -248,7 +251,7 @@ class ReadingOptions:
     @property
     def preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare`."""
-        from palpate.channels import Columns
+        from palpate.input.channels import Columns
 
         names = ("time", "penetration", "force", "velocity", "position", "orientation", "torque")
         as_given = ("velocity_window", "rate", "no_time", "normal", "force_frame", "mass", "strict")
@@ -269,7 +272,7 @@ class ReadingOptions:
             given["delay"] = self.delay if self.delay == "find" else parse_delay(self.delay)
         given |= quantities(self, tool_weight="force")
         if self.payload is not None:
-            from palpate.wrench import Payload
+            from palpate.input.wrench import Payload
 
             given["payload"] = Payload.load(self.payload)
         if self.tip_offset is not None:
@@ -282,8 +285,10 @@ class ReadingOptions:
     @property
     def changed_preparation(self) -> dict[str, Any]:
         """The arguments for :func:`palpate.prepare` that are not the default ones."""
-        usual = ReadingOptions().preparation
-        return {name: value for name, value in self.preparation.items() if value != usual[name]}
+        preparation = ReadingOptions().preparation
+        return {
+            name: value for name, value in self.preparation.items() if value != preparation[name]
+        }
 
     @property
     def _surface(self) -> Any:
@@ -292,8 +297,8 @@ class ReadingOptions:
         try:
             return quantity("--surface", str(self.surface), "penetration")
         except InvalidParameterError as error:
-            words = f"{error}; or threshold, baseline, fit or estimate"
-            raise InvalidParameterError(words) from None
+            text = f"{error}; or threshold, baseline, fit or estimate"
+            raise InvalidParameterError(text) from None
 
     @property
     def options(self) -> dict[str, Any]:
@@ -305,7 +310,10 @@ class ReadingOptions:
         }
 
     def choose_default_law(
-        self, choosing: MethodOptions, *, timeless: bool = False
+        self,
+        choosing: MethodOptions,
+        *,
+        timeless: bool = False,
     ) -> MethodOptions:
         """Return the options, with the default law if neither law nor method is requested.
 
@@ -344,7 +352,7 @@ class ReadingOptions:
         return compare(contact, gate=self._gate(contact), **settings)
 
     def _gate(self, contact: "Contact", *, alone: bool = False) -> "ContactGate | None":
-        from palpate.preparation.gate import requested_gate
+        from palpate.input.preparation.gate import requested_gate
 
         return requested_gate(contact, self.min_penetration, self.min_force, alone=alone)
 

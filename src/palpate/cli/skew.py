@@ -8,13 +8,17 @@ from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
-    from palpate.quantities.skew import Skew
+    from palpate.identification.quantities.skew import Skew
 
 _STYLES = {"trust": "green", "with-care": "yellow"}
 
 
 def skew(
-    files: Files, /, *, as_json: AsJson = False, reading: ReadingOptions = ReadingOptions()
+    files: Files,
+    /,
+    *,
+    as_json: AsJson = False,
+    reading: ReadingOptions = ReadingOptions(),
 ) -> None:
     """Measure how late the force is behind the position, from a touch of a steel spring.
 
@@ -34,7 +38,7 @@ def skew(
     as_json
         Print one JSON object instead of text.
     """
-    from palpate.quantities.skew import skew as measure
+    from palpate.identification.quantities.skew import skew as measure
     from palpate.validation import plain
 
     if reading.delay is not None:
@@ -52,7 +56,7 @@ def _print(files: tuple[Path, ...], found: "Skew") -> None:
 
     from palpate.digits import percent, rounded
     from palpate.findings import spoken
-    from palpate.quantities.skew import describe_delay
+    from palpate.identification.quantities.skew import describe_delay
 
     console = Terminal()
     say_path(console, ", ".join(file.name for file in files), "bold")

@@ -10,7 +10,6 @@ from palpate.exports.engine import Replayed as Replayed
 from palpate.exports.engine import engine_called as engine_called
 from palpate.exports.engine import engines as engines
 from palpate.exports.exporting import Export as Export
-from palpate.exports.exporting import SimulatedContact as SimulatedContact
 from palpate.exports.exporting import export as export
 from palpate.exports.motion import ExportRequest as ExportRequest
 from palpate.exports.motion import ProbeMotion as ProbeMotion

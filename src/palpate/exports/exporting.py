@@ -1,20 +1,16 @@
-"""Export a law: fit the engine's parameters, judge the error, write files, simulate contacts."""
+"""Export a law: fit the engine's parameters, judge the error, write files."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-
-from palpate.errors import ExportRefusedError, InvalidParameterError, MissingExtraError
+from palpate.errors import ExportRefusedError, InvalidParameterError
 from palpate.exports.engine import Engine, Fragment, engine_called
-from palpate.exports.motion import ExportRequest, ProbeMotion
+from palpate.exports.motion import ExportRequest
 from palpate.exports.statement import Exportable, ExportedLaw, Statement, compare_errors
-from palpate.lab.materials import Touch
-from palpate.validation import Floats, number_in
+from palpate.validation import number_in
 from palpate.writing import (
     as_json,
     check_own,
@@ -138,7 +134,10 @@ def export(
     _check(engine, request, given_radius=tip_radius is not None)
     fragment = engine.fit(request)
     found = compare_errors(
-        source, nearest, fragment, replay=replay and engine.version() is not None
+        source,
+        nearest,
+        fragment,
+        replay=replay and engine.version() is not None,
     )
     statement = Statement(source, nearest, engine, fragment, found, allow)
     if statement.refused:
@@ -164,7 +163,10 @@ def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> Non
 
 
 def save_statement(
-    statement: Statement, folder: Path, inputs: Sequence[Path], files: Mapping[str, str]
+    statement: Statement,
+    folder: Path,
+    inputs: Sequence[Path],
+    files: Mapping[str, str],
 ) -> list[Path]:
     """Write the statement and the exported files; return their paths."""
     make_folder(folder)
@@ -203,7 +205,10 @@ def _digest(text: str) -> str:
 
 
 def _file_texts(
-    statement: Statement, files: Mapping[str, str], earlier: Mapping[str, str], left: Sequence[str]
+    statement: Statement,
+    files: Mapping[str, str],
+    earlier: Mapping[str, str],
+    left: Sequence[str],
 ) -> dict[str, str]:
     """Return the text of all files, the two of the statement last."""
     name = escape_markdown(statement.source.name or "A law")
@@ -219,85 +224,3 @@ def _file_texts(
     digests |= {name: earlier[name] for name in left}
     whole = {**statement.as_dict(), "files": list(files), "left": list(left), "sha256": digests}
     return {**texts, number: as_json(whole)}
-
-
-# An exported fragment as a material of the laboratory: the force is computed by the engine.
-
-
-class InAnEngine:
-    """A material of the laboratory whose force an engine computes, state by state.
-
-    Parameters
-    ----------
-    name : str
-        Display name.
-    pushed : callable
-        Returns the engine's force [N], shape (k,), at the states of a motion below the surface.
-    truth : dict
-        Description of the material for the recording, SI.
-    """
-
-    def __init__(
-        self, name: str, pushed: Callable[[ProbeMotion], Floats], truth: dict[str, Any]
-    ) -> None:
-        self.name, self._pushed, self._truth = name, pushed, truth
-
-    def describe(self) -> dict[str, Any]:
-        """Return the exported law, SI, and the engine."""
-        return self._truth
-
-    def touch(self) -> Touch:
-        """Raise: an engine's contact force depends on the probe's acceleration.
-
-        Raises
-        ------
-        InvalidParameterError
-            Always.
-        """
-        raise InvalidParameterError(
-            f"{self.name} needs a probe with prescribed motion, --probe ideal: the "
-            "engine's contact force depends on the acceleration"
-        )
-
-    def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
-    ) -> Floats:
-        """Return the engine's force [N] along a whole motion, shape (k,); 0 out of contact."""
-        force, below = np.zeros_like(time), np.flatnonzero(penetration > 0.0)
-        if below.size:
-            acceleration = np.gradient(velocity, time)
-            t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
-            force[below] = self._pushed(ProbeMotion(t, x, v, a, np.ones(below.size, dtype=bool)))
-        return force
-
-
-class SimulatedContact(InAnEngine):
-    """A material of the laboratory whose force an exported law has in the real engine.
-
-    With it the laboratory records a contact simulated by the engine, which can be identified like
-    any other.
-
-    Parameters
-    ----------
-    made : Export
-        As returned by :func:`palpate.exports.export`; needs :class:`palpate.lab.IdealProbe`.
-
-    Raises
-    ------
-    InvalidParameterError
-        palpate cannot run the engine.
-    """
-
-    def __init__(self, made: Export) -> None:
-        statement, fragment = made.statement, made.fragment
-        engine, law = statement.engine, statement.nearest.law.simplest()
-
-        def replay_force(motion: ProbeMotion) -> Floats:
-            ran = fragment.replay(motion)
-            if ran is None:
-                raise MissingExtraError(f"palpate cannot run {engine.title} to compute the force")
-            return ran.force
-
-        name = f"{statement.source.name or 'a law'} in {engine.title}"
-        inside = {"engine": engine.name, "form": fragment.form}
-        super().__init__(name, replay_force, {**law.description(), **inside})

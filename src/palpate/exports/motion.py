@@ -8,11 +8,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate import lab
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, steps_over_breaks
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
-from palpate.lab.trajectories import Probing
-from palpate.results.saved import SavedResult
+from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats
 
 #: Most states at which an engine computes the force; slow engines have a lower limit.
@@ -55,8 +55,9 @@ class ProbeMotion:
         Samples deeper than 2 mm count for errors.
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
-        command = Probing(pause=0.0).at(time)
-        x, v = command.penetration, command.velocity
+        command = lab.Probing(pause=0.0).at(time)
+        x = command.penetration
+        v = command.velocity
         return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
 
     @classmethod
@@ -70,16 +71,18 @@ class ProbeMotion:
         """
         contact = result.contact
         if isinstance(result, Identification):
-            surface, offset = result.estimate.surface, result.estimate.offset
+            surface = result.estimate.surface
+            offset = result.estimate.offset
         else:
             [found] = result.description["results"]
             surface, offset = (float(found.get(name, 0.0)) for name in ("surface", "offset"))
         good = np.isfinite(contact.penetration) & np.isfinite(contact.velocity)
         good &= np.isfinite(contact.force)
-        parts = [np.flatnonzero(good[part]) + part.start for part in contact.segments()]
+        parts = [np.flatnonzero(good[segment]) + segment.start for segment in contact.segments()]
         kept = [part for part in parts if part.size > 1]
         whole = np.concatenate(kept) if kept else np.empty(0, dtype=np.int64)
-        time, velocity = contact.time[whole], contact.velocity[whole]
+        time = contact.time[whole]
+        velocity = contact.velocity[whole]
         parts = [np.gradient(contact.velocity[part], contact.time[part]) for part in kept]
         penetration = contact.penetration[whole] - surface
         judged = result.trace.taken[whole] & (penetration > 0.0)
@@ -114,8 +117,7 @@ class ProbeMotion:
             return law.force(self.penetration, self.velocity)
         inside = np.delete(np.diff(self.time, prepend=0.0), list(self.starts))
         usual = float(np.median(inside)) if inside.size else 1e-3
-        steps = steps_over_breaks(self.time, self.penetration, usual)
-        return law.force_along(self.penetration, self.velocity, steps)
+        return law.force_over(self.time, self.penetration, self.velocity, usual)
 
     def firm(self, most: int = MOST_SAMPLES) -> "ProbeMotion":
         """Return the judged samples only, at most so many, evenly chosen.

@@ -5,17 +5,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimators.least_squares import least_squares
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.replay_errors import force_error
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.method.estimators.least_squares import least_squares
 from palpate.validation import Floats
 
 _EXPONENTS = (0.5, 3.0)  # a little beyond x and x²
 
 
 def fit_with_exponents(
-    law: ForceLaw, motion: ProbeMotion, n: float, p: float
+    law: ForceLaw,
+    motion: ProbeMotion,
+    n: float,
+    p: float,
 ) -> GeneralisedHuntCrossley:
     """Return the nearest K xⁿ + B xᵖ v, by least squares over the judged samples, B ≥ 0.
 
@@ -30,12 +33,19 @@ def fit_with_exponents(
 
 
 def _nearest(
-    law: ForceLaw, motion: ProbeMotion, exponents: tuple[float, float], p: float
+    law: ForceLaw,
+    motion: ProbeMotion,
+    exponents: tuple[float, float],
+    p: float,
 ) -> GeneralisedHuntCrossley:
     """Return K, n within these bounds, and B ≥ 0 by least squares over the judged samples."""
-    firm, unit = motion.judged, motion.deepest  # in SI units K and n are correlated
-    x, v = motion.penetration[firm] / unit, motion.velocity[firm]
-    force, damper, logarithm = motion.force_by(law)[firm], x**p * v, np.log(x)
+    firm = motion.judged
+    unit = motion.deepest  # in SI units K and n are correlated
+    x = motion.penetration[firm] / unit
+    v = motion.velocity[firm]
+    force = motion.force_by(law)[firm]
+    damper = x**p * v
+    logarithm = np.log(x)
 
     def model(parameters: Floats) -> tuple[Floats, Floats]:
         stiffness, n, damping = parameters
@@ -51,7 +61,9 @@ def _nearest(
 
 
 def fit_with_one_exponent(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, n: float
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    n: float,
 ) -> GeneralisedHuntCrossley:
     """Return the nearest K xⁿ (1 + b v), b ≥ 0.
 
@@ -60,7 +72,8 @@ def fit_with_one_exponent(
     if law.B > 0.0 and law.p != law.n:
         return fit_with_exponents(law, motion, n, n)
     b = max(law.B, 0.0) / law.K
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    x = motion.penetration[motion.judged]
+    v = motion.velocity[motion.judged]
     weight = np.maximum(1.0 + b * v, 0.0) ** 2 * x**n
     stiffness = law.K * float(weight @ x**law.n / (weight @ x**n))
     return GeneralisedHuntCrossley(K=stiffness, n=n, B=stiffness * b, p=n)
@@ -108,7 +121,11 @@ class Nearest:
 
     @classmethod
     def of(
-        cls, member: GeneralisedHuntCrossley, law: ForceLaw, motion: ProbeMotion, which: str
+        cls,
+        member: GeneralisedHuntCrossley,
+        law: ForceLaw,
+        motion: ProbeMotion,
+        which: str,
     ) -> "Nearest":
         """Return an exported law with its error along a motion."""
         error = force_error(motion.force_by(member), motion.force_by(law), motion.judged)
@@ -140,5 +157,8 @@ def one_power(law: ForceLaw, motion: ProbeMotion) -> Nearest:
     """Return the K xⁿ + B v nearest to the quadratic law K₁ x + K₂ x² + B v."""
     nearest = _nearest(law, motion, _EXPONENTS, 0.0)
     return Nearest.of(
-        nearest, law, motion, "the law with one power of depth nearest along this motion"
+        nearest,
+        law,
+        motion,
+        "the law with one power of depth nearest along this motion",
     )

@@ -21,7 +21,8 @@ from palpate.writing import temporary_file
 # Running OpenSim: the force and restitution of the exported model.
 
 # States looked at on the way down, and the longest time as a multiple of the time down.
-_LOOKS, _LONGEST = 100, 20
+_LOOKS = 100
+_LONGEST = 20
 # This accuracy reproduced the exact restitution to seven digits.
 _ACCURACY = 1e-8
 
@@ -67,7 +68,9 @@ def _quiet_opensim() -> Any:
     with warnings.catch_warnings():
         # Python 3.12 warns like this when it imports an extension made by an older SWIG.
         warnings.filterwarnings(
-            "ignore", "builtin type .* has no __module__ attribute", DeprecationWarning
+            "ignore",
+            "builtin type .* has no __module__ attribute",
+            DeprecationWarning,
         )
         import opensim
     # By default OpenSim writes a log to the current folder.
@@ -91,7 +94,8 @@ class SphereOnHalfSpace(Fragment):
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return a model with the force to paste, and a script that simulates an impact."""
-        mass, radius = self.request.mass_or_one, self.numbers["radius"]
+        mass = self.request.mass_or_one
+        radius = self.numbers["radius"]
         # The inertia of a solid sphere; the tip cannot rotate, so it has no effect.
         tip = {"mass": mass, "inertia": 0.4 * mass * radius**2, "above": -radius}
         contact = {**self.numbers, "rigid": RIGID * self.numbers["stiffness"]}
@@ -137,10 +141,8 @@ class OpenSim(Engine):
                 "OpenSim needs the tip's radius, to whose root its force is proportional: add "
                 "--tip-radius, such as --tip-radius 5mm"
             )
-        law, radius = (
-            fit_with_one_exponent(request.law, request.motion, _EXPONENT),
-            request.tip_radius,
-        )
+        law = fit_with_one_exponent(request.law, request.motion, _EXPONENT)
+        radius = request.tip_radius
         warnings = [
             f"for a tip radius of {1e3 * radius:.4g} mm only: the force scales with its root"
         ]

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.estimators.estimate import rmse_percent
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.quantities.restitution import restitution
+from palpate.identification.quantities.restitution import restitution
 from palpate.validation import Floats
 
 # Steps per half period of the spring alone: restitution e is accurate to 10⁻⁶.
@@ -21,7 +20,10 @@ _LONGEST = 40
 
 def force_error(force: Floats, reference: Floats, judged: NDArray[np.bool_]) -> float:
     """Return 100 rms(F − F_reference)/rms(F_reference) over the judged samples, %."""
-    return rmse_percent(reference[judged], force[judged])
+    expected = reference[judged]
+    error = expected - force[judged]
+    energy = float(expected @ expected)
+    return 100.0 * math.sqrt(float(error @ error) / energy) if energy > 0.0 else math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,8 @@ class Drop:
 def drop_to(law: GeneralisedHuntCrossley, mass: float, depth: float) -> Drop:
     """Return the impact that reaches a depth [m] by a law, with its restitution.
 
-    For p = n from the exact relation of :mod:`palpate.quantities.restitution`, else by integration.
+    For p = n from the exact relation of :mod:`palpate.identification.quantities.restitution`, else
+    by integration.
     """
     force = law.force
     step = half_period(law, mass, depth) / _STEPS
@@ -106,7 +109,11 @@ def half_period(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
 
 
 def course(
-    force: Pointwise, mass: float, x: float, v: float, step: float
+    force: Pointwise,
+    mass: float,
+    x: float,
+    v: float,
+    step: float,
 ) -> Iterator[tuple[float, float]]:
     """Yield position and velocity of a free body, m ẍ = −F(x, ẋ), until it leaves the surface.
 
@@ -137,5 +144,6 @@ def _until_surface(force: Pointwise, mass: float, x: float, v: float, step: floa
         if nearer <= 0.0:
             # Interpolate linearly to x = 0 within the step.
             return v + (faster - v) * x / (x - nearer) if x > nearer else faster
-        x, v = nearer, faster
+        x = nearer
+        v = faster
     return 0.0

@@ -3,13 +3,15 @@
 import math
 from typing import Any
 
-from palpate.recordings.units import GRAVITY
-from palpate.wrench.payload import Payload
+from palpate.input.wrench.payload import Payload
 from palpate.writing import MADE, quote
 
 
 def ros_parameters(
-    payload: Payload, *, world_frame: str = "world", sensor_frame: str = "ft_sensor"
+    payload: Payload,
+    *,
+    world_frame: str = "world",
+    sensor_frame: str = "ft_sensor",
 ) -> str:
     """Return the weight as parameters of control_toolbox and of mujoco_ros2_control, in YAML.
 
@@ -18,7 +20,9 @@ def ros_parameters(
     ``FtsGravCompPlugin``, in the development version of mujoco_ros2_control_plugins after 0.1.0.
     Both subtract the weight alone: neither bias nor inertia.
     """
-    centre, world, sensor = _yaml_list(payload.centre), quote(world_frame), quote(sensor_frame)
+    centre = _yaml_list(payload.centre)
+    world = quote(world_frame)
+    sensor = quote(sensor_frame)
     roll, pitch, yaw = roll_pitch_yaw(payload.mount)
     errors = ", ".join(f"{each:.2g}" for each in payload.centre_error)
     bias = ", ".join(f"{each:.6g}" for each in payload.sign * payload.bias)
@@ -42,7 +46,7 @@ def ros_parameters(
           tool:
             CoG: {centre}
             mass: {float(payload.mass)!r}
-            gravity_field: [0.0, 0.0, {-payload.sign * GRAVITY!r}]
+            gravity_field: [0.0, 0.0, {-payload.sign * payload.gravity!r}]
 
     # mujoco_ros2_control_plugins: the development version after 0.1.0.
     mujoco_plugins:

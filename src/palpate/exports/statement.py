@@ -6,7 +6,7 @@ to export.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -14,15 +14,13 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from palpate._core import __version__
-from palpate.diagnosis import Data, Diagnosis, Verdict
-from palpate.digits import parameter, rounded
+from palpate.digits import format_hertz, parameter, rounded
 from palpate.errors import (
     ExportRefusedError,
     InvalidParameterError,
     MissingExtraError,
     RecordingError,
 )
-from palpate.estimators import VariableProjection
 from palpate.exports.engine import Engine, Fragment, make_refusals, make_warnings
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.nearest_law import (
@@ -35,12 +33,11 @@ from palpate.exports.replay_errors import Drop, drop_to, force_error
 from palpate.exports.texts import law_numbers, length, percent
 from palpate.findings import Finding
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.force_laws.laws import Spring
-from palpate.identifying import Identification
-from palpate.quantities.derived import format_hertz
-from palpate.quantities.elastic_modulus import Sphere
-from palpate.results.parameters import describe_relaxation
-from palpate.results.saved import SavedResult
+from palpate.identification.diagnosis import Diagnosis, Verdict
+from palpate.identification.quantities.elastic_modulus import Sphere
+from palpate.identifying import Identification, identify
+from palpate.method.estimators import VariableProjection
+from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats, finite_or_none, shown
 
 #: Types that can be exported.
@@ -101,7 +98,7 @@ class ExportedLaw:
             The saved result is damaged.
         """
         law = result if isinstance(result, ForceLaw) else getattr(result, "law", None)
-        if isinstance(law, Spring):
+        if isinstance(law, ForceLaw) and math.isnan(law.damping_at(1e-3)):
             raise ExportRefusedError(
                 "the recording has no time, so its damping, which an engine needs, is unknown: "
                 "record the time of each sample"
@@ -116,18 +113,22 @@ class ExportedLaw:
         judged: Diagnosis | SavedResult
         try:
             if isinstance(result, Identification):
-                judged, flags, tip = result.diagnosis, result.flags, result.query.tip
+                judged = result.diagnosis
+                flags = result.flags
+                tip = result.query.tip
                 radius = tip.radius if isinstance(tip, Sphere) else None
             else:
-                judged, [found] = result, result.description["results"]
+                judged = result
+                [found] = result.description["results"]
                 saved = (found.get("elastic_modulus") or {}).get("tip") or {}
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
                 flags = found["flags"]
-            response, fitted = _response(result, judged), result
+            response = _response(result, judged)
+            fitted = result
             if response is not None:
                 exponent = result.law.n if "n" in result.fixed else None
                 plain = VariableProjection(exponent=exponent)
-                fitted = Identification.of(Data(result.contact), plain, trace=False)
+                fitted = identify(result.contact, plain, trace=False)
             motion = ProbeMotion.recorded(fitted)
             return cls(
                 law=fitted.law,
@@ -156,7 +157,7 @@ class ExportedLaw:
         """The most severe finding and its remedy; empty if the verdict is trust."""
         if self.verdict is None or self.verdict.overall == "trust":
             return ""
-        return next((str(each) for each in self.findings if each.severity != "note"), "")
+        return next((str(finding) for finding in self.findings if finding.severity != "note"), "")
 
     def nearest(self) -> Nearest:
         """Return the nearest law K xⁿ + B xᵖ v: engines have no laws with relaxation.
@@ -250,7 +251,11 @@ class Compared:
 
 
 def compare_errors(
-    source: ExportedLaw, nearest: Nearest, fragment: Fragment, *, replay: bool
+    source: ExportedLaw,
+    nearest: Nearest,
+    fragment: Fragment,
+    *,
+    replay: bool,
 ) -> Compared:
     """Return the errors of a fragment along the source's motion.
 
@@ -271,7 +276,8 @@ def compare_errors(
     reference = whole.force_by(source.law) if source.answer is None else source.answer
     law = reference[whole.firm_places(fragment.most_samples)]
     predicted = fragment.predict_force(motion)
-    ran, fails = None, ""
+    ran = None
+    fails = ""
     try:
         ran = fragment.replay(motion) if replay else None
     except ImportError as error:  # installed, but it does not load
@@ -355,84 +361,119 @@ class Statement:
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Refusals, of severity do-not-trust, and warnings."""
-        source, nearest, found = self.source, self.nearest, self.compared
-        verdict, result = source.verdict, list[Finding]()
+        return (
+            *self._check_verdict(),
+            *self._check_nearest_law(),
+            *self._relaxation(),
+            *self.fragment.findings,
+            *self._check_errors(),
+            *self._check_time_step(),
+            *self._check_prediction(),
+        )
+
+    def _check_verdict(self) -> Iterator[Finding]:
+        """Yield what the verdict and the flags of the identification say of the law."""
+        verdict = self.source.verdict
         if verdict is None:
-            result += make_warnings("a law without a recording: palpate cannot judge its accuracy")
+            yield from make_warnings("a law without a recording: palpate cannot judge its accuracy")
         elif verdict.overall == "do-not-trust":
-            result += make_refusals(f"the verdict is do-not-trust{_because(source)}")
+            yield from make_refusals(f"the verdict is do-not-trust{_because(self.source)}")
         elif verdict.overall == "with-care":
-            result += make_warnings(f"the verdict is with-care{_because(source)}")
+            yield from make_warnings(f"the verdict is with-care{_because(self.source)}")
         elif verdict.damping != "trust":
-            result += make_warnings(
+            yield from make_warnings(
                 f"the verdict on damping, and thus impacts, is {verdict.damping}"
             )
-        result += make_warnings(*(f"flag: {flag}" for flag in source.flags))
-        values = source.law.as_dict()
+        yield from make_warnings(*(f"flag: {flag}" for flag in self.source.flags))
+
+    def _check_nearest_law(self) -> Iterator[Finding]:
+        """Yield how the exported law differs from the identified one."""
+        law = self.source.law
+        which = self.nearest.which
+        difference = percent(self.nearest.error_percent)
+        values = law.as_dict()
         # With two springs one may be negative.
         strengths = ("B",) if "K2" in values else ("K", "B")
-        if not source.law.remembers and any(values.get(each, 0.0) < 0.0 for each in strengths):
-            result += make_refusals(
+        if not law.remembers and any(values.get(name, 0.0) < 0.0 for name in strengths):
+            yield from make_refusals(
                 "the law has a negative stiffness or damping, so it generates energy; the exported "
-                f"law ({nearest.which}) differs by {percent(nearest.error_percent)} of force"
+                f"law ({which}) differs by {difference} of force"
             )
-        if nearest.which and source.law.remembers:
-            result += make_warnings(
-                f"engines have no stress relaxation: exported is {nearest.which}; it differs by "
-                f"{percent(nearest.error_percent)} of force on this motion and by more at other "
-                "speeds, and restitution is that of the exported law"
+        if which and law.remembers:
+            yield from make_warnings(
+                f"engines have no stress relaxation: exported is {which}; it differs by "
+                f"{difference} of force on this motion and by more at other speeds, and "
+                "restitution is that of the exported law"
             )
-        elif nearest.which:
-            result += make_warnings(
-                f"engines do not have this law: exported is {nearest.which}; it differs by "
-                f"{percent(nearest.error_percent)} of force"
+        elif which:
+            yield from make_warnings(
+                f"engines do not have this law: exported is {which}; it differs by {difference} of "
+                "force"
             )
-        result += self._relaxation()
-        result += self.fragment.findings
-        if not found.percent <= MOST_PERCENT:  # also refuses NaN
-            result += make_refusals(
-                f"the force error of the engine is {percent(found.percent)} "
-                f"({'replayed' if found.replayed else 'predicted'}), more than {MOST_PERCENT:g} %"
+
+    def _check_errors(self) -> Iterator[Finding]:
+        """Yield what the errors of force and restitution say against the engine."""
+        compared = self.compared
+        fastest = self.source.motion.fastest
+        if not compared.percent <= MOST_PERCENT:  # also refuses NaN
+            how = "replayed" if compared.replayed else "predicted"
+            yield from make_refusals(
+                f"the force error of the engine is {percent(compared.percent)} ({how}), more than "
+                f"{MOST_PERCENT:g} %"
                 f"{self._describe_shares()}"
             )
-        if abs(found.restitution_percent) > REBOUND_PERCENT:
-            result += make_warnings(
+        if abs(compared.restitution_percent) > REBOUND_PERCENT:
+            yield from make_warnings(
                 f"impacts will be wrong: the engine's restitution is "
-                f"{rounded(found.drop_restitution, 3)}, that of the law "
-                f"{rounded(found.drop.restitution, 3)}"
+                f"{rounded(compared.drop_restitution, 3)}, that of the law "
+                f"{rounded(compared.drop.restitution, 3)}"
             )
-        if found.drop.speed > source.motion.fastest and verdict is not None:
-            result += make_warnings(
-                f"the law was identified at speeds up to {length(source.motion.fastest, 2)}/s; an "
-                f"impact at {rounded(found.drop.speed, 2)} m/s extrapolates it"
+        if compared.drop.speed > fastest and self.source.verdict is not None:
+            yield from make_warnings(
+                f"the law was identified at speeds up to {length(fastest, 2)}/s; an impact at "
+                f"{rounded(compared.drop.speed, 2)} m/s extrapolates it"
             )
-        limit, step = self.fragment.largest_step, self.fragment.request.time_step
-        if limit is not None and step >= limit:
-            result += make_refusals(
+
+    def _check_time_step(self) -> Iterator[Finding]:
+        """Yield what the time step says against the simulation."""
+        limit = self.fragment.largest_step
+        step = self.fragment.request.time_step
+        if limit is None:
+            return
+        if step >= limit:
+            yield from make_refusals(
                 f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
             )
-        elif limit is not None and step > 0.5 * limit:
-            result += make_warnings(
+        elif step > 0.5 * limit:
+            yield from make_warnings(
                 f"a time step of {_ms(step)} is more than half of the stability limit of "
                 f"{_ms(limit)}"
             )
-        if found.replayed and abs(found.percent - found.predicted_percent) > _AS_PREDICTED:
-            result += make_warnings(
-                f"the replayed error is {percent(found.percent)} but the predicted one "
-                f"{percent(found.predicted_percent)}: this version of the engine may be different"
+
+    def _check_prediction(self) -> Iterator[Finding]:
+        """Yield whether a replay differs from the prediction."""
+        compared = self.compared
+        if compared.replayed and abs(compared.percent - compared.predicted_percent) > _AS_PREDICTED:
+            yield from make_warnings(
+                f"the replayed error is {percent(compared.percent)} but the predicted one "
+                f"{percent(compared.predicted_percent)}: this version of the engine may be "
+                "different"
             )
-        return tuple(result)
 
     @property
     def refusals(self) -> tuple[str, ...]:
         """Reasons to refuse the export; empty if there are none."""
-        return tuple(each.message for each in self.findings if each.severity == "do-not-trust")
+        return tuple(
+            finding.message for finding in self.findings if finding.severity == "do-not-trust"
+        )
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings for the user."""
-        return tuple(each.message for each in self.findings if each.severity != "do-not-trust")
+        return tuple(
+            finding.message for finding in self.findings if finding.severity != "do-not-trust"
+        )
 
     @property
     def refused(self) -> bool:
@@ -453,10 +494,10 @@ class Statement:
         motion = self.source.motion
         depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
         where = f"at depths {depths} and speeds up to {length(motion.fastest, 2)}/s"
-        words = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
+        text = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
         if not self.refusals:
-            return words
-        return f"{words}; allowed by the user although {'; '.join(self.refusals)}"
+            return text
+        return f"{text}; allowed by the user although {'; '.join(self.refusals)}"
 
     def describe(self) -> list[str]:
         """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
@@ -464,23 +505,25 @@ class Statement:
         lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
         if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
-        return [*lines, *(f"Warning: {each}." for each in self.warnings)]
+        return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
 
     def basis(self) -> list[str]:
         """Return how the errors were obtained, and the three force errors."""
-        found, title = self.compared, self.engine.title
-        measured, leaves = found.against_measured_percent, found.law_leaves_percent
-        if found.replayed:
-            how = f"Replayed in {title} {self.engine.version() or ''}, {found.how}".rstrip()
-            how += f" (predicted error {percent(found.predicted_percent)})."
+        compared = self.compared
+        title = self.engine.title
+        measured = compared.against_measured_percent
+        leaves = compared.law_leaves_percent
+        if compared.replayed:
+            how = f"Replayed in {title} {self.engine.version() or ''}, {compared.how}".rstrip()
+            how += f" (predicted error {percent(compared.predicted_percent)})."
         else:
             why = f"palpate cannot run {title}"
             if self.engine.distribution is not None:
-                why = f"it does not load: {found.fails}" if found.fails else "not requested"
+                why = f"it does not load: {compared.fails}" if compared.fails else "not requested"
                 if not self.engine.version():
                     why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
             how = f"Not replayed ({why}): the errors of the engine are predicted."
-        three = f"Rms force error: {percent(found.percent)} against {self._reference}"
+        three = f"Rms force error: {percent(compared.percent)} against {self._reference}"
         if measured is not None and leaves is not None:
             three += f", {percent(measured)} against the measured force"
             three += f" (the law itself: {percent(leaves)})"
@@ -491,32 +534,37 @@ class Statement:
         if self.source.response is None:
             return ()
         depth, omega, stiffness, damping = self.source.response
-        own = self.nearest.law
-        given = own.stiffness_at(depth)
-        words = (
+        law = self.nearest.law
+        given = law.stiffness_at(depth)
+        text = (
             "the material relaxes, and engines have no stress relaxation: exported is the "
             f"Hunt–Crossley law nearest to this recording, for {format_hertz(omega)}: stiffness "
-            f"{rounded(given, 3)} N/m and damping {rounded(own.damping_at(depth), 3)} N·s/m at "
+            f"{rounded(given, 3)} N/m and damping {rounded(law.damping_at(depth), 3)} N·s/m at "
             f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
-        return make_refusals(words) if not apart <= STIFFNESS_OFF else make_warnings(words)
+        return make_refusals(text) if not apart <= STIFFNESS_OFF else make_warnings(text)
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
-        law, errors = self.source.law, self.source.standard_errors
+        law = self.source.law
+        errors = self.source.standard_errors
         values = law.as_dict()
         known = [math.nan] * len(values) if errors is None else [float(each) for each in errors]
         shown = [
             f"{symbol} = {rounded(value, 6) if errors is None else parameter(value, error)} {unit}"
             for symbol, value, error, unit in zip(
-                law.symbols, values.values(), known, law.units, strict=True
+                law.symbols,
+                values.values(),
+                known,
+                law.units,
+                strict=True,
             )
         ]
         origin = f"of {self.source.name}" if self.source.name else "without a recording"
         if isinstance(law, GeneralisedHuntCrossley) and law.remembers:
-            shown.append(f"τ = {describe_relaxation(law)}")
+            shown.append(f"τ = {law.describe_relaxation()}")
         lines = [f"Law {origin}: {law.kind}, {', '.join(map(str.rstrip, shown))}."]
         if self.nearest.which:
             inside = _list_numbers(law_numbers(self.nearest.law), 4)
@@ -529,8 +577,11 @@ class Statement:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the statement as plain numbers and text, SI; None for undefined numbers."""
-        source, found, request = self.source, self.compared, self.fragment.request
-        errors, drop = source.standard_errors, found.drop
+        source = self.source
+        compared = self.compared
+        request = self.fragment.request
+        errors = source.standard_errors
+        drop = compared.drop
         return {
             "palpate_version": __version__,
             "engine": self.engine.name,
@@ -542,13 +593,13 @@ class Statement:
             "refusals": list(self.refusals),
             "allowed": bool(self.refusals) and self.allowed,
             "warnings": list(self.warnings),
-            "replayed": found.replayed,
-            "how": found.how or None,
+            "replayed": compared.replayed,
+            "how": compared.how or None,
             "error_percent": {
-                "against_law": finite_or_none(found.percent),
-                "predicted": finite_or_none(found.predicted_percent),
-                "against_measured": finite_or_none(found.against_measured_percent),
-                "law_leaves": finite_or_none(found.law_leaves_percent),
+                "against_law": finite_or_none(compared.percent),
+                "predicted": finite_or_none(compared.predicted_percent),
+                "against_measured": finite_or_none(compared.against_measured_percent),
+                "law_leaves": finite_or_none(compared.law_leaves_percent),
                 "nearest": finite_or_none(self.nearest.error_percent),
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
@@ -558,9 +609,9 @@ class Statement:
                 "speed": finite_or_none(drop.speed),
                 "depth": drop.depth,
                 "restitution_of_law": finite_or_none(drop.restitution),
-                "restitution": finite_or_none(found.drop_restitution),
-                "error_percent": finite_or_none(found.restitution_percent),
-                "replayed": found.replayed_restitution is not None,
+                "restitution": finite_or_none(compared.drop_restitution),
+                "error_percent": finite_or_none(compared.restitution_percent),
+                "replayed": compared.replayed_restitution is not None,
             },
             "law": source.law.description(),
             "standard_errors": (
@@ -603,26 +654,29 @@ class Statement:
 
     def _describe_shares(self) -> str:
         """Describe what a law without memory leaves of the recording, and what to do."""
-        found = self.compared
-        leaves, left = found.against_measured_percent, found.law_leaves_percent
-        if self.source.answer is None or leaves is None or left is None:
+        compared = self.compared
+        leaves = compared.against_measured_percent
+        law_leaves_percent = compared.law_leaves_percent
+        if self.source.answer is None or leaves is None or law_leaves_percent is None:
             return ""
         return (
             ": the material relaxes, and no engine has its memory. The engine leaves "
-            f"{percent(leaves)} of the recorded force, {self._reference} {percent(left)}. Simulate "
-            "it by palpate lab or GeneralisedHuntCrossley.step, which have the memory"
+            f"{percent(leaves)} of the recorded force, {self._reference} "
+            f"{percent(law_leaves_percent)}. Simulate it by palpate lab or "
+            "GeneralisedHuntCrossley.step, which have the memory"
         )
 
     def _describe_restitution(self) -> str:
-        found = self.compared
-        how = "" if found.replayed_restitution is not None else ", predicted"
-        drop, mass = found.drop, rounded(found.drop.mass, 3)
-        if not math.isfinite(found.restitution_percent):
+        compared = self.compared
+        how = "" if compared.replayed_restitution is not None else ", predicted"
+        drop = compared.drop
+        mass = rounded(compared.drop.mass, 3)
+        if not math.isfinite(compared.restitution_percent):
             return "no restitution: a free body does not rebound with this law"
         assumed = "" if self.fragment.request.mass is not None else " (assumed)"
-        numbers = f"{rounded(found.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
+        numbers = f"{rounded(compared.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
         return (
-            f"restitution within {percent(abs(found.restitution_percent))} "
+            f"restitution within {percent(abs(compared.restitution_percent))} "
             f"({numbers}{how}) for an impact of {mass} kg{assumed} at {rounded(drop.speed, 2)} m/s "
             f"to a depth of {length(drop.depth, 3)}"
         )
@@ -633,9 +687,11 @@ def _list_numbers(numbers: Mapping[str, float], figures: int) -> str:
 
 
 def _response(
-    result: "Identification | SavedResult", judged: "Diagnosis | SavedResult"
+    result: "Identification | SavedResult",
+    judged: "Diagnosis | SavedResult",
 ) -> tuple[float, float, float, float] | None:
-    there, omega = judged.working_depths[0], getattr(result, "frequency", math.nan)
+    there = judged.working_depths[0]
+    omega = getattr(result, "frequency", math.nan)
     if not (result.law.remembers and omega > 0.0 and there.depth > 0.0):
         return None
     whole = complex(result.law.dynamic_stiffness(there.depth, omega))

@@ -30,7 +30,9 @@ class _Material(Fragment):
     """A material with a stiffness and a damping."""
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
-        law, request, comment = self.engine_law, self.request, hash_comment(notes)
+        law = self.engine_law
+        request = self.request
+        comment = hash_comment(notes)
         scene = {"radius": request.radius_or_any, "mass": request.mass_or_one}
         return {
             "material.usda": template("usd_material.usda", comment=comment, law=law),
@@ -67,7 +69,8 @@ class Usd(Engine):
             engine_law=law,
             exact=is_kelvin_voigt(request.law),
             findings=make_warnings(
-                *_ALWAYS, *([explicit] if request.time_step >= 0.5 * limit else [])
+                *_ALWAYS,
+                *([explicit] if request.time_step >= 0.5 * limit else []),
             ),
         )
 

@@ -18,14 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
-from palpate.contact import Contact, VelocityFilter
-from palpate.diagnosis import Data
-from palpate.diagnosis.excitation import few_samples
-from palpate.diagnosis.sensor import outlier_finding
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
-from palpate.estimators import ContactEstimator, VariableProjection
-from palpate.estimators.batch_fit import STATUS_WORDS, CurveFits, fit_curves
-from palpate.estimators.estimate import flag_findings
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
     Row,
@@ -40,33 +33,19 @@ from palpate.fleet.rows import (
 )
 from palpate.fleet.tasks import AUTO, DiagnosisDepth, Settings, Table, cores
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.identification.estimate_checks import (
-    NEGATIVE_DAMPING,
-    NEGATIVE_STIFFNESS,
-    creates_energy,
-)
-from palpate.identification.refusals import FEWEST_ABOVE, no_approach, no_contact_message
+from palpate.identification import checks
+from palpate.identification.diagnosis import Data
+from palpate.identification.quantities import indentation
 from palpate.identification.replaying import resolve_estimator
-from palpate.preparation.gate import choose_gate
-from palpate.preparation.preparing import Recorded, prepare
-from palpate.preparation.resolution import estimate_resolutions
-from palpate.preparation.touch import find_load_transfer
-from palpate.preparation.velocity import spikes_of_rows, velocities_of_rows
-from palpate.quantities.indentation import (
-    Indentation,
-    fit_approach,
-    fit_force_curve,
-    is_force_curve,
-    refuse_options,
-)
-from palpate.recordings.recording import Recording, printable
+from palpate.input.preparation import velocity as velocities
+from palpate.input.preparation.gate import choose_gate
+from palpate.input.preparation.preparing import prepare
+from palpate.input.preparation.touch import find_load_transfer
+from palpate.input.recordings.recording import Recording, printable
+from palpate.method.contact import Contact, VelocityFilter
+from palpate.method.estimators import ContactEstimator, VariableProjection
+from palpate.method.estimators.batch_fit import CurveFits, fit_curves
 from palpate.validation import Floats, number_in, real_array, whole_in
-
-# The findings for each combination of an estimate's flag bits.
-_ADVICE_OF = [[*map(finding_cell, flag_findings(bits))] for bits in range(256)]
-_NOT_CONVERGED = Check.CONVERGENCE.finding(
-    "the least-squares search did not converge: another fit may be better"
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,7 +92,7 @@ class Curves:
         if self.velocity is not None:
             return self
         with np.errstate(divide="ignore", invalid="ignore"):  # repeated times
-            velocity, filters = velocities_of_rows(self.time, self.penetration, threads)
+            velocity, filters = velocities.velocities_of_rows(self.time, self.penetration, threads)
         return replace(self, velocity=velocity, filters=filters)
 
     def contact(self, row: int, settings: Settings) -> Contact:
@@ -124,7 +103,9 @@ class Curves:
         PalpateError
             It cannot be prepared.
         """
-        x, f, t = self.penetration[row], self.force[row], self.clock(row)
+        x = self.penetration[row]
+        f = self.force[row]
+        t = self.clock(row)
         finite = np.isfinite(x) & np.isfinite(f) & np.isfinite(t)
         velocity = None if self.velocity is None else self.velocity[row][finite]
         contact = prepare(
@@ -139,7 +120,7 @@ class Curves:
             contact if self.filters is None else replace(contact, velocity_filter=self.filters[row])
         )
 
-    def indentation(self, row: int, settings: Settings) -> Indentation:
+    def fit_approach(self, row: int, settings: Settings) -> indentation.Indentation:
         """Return the fit of a row's approach, which ends at its deepest sample.
 
         Raises
@@ -149,11 +130,20 @@ class Curves:
         """
         assert settings.tip is not None
         signals = self.penetration[row], self.force[row], None
-        return fit_approach(*signals, settings.tip, settings.poisson_ratio, source=self.source)
+        return indentation.fit_approach(
+            *signals,
+            settings.tip,
+            settings.poisson_ratio,
+            source=self.source,
+        )
 
 
 def fit_and_reject(
-    curves: Curves, chosen: dict[str, Any], *, rejects: bool, threads: int
+    curves: Curves,
+    chosen: dict[str, Any],
+    *,
+    rejects: bool,
+    threads: int,
 ) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
     """Fit curves with velocities; return fits, fitted curves, and numbers of excluded samples.
 
@@ -162,17 +152,18 @@ def fit_and_reject(
     curves : Curves
         The contacts.
     chosen : dict
-        Options of :func:`palpate.estimators.batch_fit.fit_curves`.
+        Options of :func:`palpate.method.estimators.batch_fit.fit_curves`.
     rejects : bool
         Whether to exclude outliers.
     threads : int
         Number of threads that share the rows.
     """
-    force, marks = curves.force.copy(), np.zeros(curves.force.shape, dtype=np.bool_)
+    force = curves.force.copy()
+    marks = np.zeros(curves.force.shape, dtype=np.bool_)
     signals: list[Any] = [curves.penetration, curves.velocity, force]
     if rejects:  # single samples that depart from their neighbours
         for values in signals:
-            marks |= spikes_of_rows(values, screened=True, threads=threads)
+            marks |= velocities.spikes_of_rows(values, screened=True, threads=threads)
         force[marks] = np.nan
     fits = fit_curves(*signals, threads=threads, **chosen)
     if rejects:
@@ -228,7 +219,10 @@ def fits_whole_curves(settings: Settings) -> bool:
 
 
 def identify_curves(
-    curves: Curves, settings: Settings, *, threads: int = 1
+    curves: Curves,
+    settings: Settings,
+    *,
+    threads: int = 1,
 ) -> tuple[Table, Floats]:
     """Identify curves; return a table of one row each, in order, and the time of each row, s.
 
@@ -244,13 +238,14 @@ def identify_curves(
     threads : int
         Number of threads of the whole-curve fit. Default: 1.
     """
-    count, begun = len(curves), perf_counter()
+    count = len(curves)
+    begun = perf_counter()
     if settings.tip is None and fits_whole_curves(settings):
         table = _fit_whole_curves(curves, settings, threads)
         return table, np.full(count, (perf_counter() - begun) / max(count, 1))
     columns = {"prepared": [None] * count, **_source_columns(curves)}
     rows = ({name: values[k] for name, values in columns.items()} for k in range(count))
-    prepared = curves.contact if settings.tip is None else curves.indentation
+    prepared = curves.contact if settings.tip is None else curves.fit_approach
     contacts = (partial(prepared, k, settings) for k in range(count))
     return identify_each(zip(rows, contacts, strict=True), settings, curves=True)
 
@@ -261,7 +256,10 @@ Given: TypeAlias = tuple[Row, Any]
 
 
 def identify_each(
-    contacts: Iterable[Given], settings: Settings, *, curves: bool = False
+    contacts: Iterable[Given],
+    settings: Settings,
+    *,
+    curves: bool = False,
 ) -> tuple[Table, Floats]:
     """Identify contacts one by one; return a table of one row each, or per place, and their times.
 
@@ -275,8 +273,8 @@ def identify_each(
         Whether these are curves of an array or a force map, for which Hunt–Crossley is the default
         law. Default: False.
     """
-    rows: list[Row] = []
-    seconds: list[float] = []
+    rows = []
+    seconds = []
     begun = perf_counter()
     by = settings.of_curves if curves else settings
     for known, given in contacts:
@@ -286,25 +284,31 @@ def identify_each(
             given = given() if callable(given) else given
             if isinstance(given, Recording):
                 known = {**place_in_notes(given.notes), **known}
-                if settings.tip is not None and is_force_curve(given.channels):
-                    fixed = settings.estimator.keys() & {"exponent", "surface"}
-                    refuse_options(fixed | settings.preparation.keys())
-                    given = fit_force_curve(given, settings.tip, settings.poisson_ratio)
-            if isinstance(given, Indentation):
-                new = [indentation_row(given, settings)]
-            else:
-                contact = (
-                    given if isinstance(given, Contact) else prepare(given, **settings.preparation)
-                )
-                new = [*identify_rows(contact, by, columns=settings.law)]
+            new = [*_identify_given(given, settings, by)]
             if not new:
                 raise FleetError("the probe travels, but no place lies in the time window")
         except Exception as error:
             new = [failure(error)]
         rows += [{**row, **known} for row in new]
-        spent, begun = perf_counter() - begun, perf_counter()
+        spent = perf_counter() - begun
+        begun = perf_counter()
         seconds += [spent / len(new)] * len(new)
     return table_of_rows(rows, settings), np.array(seconds)
+
+
+def _identify_given(given: Any, settings: Settings, by: Settings) -> Iterator[Row]:
+    """Yield the rows of a contact, a recording or the fit of a force curve."""
+    if isinstance(given, Recording):
+        curve = settings.tip is not None and indentation.is_force_curve(given.channels)
+        if curve and settings.tip is not None:
+            fixed = settings.estimator.keys() & {"exponent", "surface"}
+            indentation.refuse_options(fixed | settings.preparation.keys())
+            given = indentation.fit_force_curve(given, settings.tip, settings.poisson_ratio)
+    if isinstance(given, indentation.Indentation):
+        yield indentation_row(given, settings)
+        return
+    contact = given if isinstance(given, Contact) else prepare(given, **settings.preparation)
+    yield from identify_rows(contact, by, columns=settings.law)
 
 
 def _source_columns(curves: Curves) -> dict[str, Any]:
@@ -317,7 +321,9 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
     curves = curves.add_velocities(threads)
     chosen = {name: settings.estimator[name] for name in _SHARED if name in settings.estimator}
     if not settings.searches_surface and "surface_deviation" not in chosen:
-        chosen["surface_deviation"] = estimate_resolutions(curves.penetration, threads=threads)
+        resolutions = np.empty(len(curves))
+        _core.resolutions(curves.penetration, resolutions, threads)
+        chosen["surface_deviation"] = resolutions
     rejects = settings.estimator.get("outlier_rejection") is not False
     elsewhere: dict[int, Finding] = {}
     if rejects:
@@ -333,15 +339,18 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
     columns["law_name"] = [HuntCrossley.kind] * len(curves)
     columns["frequency"] = _frequencies(fitted_curves, fits)
     creating = _energy_creating_rows(curves, fits, columns)
-    columns["flags"] = _flags(fits, left_out, creating)
-    columns["error"], columns["error_kind"] = [None] * len(curves), [None] * len(curves)
+    checked = checks.check_fits(fits, left_out, creating)
+    columns["flags"] = [[*map(finding_cell, findings)] for findings in checked]
+    columns["error"] = [None] * len(curves)
+    columns["error_kind"] = [None] * len(curves)
     for k, error in _errors(curves, fits, settings).items():
         for name, values in columns.items():
             if isinstance(values, np.ndarray) and values.dtype == np.float64 and name not in "xyz":
                 values[k] = np.nan
         for name in ("flags", "fit", "covariance", "law_name"):
             columns[name][k] = None
-        columns["error"][k], columns["error_kind"][k] = error, RecordingError.__name__
+        columns["error"][k] = error
+        columns["error_kind"][k] = RecordingError.__name__
     if settings.diagnosis == "input":
         surfaces = enumerate(columns["surface"].tolist())
         columns["findings"] = [
@@ -355,7 +364,8 @@ def _fit_whole_curves(curves: Curves, settings: Settings, threads: int) -> Table
 def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
     """Return the curves without load transfer, and the finding of each row that has some."""
     assert curves.velocity is not None
-    force, findings = curves.force.copy(), {}
+    force = curves.force.copy()
+    findings = {}
     segment = np.zeros(force.shape[1], dtype=np.int64)
     for k, channels in enumerate(zip(curves.penetration, curves.velocity, force, strict=True)):
         if (transfer := find_load_transfer(*channels, segment)) is not None:
@@ -365,7 +375,9 @@ def _exclude_load_transfer(curves: Curves) -> tuple[Curves, dict[int, Finding]]:
 
 
 def _energy_creating_rows(
-    curves: Curves, fits: CurveFits, columns: Mapping[str, Floats]
+    curves: Curves,
+    fits: CurveFits,
+    columns: Mapping[str, Floats],
 ) -> NDArray[np.bool_]:
     """Mark the rows whose negative damping creates energy, as in :func:`palpate.identify`."""
     creating = np.zeros(len(curves), dtype=np.bool_)
@@ -378,7 +390,7 @@ def _energy_creating_rows(
         squares = np.where(inside, np.nan_to_num(curves.velocity[rows]) ** 2, 0.0)
         speed = np.sqrt(squares.sum(axis=1) / inside.sum(axis=1))
         damping, error, force = (columns[name][rows] for name in names)
-        creating[rows] = creates_energy(damping, error, force, speed)
+        creating[rows] = checks.creates_energy(damping, error, force, speed)
     return creating
 
 
@@ -431,9 +443,14 @@ def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[s
     depth, largest = depths.T.copy()
     columns = {"depth": depth, "largest_depth": largest}
     with np.errstate(all="ignore"):
-        k, c, n = fits.K, fits.B, fits.n
-        power, log, none = depth**n, np.log(depth), np.zeros_like(depth)
-        force, damping = k * power, c * power
+        k = fits.K
+        c = fits.B
+        n = fits.n
+        power = depth**n
+        log = np.log(depth)
+        none = np.zeros_like(depth)
+        force = k * power
+        damping = c * power
         stiffness = n * force / depth
         bend = (n - 1.0) * stiffness / depth
         slope = [n * power / depth, none, (1.0 / n + log) * stiffness, none, -bend]
@@ -449,39 +466,21 @@ def _evaluate_at_depths(curves: Curves, fits: CurveFits, threads: int) -> dict[s
     return columns
 
 
-def _flags(fits: CurveFits, left_out: NDArray[np.int64], creating: NDArray[np.bool_]) -> list[Any]:
-    few = fits.taken < 30  # ten samples per parameter
-    pulling = fits.K < 0.0
-    unsettled = fits.status == STATUS_WORDS.index("did not settle")
-    flags: list[Any] = [_ADVICE_OF[bits] for bits in fits.flags.tolist()]
-    for k in np.flatnonzero(few | pulling | creating | unsettled | (left_out > 0)).tolist():
-        taken, count = int(fits.taken[k]), int(left_out[k])
-        more = (
-            (few_samples(taken), few[k]),
-            (NEGATIVE_STIFFNESS, pulling[k]),
-            (NEGATIVE_DAMPING, creating[k]),
-            (_NOT_CONVERGED, unsettled[k]),
-            (outlier_finding(count, max(count + taken, 1)), count),
-        )
-        flags[k] = [*flags[k], *(finding_cell(finding) for finding, so in more if so)]
-    return flags
-
-
 def _errors(curves: Curves, fits: CurveFits, settings: Settings) -> dict[int, str]:
     """Return the errors of rows without numbers, in the words of :func:`palpate.identify`."""
     where = f"{curves.source}: " if curves.source else ""
     errors = {}
     if settings.searches_surface:
         above = (curves.penetration < fits.surface[:, None]).sum(axis=1)
-        for k in np.flatnonzero(above < FEWEST_ABOVE).tolist():
+        for k in np.flatnonzero(above < checks.FEWEST_ABOVE).tolist():
             samples = curves.penetration.shape[1]
-            errors[k] = where + no_approach(above[k], samples, fits.surface[k])
-    for k in np.flatnonzero(fits.status == STATUS_WORDS.index("no contact")).tolist():
+            errors[k] = where + checks.no_approach(above[k], samples, fits.surface[k])
+    for k in np.flatnonzero(fits.where_status("no contact")).tolist():
         contact = _try_contact(curves, k, Settings())
         if isinstance(contact, str):
             errors[k] = contact
         else:
-            errors[k] = where + no_contact_message(contact, choose_gate(contact))
+            errors[k] = where + checks.no_contact_message(contact, choose_gate(contact))
     with np.errstate(invalid="ignore"):
         uneven = ~(np.diff(np.atleast_2d(curves.time), axis=1) > 0.0).all(axis=1)
     for k in np.flatnonzero(np.broadcast_to(uneven, len(curves))).tolist():
@@ -505,14 +504,14 @@ def _describe_faults(contact: Contact | str, surface: float) -> list[dict[str, s
         return [finding_cell(Finding(Check.FILE, contact, severity="do-not-trust"))]
     if math.isfinite(surface):
         contact = replace(contact, penetration=contact.penetration - surface)
-    return [finding_cell(each) for each in Data(contact).findings]
+    return [finding_cell(finding) for finding in Data(contact).findings]
 
 
 # Many contacts in this process: one row each.
 
 
 def identify_many(
-    contacts: "Iterable[Contact | Recorded] | None" = None,
+    contacts: Iterable[Any] | None = None,
     *,
     method: ContactEstimator | str | None = None,
     diagnosis: DiagnosisDepth = "input",
@@ -596,7 +595,7 @@ def identify_many(
     return identify_curves(curves, settings, threads=count)[0]
 
 
-def _number_contacts(contacts: "Iterable[Contact | Recorded]") -> Iterator[Given]:
+def _number_contacts(contacts: Iterable[Any]) -> Iterator[Given]:
     for number, contact in enumerate(contacts):
         source = contact.source if isinstance(contact, Contact | Recording) else None
         if isinstance(contact, str | os.PathLike):

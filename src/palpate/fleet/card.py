@@ -60,7 +60,7 @@ class Card:
         lines = [f"# Data card: {escape_markdown(self.title)}", "", "| | |", "|---|---|"]
         lines += [f"| {name} | {escape_markdown(words)} |" for name, words in self.numbers]
         lines += ["", "## What cannot be trusted", ""]
-        lines += [f"- {escape_markdown(words)}" for words in self.cautions] or [
+        lines += [f"- {escape_markdown(caution)}" for caution in self.cautions] or [
             "Nothing was found."
         ]
         lines += ["", "## Worst episodes", ""]
@@ -118,8 +118,11 @@ def _numbers(table: Table) -> Iterator[tuple[str, str]]:
     errors = table.column("error").to_pylist()
     touched = {each for each, error in zip(whose, errors, strict=True) if error is None}
     in_air = {each for each, none in zip(whose, touches_nothing(table), strict=True) if none}
-    count, touching, free = len({*whose}), len(touched), len(in_air)
-    failed, places = count - touching - free, errors.count(None)
+    count = len({*whose})
+    touching = len(touched)
+    free = len(in_air)
+    failed = count - touching - free
+    places = errors.count(None)
     share = f"{100.0 * touching / max(count, 1):.3g} %"
     others = f"{free} in free air" + f", {failed} that could not be identified" * (failed > 0)
     others += f"; {places} places, since the probe travels" * (places > touching)
@@ -227,9 +230,10 @@ def _lateness(table: Table) -> str:
     touching = int(np.isfinite(maps.numbers(table, "stiffness")).sum())
     if not known.any():
         return f"unknown: the delay was found in none of {touching} contacts"
-    ms, error_ms = 1e3 * delays[known], 1e3 * errors[known]
+    ms = 1e3 * delays[known]
+    error_ms = 1e3 * errors[known]
     groups = find_groups(ms)
-    words = []
+    phrases = []
     for group in groups:
         middle = float(np.median(ms[group]))
         spread = 1.4826 * float(np.median(np.abs(ms[group] - middle)))
@@ -238,8 +242,8 @@ def _lateness(table: Table) -> str:
         size = with_error(abs(middle), error, unit="ms")
         share = f" in {_percent(count / ms.size)}" * (len(groups) > 1)
         of = f"median of {count} of {touching} contacts, scatter {rounded(spread, 2)} ms"
-        words.append(f"{size} {_late_or_early(middle)}{share} ({of})")
-    return f"{' and '.join(words)}, if the materials follow Hunt–Crossley"
+        phrases.append(f"{size} {_late_or_early(middle)}{share} ({of})")
+    return f"{' and '.join(phrases)}, if the materials follow Hunt–Crossley"
 
 
 def _late_or_early(delay: float) -> str:
@@ -265,7 +269,8 @@ def _cautions(table: Table) -> Iterator[str]:
     rated = f"{rounded(1.0 / step, 3)} Hz"
     if _LARGE < max(_medians(shares)) < math.inf:
         change = _middle(
-            shares, lambda share: "more than itself" if share > 1.0 else _percent(share)
+            shares,
+            lambda share: "more than itself" if share > 1.0 else _percent(share),
         )
         yield (
             f"Damping at {rated}: a force that is one sample ({rounded(1e3 * step, 3)} ms) late or "
@@ -293,7 +298,7 @@ def _cautions(table: Table) -> Iterator[str]:
     for quantity in maps.JUDGED:
         marks = Counter(table.column(f"verdict_{quantity}").to_pylist())
         if doubted := marks["do-not-trust"]:
-            judged = sum(marks[each] for each in _MARKS)
+            judged = sum(marks[mark] for mark in _MARKS)
             yield f"{doubted} of {judged} contacts have a {quantity} marked do not trust."
 
 
@@ -305,17 +310,17 @@ def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
     rows = []
     both = [maps.verdicts_of(table, of) for of in maps.JUDGED]
     for k, (name, free) in enumerate(zip(_names(table), touches_nothing(table), strict=True)):
-        (stiffness, why), (damping, why_damping) = (marks[k] for marks in both)
+        (stiffness, why, _), (damping, why_damping, _) = (marks[k] for marks in both)
         worst = min(map(maps.VERDICTS.index, (stiffness, damping)))
         if worst < maps.VERDICTS.index("flagged") and not free:
             reason = why or why_damping or "see its findings"
             rows.append((worst, -float(inexact[k]), name, stiffness, damping, reason))
     rows.sort()
-    words = [
+    phrases = [
         (name, spoken(stiffness), spoken(damping), reason)
         for _, _, name, stiffness, damping, reason in rows
     ]
-    return tuple(words[:MOST_NAMED])
+    return tuple(phrases[:MOST_NAMED])
 
 
 # The card as a page.
@@ -323,9 +328,8 @@ def _worst(table: Table) -> tuple[tuple[str, ...], ...]:
 
 def _page(card: Card, table: Table) -> str:
     from palpate.fleet.figures import draw_card, draw_distributions
-    from palpate.reports import html
+    from palpate.output.reports import html
 
-    style = html.STYLE + html.DRAWINGS + html.REPORT_STYLE
     numbers = [(escape(name), escape(words)) for name, words in card.numbers]
     worst = [tuple(map(escape, row)) for row in card.worst]
     over = "Contact, peak force, stiffness with its standard error, and the delay of the force."
@@ -346,11 +350,11 @@ def _page(card: Card, table: Table) -> str:
         f'<p class="soft">{escape(card.made)}</p>',
     ]
     parts = ["<header>", *header, "</header>", "<main>", *body, "</main>"]
-    return html.document(f"{card.title}: data card", style, parts)
+    return html.document(f"{card.title}: data card", html.REPORT_STYLE, parts)
 
 
 def _bullets(sentences: Sequence[str]) -> Iterator[str]:
     if sentences:
         yield "<ul>"
-        yield from (f"<li>{escape(words)}</li>" for words in sentences)
+        yield from (f"<li>{escape(sentence)}</li>" for sentence in sentences)
         yield "</ul>"

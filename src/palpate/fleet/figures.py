@@ -5,20 +5,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.figures.field import ERRORS, VALUES, draw_field
-from palpate.figures.style import (
-    AxisScale,
-    Look,
-    choose_look,
-    choose_scale,
-    drawing,
-    head,
-    largest,
-    set_titles,
-)
 from palpate.fleet.maps import JUDGED, Map, Repeats, describe_frequencies, numbers
 from palpate.fleet.rows import AT_DEPTH
 from palpate.fleet.tasks import Table
+from palpate.output import figures
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -50,7 +40,7 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
     width : float, optional
         Printed width, m, in [0.06, 0.4]. Default: 11 inches.
     """
-    look = choose_look(dark=dark, width=width)
+    look = figures.choose_look(dark=dark, width=width)
     shown = [
         (
             f"{of} at working depth{describe_frequencies(table, of)}",
@@ -61,14 +51,15 @@ def draw_distributions(table: Table, *, dark: bool = False, width: float | None 
     ]
     if "n" in table.schema.names and _varies(table, "n"):
         shown.append(("exponent", "n", ""))
-    count, narrow = len(shown), look.narrow
-    with drawing(look, 5.2 * count if narrow else 5.6) as figure:
+    count = len(shown)
+    narrow = look.narrow
+    with figures.drawing(look, 5.2 * count if narrow else 5.6) as figure:
         grid = figure.subplots(2 * count, 1) if narrow else figure.subplots(2, count)
         panels = np.reshape(grid, (count, 2)) if narrow else np.transpose(grid)
         for (name, column, unit), (above, below) in zip(shown, panels, strict=True):
             value = numbers(table, column)
             error = numbers(table, f"{column}_standard_error")
-            scale = choose_scale(_usual(value, 90.0), unit)
+            scale = figures.choose_scale(_usual(value, 90.0), unit)
             wide = _spans_decades(value)
             label = scale.label(name)
             _histogram(above, scale.factor * value, label, name, look, logarithmic=wide)
@@ -90,25 +81,26 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
     width : float, optional
         As for :func:`draw_distributions`.
     """
-    look = choose_look(dark=dark, width=width)
+    look = figures.choose_look(dark=dark, width=width)
     fraction, force, delay = (
         numbers(table, name) for name in ("contact_fraction", "largest_force", "force_delay")
     )
-    with drawing(look, 10.4 if look.narrow else 5.6) as figure:
+    with figures.drawing(look, 10.4 if look.narrow else 5.6) as figure:
         grid = figure.subplots(4, 1) if look.narrow else figure.subplots(2, 2)
         contact, peak, over, lag = np.reshape(grid, 4).tolist()
         title = "share of samples in contact"
         _histogram(contact, 100.0 * fraction, "share [%]", title, look)
-        scale = choose_scale(_usual(force, 90.0), "N")
+        scale = figures.choose_scale(_usual(force, 90.0), "N")
         _histogram(peak, scale.factor * force, scale.label("largest force"), "peak force", look)
         if np.isfinite(delay).any():
             _histogram(lag, 1e3 * delay, "delay [ms]", "delay of the force", look)
         else:
             lag.set_axis_off()
-        stiffness, place = numbers(table, "stiffness"), numbers(table, "index")
+        stiffness = numbers(table, "stiffness")
+        place = numbers(table, "index")
         parts = (numbers(table, f"stiffness_{k}") for k in ("standard_error", "systematic"))
         error = np.sqrt(sum(np.nan_to_num(part) ** 2 for part in parts))
-        scale = choose_scale(_usual(stiffness, 90.0), AT_DEPTH["stiffness"])
+        scale = figures.choose_scale(_usual(stiffness, 90.0), AT_DEPTH["stiffness"])
         place = np.where(np.isfinite(place), place, np.arange(len(place)))
         every = slice(None, None, -(-len(place) // _MOST_POINTS))
         over.errorbar(
@@ -121,13 +113,17 @@ def draw_card(table: Table, *, dark: bool = False, width: float | None = None) -
             elinewidth=look.points(0.8),
         )
         over.set(xlabel="episode", ylabel=scale.label("stiffness"))
-        words = "stiffness at working depth"
-        head(over, words + f", one row of {every.step}" * (every.step > 1), legend=False)
+        text = "stiffness at working depth"
+        figures.head(over, text + f", one row of {every.step}" * (every.step > 1), legend=False)
     return figure
 
 
 def draw_repeats(
-    found: list[Repeats], quantity: str, *, dark: bool = False, width: float | None = None
+    found: list[Repeats],
+    quantity: str,
+    *,
+    dark: bool = False,
+    width: float | None = None,
 ) -> "Figure":
     """Draw the scatter of repeats relative to their standard errors.
 
@@ -142,11 +138,14 @@ def draw_repeats(
     width : float, optional
         As for :func:`draw_distributions`.
     """
-    look = choose_look(dark=dark, width=width)
-    with drawing(look, 3.2) as figure:
+    look = figures.choose_look(dark=dark, width=width)
+    with figures.drawing(look, 3.2) as figure:
         axes = figure.subplots()
         for agree, words, colour in zip(
-            (True, False), ("agree", "do not agree"), look.theme.lines[:2], strict=True
+            (True, False),
+            ("agree", "do not agree"),
+            look.theme.lines[:2],
+            strict=True,
         ):
             some = [each for each in found if each.agree == agree]
             ratios = [max(each.ratio, 1e-3) for each in some]
@@ -155,7 +154,7 @@ def draw_repeats(
         axes.axhline(1.0, color=look.theme.ink, linewidth=look.points(0.8), linestyle=":")
         axes.set_yscale("log")
         axes.set(xlabel="repeats", ylabel="scatter / standard errors")
-        head(axes, f"Repeats of the {quantity}")
+        figures.head(axes, f"Repeats of the {quantity}")
     return figure
 
 
@@ -174,13 +173,20 @@ def _spans_decades(values: Floats) -> bool:
 
 
 def _histogram(
-    axes: "Axes", values: Floats, label: str, title: str, look: Look, *, logarithmic: bool = False
+    axes: "Axes",
+    values: Floats,
+    label: str,
+    title: str,
+    look: figures.Look,
+    *,
+    logarithmic: bool = False,
 ) -> None:
     known = values[np.isfinite(values) & ((values > 0.0) | (not logarithmic))]
     if known.size:
         low, high = np.percentile(known, _HISTOGRAM_SPAN).tolist()
         if high <= low:
-            low, high = low - 0.5 * abs(low) - 1e-12, high + 0.5 * abs(high) + 1e-12
+            low = low - 0.5 * abs(low) - 1e-12
+            high = high + 0.5 * abs(high) + 1e-12
             low = max(low, 1e-12) if logarithmic else low
         spaced = np.geomspace if logarithmic else np.linspace
         edges = spaced(low, high, _BINS + 1).tolist()
@@ -203,7 +209,7 @@ def _histogram(
         title = f"{missing} without a known error"
     axes.set(xlabel=label, ylabel="contacts")
     axes.locator_params(axis="y", nbins=5, integer=True)
-    head(axes, title, legend=False)
+    figures.head(axes, title, legend=False)
 
 
 # A map of values over position, with their errors next to it.
@@ -234,15 +240,15 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     MissingExtraError
         matplotlib is not installed.
     """
-    look = choose_look(dark=dark, width=width)
+    look = figures.choose_look(dark=dark, width=width)
     line = len(found.axes) == 1
     height = (7.5 if line else 9.5) if look.narrow else (4.2 if line else 4.8)
-    with drawing(look, height) as figure:
+    with figures.drawing(look, height) as figure:
         panels = figure.subplots(*((2, 1) if look.narrow else (1, 2)))
         for axes, what in zip(panels, ("value", "error"), strict=True):
-            unit = choose_scale(_usual(getattr(found, what)), found.unit)
+            unit = figures.choose_scale(_usual(getattr(found, what)), found.unit)
             (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
-        set_titles(figure, look, [found.summary], lines=6)
+        figures.set_titles(figure, look, [found.summary], lines=6)
     return figure
 
 
@@ -252,9 +258,15 @@ def _usual(values: Floats, percentile: float = _USUAL) -> float:
     return float(np.percentile(known, percentile)) if known.size else 0.0
 
 
-def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
+def _draw_line(
+    axes: "Axes",
+    found: Map,
+    what: str,
+    unit: figures.AxisScale,
+    look: figures.Look,
+) -> None:
     """Draw values with error bars, or the errors alone, over one coordinate."""
-    along = choose_scale(largest(found.places[:, 0]), found.units[0])
+    along = figures.choose_scale(figures.largest(found.places[:, 0]), found.units[0])
     x = along.factor * found.places[:, 0]
     colour = look.theme.lines[0]
     y = unit.factor * getattr(found, what)
@@ -270,7 +282,7 @@ def _draw_line(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look)
         axes.set_ylim(bottom=0.0)
     name = found.name if what == "value" else "its standard error"
     axes.set(xlabel=along.label(found.axes[0]), ylabel=unit.label(name))
-    head(axes, name.capitalize())
+    figures.head(axes, name.capitalize())
 
 
 def _mark(
@@ -279,7 +291,7 @@ def _mark(
     y: Floats,
     known: NDArray[np.bool_],
     found: Map,
-    look: Look,
+    look: figures.Look,
     **missing: Any,
 ) -> None:
     """Mark places without a value, and places whose value is not to be trusted."""
@@ -293,16 +305,24 @@ def _mark(
             axes.plot(x[there], y[there], sign, markersize=size, label=label, **options)
 
 
-def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look) -> None:
+def _draw_plane(
+    axes: "Axes",
+    found: Map,
+    what: str,
+    unit: figures.AxisScale,
+    look: figures.Look,
+) -> None:
     """Draw values over two coordinates, as cells of a grid or as dots."""
     places = found.places - _origin(found)
-    along = choose_scale(largest(places), found.units[0])
+    along = figures.choose_scale(figures.largest(places), found.units[0])
     places = along.factor * places
     x, y = places.T
     values = unit.factor * getattr(found, what)
-    name, colours = (found.name, VALUES) if what == "value" else ("its standard error", ERRORS)
+    name, colours = (
+        (found.name, figures.VALUES) if what == "value" else ("its standard error", figures.ERRORS)
+    )
     label = unit.label(name)
-    draw_field(axes, places, values, ~found.mistrusted, label, look, colours=colours)
+    figures.draw_field(axes, places, values, ~found.mistrusted, label, look, colours=colours)
     _mark(axes, x, y, np.isfinite(values), found, look)
     sides = np.ptp(x), np.ptp(y)
     if found.units[0] == found.units[1] == "m" and max(sides) < _LONGEST * min(sides):
@@ -310,12 +330,13 @@ def _draw_plane(axes: "Axes", found: Map, what: str, unit: AxisScale, look: Look
     axes.grid(False)
     labels = [f"{axis} [{along.unit}]" if along.unit else axis for axis in found.axes]
     axes.set(xlabel=labels[0], ylabel=labels[1])
-    head(axes, name.capitalize())
+    figures.head(axes, name.capitalize())
 
 
 def _origin(found: Map) -> Floats:
     """Return the origin to subtract: the zero of a stage may be far from the places."""
-    low, high = found.places.min(axis=0), found.places.max(axis=0)
+    low = found.places.min(axis=0)
+    high = found.places.max(axis=0)
     far = np.abs(found.places).max(axis=0) > 20.0 * np.maximum(high - low, 1e-12)
     origin: Floats = np.where(far & (np.array(found.units) == "m"), low, 0.0)
     return origin

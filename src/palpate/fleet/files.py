@@ -18,18 +18,8 @@ from palpate._core import __version__
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
-from palpate.recordings.datasets import describe_data_set, is_dataset
-from palpate.recordings.opening import (
-    FORCE_CURVES,
-    FORMATS,
-    MAPS,
-    METADATA,
-    Request,
-    check_folder,
-    first_line,
-)
-from palpate.recordings.recording import printable
-from palpate.recordings.units import UNITS, plain_unit
+from palpate.input.recordings import datasets, opening, units
+from palpate.input.recordings.recording import printable
 from palpate.validation import Floats
 from palpate.writing import as_json, make_folder, write_bytes, write_text
 
@@ -72,7 +62,8 @@ def source_stamp(name: str) -> tuple[str, int]:
     except OSError as error:  # the source's row reports it
         return str(error.strerror), 0
     regular = [each for each in status if not stat.S_ISDIR(each.st_mode)]
-    size, latest = sum(each.st_size for each in regular), max(each.st_mtime_ns for each in status)
+    size = sum(each.st_size for each in regular)
+    latest = max(each.st_mtime_ns for each in status)
     return f"{len(regular)} {size} {latest}", size
 
 
@@ -106,7 +97,7 @@ def read_curves(name: str, first: int, count: int) -> Curves:
     except RecordingError:
         raise
     except Exception as error:
-        raise RecordingError(f"{name}: cannot be read: {first_line(error)}") from None
+        raise RecordingError(f"{name}: cannot be read: {opening.first_line(error)}") from None
     time = channels.get("time")
     if time is None:
         step = group.attrs.get(_CLOCK)
@@ -134,22 +125,24 @@ def disk_name(name: str) -> str:
     if "\\x" not in name or os.path.lexists(name):
         return name
     raw = re.sub(
-        rb"\\x([0-9a-f]{2})", lambda match: bytes.fromhex(match[1].decode()), os.fsencode(name)
+        rb"\\x([0-9a-f]{2})",
+        lambda match: bytes.fromhex(match[1].decode()),
+        os.fsencode(name),
     )
     return os.fsdecode(raw)
 
 
 def _open_group(name: str) -> Any:
-    groups = needed("palpate.recordings.zarr_groups", "an array of contacts")
+    groups = needed("palpate.input.recordings.zarr_groups", "an array of contacts")
     path = Path(disk_name(name))
     try:
-        check_folder(path)
-        return groups.open_group(path, Request(name))
+        opening.check_folder(path)
+        return groups.open_group(path, opening.Request(name))
     except RecordingError:
         raise
     except Exception as error:
         raise RecordingError(
-            f"{name}: cannot be opened as a Zarr group: {first_line(error)}"
+            f"{name}: cannot be opened as a Zarr group: {opening.first_line(error)}"
         ) from None
 
 
@@ -168,7 +161,8 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
             f"{tuple(group['penetration'].shape)} and {shape}"
         )
     for channel in known & set(_CHANNELS):
-        array, expected = group[channel], shape[:1] if channel in "xyz" else shape
+        array = group[channel]
+        expected = shape[:1] if channel in "xyz" else shape
         if array.dtype.kind not in "fiu":
             raise RecordingError(
                 f"{name}: {channel} has type {array.dtype}; real numbers are required"
@@ -183,8 +177,8 @@ def _shape(group: Any, name: str) -> tuple[tuple[int, int], tuple[int, int]]:
 def _read_in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     attributes: Mapping[str, Any] = array.attrs
     unit = attributes.get("units", attributes.get("unit"))
-    known = UNITS[kind]
-    word = next(iter(known)) if unit is None else plain_unit(str(unit))
+    known = units.UNITS[kind]
+    word = next(iter(known)) if unit is None else units.plain_unit(str(unit))
     if word not in known:
         allowed = ", ".join(known)
         raise RecordingError(f"{name}: {array.basename} has unit {word}; allowed are {allowed}")
@@ -194,7 +188,8 @@ def _read_in_si(array: Any, kind: str, rows: slice, name: str) -> Floats:
     for missing in ("_FillValue", "missing_value"):
         if isinstance(attributes.get(missing), int | float):
             values = np.where(values == attributes[missing], np.nan, values)
-    factor, offset = attributes.get("scale_factor", 1.0), attributes.get("add_offset", 0.0)
+    factor = attributes.get("scale_factor", 1.0)
+    offset = attributes.get("add_offset", 0.0)
     for kind, value in (("scale_factor", factor), ("add_offset", offset)):
         if not isinstance(value, int | float) or not math.isfinite(value):
             raise RecordingError(f"{name}: its attribute {kind} is not a number: {value!r}")
@@ -212,7 +207,8 @@ TIMES = "_seconds"
 SCHEMA = 2
 REPORT = "report.html"
 #: The data card of a data set of robot learning, and its page.
-CARD, CARD_PAGE = "card.md", "card.html"
+CARD = "card.md"
+CARD_PAGE = "card.html"
 # The name of a file of results contains its range of contacts, first and end.
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
@@ -332,7 +328,7 @@ def _read_parts(folder: Path, columns: list[str] | None = None, place: str = "."
     try:
         return pa.concat_tables([parquet.read_table(part, columns=columns) for part in parts])
     except (OSError, pa.ArrowException) as error:
-        raise FleetError(f"{folder}: cannot be read: {first_line(error)}") from None
+        raise FleetError(f"{folder}: cannot be read: {opening.first_line(error)}") from None
 
 
 def _parts(folder: Path) -> list[tuple[tuple[int, int], Path]]:
@@ -409,11 +405,12 @@ def _check_empty(folder: Path) -> None:
 # Expand the names on the command line to sources: files, globs, folders, arrays.
 
 # In a folder of recordings a .json mostly holds settings or results.
-_ENDINGS = tuple(end for each in FORMATS for end in each.suffixes if end != ".json")
+_ENDINGS = tuple(end for each in opening.FORMATS for end in each.suffixes if end != ".json")
 
 
 def list_sources(
-    names: Sequence[str | os.PathLike[str]], leave_out: Path | None = None
+    names: Sequence[str | os.PathLike[str]],
+    leave_out: Path | None = None,
 ) -> list[ContactSource]:
     """List the sources to identify, in an order that depends only on the names.
 
@@ -459,15 +456,19 @@ def _local(text: str, results: str) -> Iterator[ContactSource]:
 
 
 def _list_path(
-    path: Path, outside: tuple[str, ...], *, named: bool = False
+    path: Path,
+    outside: tuple[str, ...],
+    *,
+    named: bool = False,
 ) -> Iterator[ContactSource]:
     """Yield the sources at a path; a file that the user named counts whatever its ending.
 
     An unreadable source found in a folder is listed, and its row gets the error; an unreadable
     array that the user named raises it. Folders of results and cyclic links are skipped.
     """
-    name, here = str(path), os.path.realpath(path)
-    if is_dataset(path):
+    name = str(path)
+    here = os.path.realpath(path)
+    if datasets.is_dataset(path):
         yield _episodes(name, path)
     elif is_array(name):
         yield describe_array(name) if named else _list_array(name)
@@ -476,7 +477,7 @@ def _list_path(
         readable = path.name.lower().endswith(_ENDINGS) and (path.is_file() or not path.exists())
         if named or readable:
             yield _file(name, path)
-    elif (path / METADATA).is_file():  # a bag of ROS 2 is a folder
+    elif (path / opening.METADATA).is_file():  # a bag of ROS 2 is a folder
         yield _file(name, path)
     elif here not in outside and not (path / MANIFEST).is_file():
         for each in sorted(_names(path)):
@@ -496,25 +497,26 @@ def _episodes(name: str, path: Path) -> ContactSource:
     """Describe the episodes of a data set; an unreadable one is a file, whose row reports it."""
     stamp, size = source_stamp(str(path))
     try:
-        data = describe_data_set(path)
+        data = datasets.describe_data_set(path)
     except RecordingError:
         data = None
     if data is None:
         return ContactSource(name, "file", stamp=stamp, size=size)
-    count, samples = len(data.lengths), sum(data.lengths.values())
+    count = len(data.lengths)
+    samples = sum(data.lengths.values())
     return ContactSource(name, "episodes", count, max(samples // count, 0), stamp=stamp)
 
 
 def _file(name: str, path: Path) -> ContactSource:
     stamp, size = source_stamp(str(path))
-    several = path.name.lower().endswith(MAPS)
+    several = path.name.lower().endswith(opening.MAPS)
     curves = _count_curves(path) if several else None
     return ContactSource(name, "map" if several else "file", curves, stamp=stamp, size=size)
 
 
 def _count_curves(path: Path) -> int | None:
     """Return the number of curves of a map; None if it cannot be read, which its row reports."""
-    reader = FORCE_CURVES.reader()
+    reader = opening.FORCE_CURVES.reader()
     try:
         count: int = reader.count_curves(path)
     except RecordingError:

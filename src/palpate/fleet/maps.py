@@ -4,21 +4,20 @@ import json
 import math
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.digits import rounded, with_error
+from palpate.digits import format_quantity, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, spoken
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.results.view import format_depth
 from palpate.validation import Floats, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
@@ -106,22 +105,37 @@ NO_VERDICT = {
 }
 
 
-def verdicts_of(table: Table, of: str) -> list[tuple[str, str]]:
-    """Return the mark of a quantity in each row and its reason: the error, a finding or a flag.
+class RowVerdict(NamedTuple):
+    """Mark of a quantity in a row, and the error, finding or flag that is its reason."""
+
+    mark: str
+    reason: str = ""
+    #: Rows with the same reason have one kind: the id of a check, or an error without its numbers.
+    kind: str = ""
+
+
+def verdicts_of(table: Table, of: str) -> list[RowVerdict]:
+    """Return the mark of a quantity in each row and its reason.
 
     A row without a mark has that of its findings or flags instead.
     """
     verdicts = []
     columns = "source", "error", f"verdict_{of}", "checked", "findings", "flags"
     for source, error, mark, checked, findings, flags in _column_rows(table, *columns):
-        reasons = [(mark_by(f, of), describe_finding(f)) for f in problems_of(findings, of)]
-        untrusted, marks = _untrusted_by(of), ("flagged", "do-not-trust")
-        reasons += [(marks[f["check"] in untrusted], describe_flag(f)) for f in flags or ()]
+        reasons = [
+            RowVerdict(mark_by(finding, of), describe_finding(finding), finding["check"] or "")
+            for finding in problems_of(findings, of)
+        ]
+        untrusted = _untrusted_by(of)
+        for flag in flags or ():
+            severity = "do-not-trust" if flag["check"] in untrusted else "flagged"
+            reasons.append(RowVerdict(severity, describe_flag(flag), flag["check"]))
         if error is not None:
-            reasons = [("failed", error.removeprefix(f"{source}: "))]
-        default = "not-checked" if checked == "none" else "no-finding"
-        severity, reason = min(reasons, key=_severity, default=(default, ""))
-        verdicts.append((mark or severity, reason))
+            text = error.removeprefix(f"{source}: ")
+            reasons = [RowVerdict("failed", text, _mask_numbers(text))]
+        default = RowVerdict("not-checked" if checked == "none" else "no-finding")
+        worst = min(reasons, key=_severity, default=default)
+        verdicts.append(worst._replace(mark=mark or worst.mark))
     return verdicts
 
 
@@ -132,7 +146,7 @@ def mark_by(finding: Cell, of: str) -> str:
 
 def problems_of(findings: Sequence[Cell] | None, of: str) -> list[Cell]:
     """Return the findings that lower the mark of a quantity."""
-    return [each for each in findings or () if mark_by(each, of) != "trust"]
+    return [finding for finding in findings or () if mark_by(finding, of) != "trust"]
 
 
 def is_problem(finding: Cell) -> bool:
@@ -155,26 +169,27 @@ def _severity(verdict: Sequence[str]) -> int:
 
 
 def reasons_of_verdicts(
-    names: Sequence[str], verdicts: Mapping[str, Sequence[tuple[str, str]]]
+    names: Sequence[str],
+    verdicts: Mapping[str, Sequence[RowVerdict]],
 ) -> list[tuple[str, str]]:
     """Return a mark and a line per reason against trust, the most severe and frequent first.
 
     ``verdicts`` has the marks of each quantity; a reason that concerns several is there once.
     """
-    groups: dict[tuple[str, str], list[str]] = defaultdict(list)
-    for name, *marks in zip(names, *verdicts.values(), strict=True):
-        concerned: dict[tuple[str, str], list[str]] = defaultdict(list)
-        for of, each in zip(verdicts, marks, strict=True):
-            concerned[each].append(quantity_name(of))
-        for (mark, reason), quantities in concerned.items():
+    groups: dict[tuple[str, str, str], list[str]] = defaultdict(list)
+    for name, *row in zip(names, *verdicts.values(), strict=True):
+        concerned: dict[RowVerdict, list[str]] = defaultdict(list)
+        for of, verdict in zip(verdicts, row, strict=True):
+            concerned[verdict].append(quantity_name(of))
+        for (mark, reason, kind), quantities in concerned.items():
             if reason and mark in VERDICTS[:4]:
                 whose = "" if mark in ("failed", "flagged") else f"{', '.join(quantities)} "
                 what = f"{whose}{spoken(mark)}"
-                groups[mark, _mask_numbers(f"{what}: {reason}")].append(f"{what}: {name}: {reason}")
+                groups[mark, what, kind].append(f"{what}: {name}: {reason}")
     ordered = sorted(groups.items(), key=lambda group: (_severity(group[0]), -len(group[1])))
     return [
-        (verdict, each[0] + f" (and {len(each) - 1} more)" * (len(each) > 1))
-        for (verdict, _), each in ordered
+        (mark, lines[0] + f" (and {len(lines) - 1} more)" * (len(lines) > 1))
+        for (mark, _, _), lines in ordered
     ]
 
 
@@ -198,7 +213,9 @@ def format_values(table: Table, quantity: str) -> list[str]:
     return [
         with_error(value, error, unit=quantity_unit(quantity)) if math.isfinite(value) else "–"
         for value, error in zip(
-            numbers(table, quantity), whole_errors(table, quantity), strict=True
+            numbers(table, quantity),
+            whole_errors(table, quantity),
+            strict=True,
         )
     ]
 
@@ -293,15 +310,15 @@ class RigLag:
     def __str__(self) -> str:
         time = with_error(1e3 * abs(self.time), 1e3 * self.spread, unit="ms")
         way = "early" if self.time > 0.0 else "late"
-        words = (
+        text = (
             f"damping over stiffness is the same in {self.files} files whose stiffness spans a "
             f"factor of {rounded(self.span, 2)}, {time}: the force is probably {way} by as much"
         )
         if not self.frequencies > _ONE_FREQUENCY:
-            words += ", or all materials have one loss tangent"
+            text += ", or all materials have one loss tangent"
         error = max(self.spread, _LEAST_ERROR * abs(self.time))
         option = f"--delay {rounded(-1e3 * self.time, 3)}ms+-{rounded(1e3 * error, 2)}ms"
-        return f"{words}; touch a steel spring (palpate skew), or try {option}"
+        return f"{text}; touch a steel spring (palpate skew), or try {option}"
 
 
 def rig_lag_of(table: Table) -> RigLag | None:
@@ -320,9 +337,11 @@ def rig_lag_of(table: Table) -> RigLag | None:
     known &= np.array(alone, dtype=bool)
     if len(set(names[known].tolist())) < _LEAST_FILES:
         return None
-    stiffness, frequency = stiffness[known], numbers(table, "frequency")[known]
+    stiffness = stiffness[known]
+    frequency = numbers(table, "frequency")[known]
     ratio = damping[known] / stiffness
-    time, spread = float(np.median(ratio)), float(np.std(ratio, ddof=1))
+    time = float(np.median(ratio))
+    spread = float(np.std(ratio, ddof=1))
     span = float(stiffness.max() / stiffness.min())
     if not (spread <= _SAME * abs(time) and span >= _LEAST_SPAN):
         return None
@@ -330,11 +349,17 @@ def rig_lag_of(table: Table) -> RigLag | None:
     return RigLag(time, spread, len(ratio), span, frequencies)
 
 
-def kinds_of(sentences: Iterable[Sequence[str] | None]) -> list[tuple[str, int, str]]:
-    """Group sentences that differ only in numbers: kind, number of rows, and an example."""
-    return _count_kinds(
-        kind for row in sentences for kind in {_mask_numbers(w): w for w in row or ()}.items()
+def kinds_of(
+    rows: Iterable[Sequence[Cell] | None],
+    describe: Callable[[Cell], str],
+) -> list[tuple[str, int, str]]:
+    """Group findings or flags by their check: text without numbers, number of rows, an example."""
+    kinds = _count_kinds(
+        (check, describe(finding))
+        for row in rows
+        for check, finding in {each["check"] or "": each for each in reversed(row or ())}.items()
     )
+    return [(_mask_numbers(example), count, example) for _, count, example in kinds]
 
 
 def reasons_of(table: Table) -> list[tuple[str, int, str]]:
@@ -356,8 +381,8 @@ def _count_kinds(pairs: Iterable[tuple[str, str]]) -> list[tuple[str, int, str]]
     return sorted(kinds, key=lambda kind: -kind[1])
 
 
-def _mask_numbers(words: str) -> str:
-    return _NUMBER.sub("…", words)
+def _mask_numbers(text: str) -> str:
+    return _NUMBER.sub("…", text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -388,7 +413,7 @@ def outliers_of(table: Table) -> list[Outlier]:
     deviation over 0.6745, and the row's own error is added in quadrature. Values that are not
     positive are ignored.
     """
-    outliers: list[Outlier] = []
+    outliers = []
     names = names_of(table)
     for quantity in list_quantities(table):
         value = numbers(table, quantity)
@@ -397,7 +422,8 @@ def outliers_of(table: Table) -> list[Outlier]:
         if np.count_nonzero(usable) < 8:  # fewer do not show which is the outlier
             continue
         with np.errstate(all="ignore"):
-            size, relative_error = np.log(value), np.where(np.isfinite(error), error / value, 0.0)
+            size = np.log(value)
+            relative_error = np.where(np.isfinite(error), error / value, 0.0)
         middle = float(np.median(size[usable]))
         deviation = 1.4826 * float(np.median(np.abs(size[usable] - middle)))
         with np.errstate(all="ignore"):
@@ -484,8 +510,8 @@ class Map:
         if self.quantity in _OF_THE_CONTACT:
             return "over the whole contact"
         if self.depth is not None:
-            return f"at {format_depth(self.depth)}{self.frequencies}"
-        low, high = map(format_depth, self.depths)
+            return f"at {format_quantity(self.depth, 'm', 4)}{self.frequencies}"
+        low, high = (format_quantity(depth, "m", 4) for depth in self.depths)
         span = low if low == high else f"{low} to {high}"
         return f"at the working depth of each contact, {span}{self.frequencies}"
 
@@ -521,12 +547,12 @@ class Map:
             (self.rows - len(self.value), "row has", "rows have", "no position"),
             (hidden if len(self.axes) > 1 else 0, "place repeats", "places repeat", "a position"),
         )
-        words = [
+        phrases = [
             f"{count} {one if count == 1 else several} {what}"
             for count, one, several, what in counts
             if count
         ]
-        return [*words, *self.warnings]
+        return [*phrases, *self.warnings]
 
 
 def map_of(
@@ -570,7 +596,8 @@ def map_of(
     too_shallow = np.zeros(len(value), dtype=bool)
     if depth is not None and of not in _OF_THE_CONTACT:  # deeper, the law is extrapolated
         too_shallow = np.isfinite(value) & ~(numbers(results, "largest_depth") >= depth)
-        value, error = np.where(too_shallow, np.nan, value), np.where(too_shallow, np.nan, error)
+        value = np.where(too_shallow, np.nan, value)
+        error = np.where(too_shallow, np.nan, error)
     mistrusted = mistrusted_of(results, of)
     if of != "damping":  # a damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
@@ -579,12 +606,28 @@ def map_of(
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
     span = (float(deep.min()), float(deep.max())) if deep.size else (np.nan, np.nan)
-    unit, warnings = quantity_unit(of), _warnings(results, placed, of)
-    shallow, mistrusted = int(np.count_nonzero(too_shallow[placed])), mistrusted[placed]
-    value, error, places, rows = value[placed], error[placed], places[placed], results.num_rows
+    unit = quantity_unit(of)
+    warnings = _warnings(results, placed, of)
+    shallow = int(np.count_nonzero(too_shallow[placed]))
+    mistrusted = mistrusted[placed]
+    value = value[placed]
+    error = error[placed]
+    places = places[placed]
+    rows = results.num_rows
     at = depth, span, describe_frequencies(results.filter(placed), of)
     return Map(
-        of, unit, value, error, axes, units, places, *at, rows, shallow, mistrusted, warnings
+        of,
+        unit,
+        value,
+        error,
+        axes,
+        units,
+        places,
+        *at,
+        rows,
+        shallow,
+        mistrusted,
+        warnings,
     )
 
 
@@ -630,12 +673,12 @@ def _warnings(results: Table, placed: NDArray[np.bool_], of: str) -> tuple[str, 
     for findings in inside.column("findings").to_pylist():
         kinds.update({(mark_by(f, of), f["check"] or "") for f in problems_of(findings, of)})
     ordered = sorted(kinds.items(), key=lambda kind: (kind[0][0], -kind[1], kind[0][1]))
-    words = [
+    phrases = [
         f"{spoken(mark)}, {check}: at {count} of {inside.num_rows} places"
         for (mark, check), count in ordered
     ]
     unchecked = "none" in inside.column("checked").to_pylist()
-    return (*words, *(["data not checked"] if unchecked else []))
+    return (*phrases, *(["data not checked"] if unchecked else []))
 
 
 def _numbers(results: Table, name: str) -> Floats:
@@ -666,7 +709,7 @@ def _values(results: Table, of: str, depth: float | None) -> tuple[Floats, Float
     quantities = np.full((results.num_rows, 2), np.nan)
     whole: list[str] = [""] * results.num_rows
     if law.relaxes:
-        whole = [each or "" for each in results["law"].to_pylist()]
+        whole = [result or "" for result in results["law"].to_pylist()]
     frequencies = numbers(results, "frequency").tolist()
     for k, (matrix, *row) in enumerate(_column_rows(results, "covariance", *law.names())):
         if matrix is not None and np.isfinite(row).all():

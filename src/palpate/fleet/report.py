@@ -16,8 +16,7 @@ from palpate.fleet.figures import draw_distributions, draw_map, draw_repeats
 from palpate.fleet.files import REPORT, read_manifest, read_results, read_seconds
 from palpate.fleet.maps import map_of
 from palpate.fleet.tasks import Table
-from palpate.reports import html
-from palpate.reports.html import DRAWINGS, REPORT_STYLE, STYLE, drawing
+from palpate.output.reports import html
 from palpate.writing import write_text
 
 #: Most rows of a table on the page; the dataset has all of them.
@@ -27,7 +26,8 @@ _FEWEST = 5
 # Least share of the longest side that a map's axis must span: a smaller span is surface roughness.
 _FLAT = 0.05
 _FINDINGS = "Findings by kind (without notes)"
-_REASONS, _TIMES = ("reason", "rows", "first row"), ("source", "time", "rows")
+_REASONS = ("reason", "rows", "first row")
+_TIMES = ("source", "time", "rows")
 _OWN = """
 .wide td { overflow-wrap: anywhere; }
 .wide td:last-child { overflow-wrap: normal; }
@@ -63,12 +63,12 @@ def save_report(folder: Path) -> Path:
 
 def fleet_page(folder: Path) -> str:
     """Return the report of a fleet as HTML."""
-    table, times = read_results(folder), maps.slowest(read_seconds(folder))
+    table = read_results(folder)
+    times = maps.slowest(read_seconds(folder))
     flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
-    notable = [
-        [maps.describe_finding(f) for f in row or () if maps.is_problem(f)] for row in findings
-    ]
-    flags = [[maps.describe_flag(f) for f in row or ()] for row in flags]
+    problems = [[f for f in row or () if maps.is_problem(f)] for row in findings]
+    flag_kinds = maps.kinds_of(flags, maps.describe_flag)
+    problem_kinds = maps.kinds_of(problems, maps.describe_finding)
     reasons = [[escape(k), f"{n}", escape(name)] for k, n, name in maps.reasons_of(table)]
     slowest = [[escape(name), f"{rounded(s, 3)} s", f"{count}"] for name, s, count in times]
     slowest = slowest if len(slowest) > 1 else []
@@ -78,8 +78,16 @@ def fleet_page(folder: Path) -> str:
         ("distributions", "Identified values", _distributions(table)),
         ("map", "Map of the material", _map(table)),
         ("repeats", "Repeats", _repeats(table)),
-        ("flags", "Flags", _kinds("Flags by kind", flags, count)),
-        ("findings", "Findings", _kinds(_FINDINGS, notable, count)),
+        (
+            "flags",
+            "Flags",
+            _kinds("Flags by kind", flag_kinds, count),
+        ),
+        (
+            "findings",
+            "Findings",
+            _kinds(_FINDINGS, problem_kinds, count),
+        ),
         ("outliers", "Outliers", _outliers(table)),
         ("failures", "Failures", _list("Errors by kind", _REASONS, reasons)),
         ("slowest", "Run time", _list("Slowest sources", _TIMES, slowest)),
@@ -88,8 +96,7 @@ def fleet_page(folder: Path) -> str:
     rendered = [line for section in sections for line in html.section(*section)]
     header = [f"<h1>{escape(name)}</h1>", *_tiles(table)]
     parts = ["<header>", *header, "</header>", "<main>", *rendered, "</main>"]
-    style = STYLE + DRAWINGS + REPORT_STYLE + _OWN
-    return html.document(f"{name}: fleet report", style, parts)
+    return html.document(f"{name}: fleet report", html.REPORT_STYLE + _OWN, parts)
 
 
 def _tiles(table: Table) -> Iterator[str]:
@@ -141,11 +148,11 @@ def _distributions(table: Table) -> Iterator[str]:
     known = np.isfinite(maps.numbers(table, "stiffness"))
     if np.count_nonzero(known) < _FEWEST:
         return
-    words = (
+    text = (
         "Distributions of stiffness and damping at working depth (and of an identified exponent), "
         "and below each its relative standard error."
     )
-    yield from drawing("distributions", partial(draw_distributions, table), words)
+    yield from html.drawing("distributions", partial(draw_distributions, table), text)
 
 
 def _map(table: Table) -> Iterator[str]:
@@ -160,8 +167,8 @@ def _map(table: Table) -> Iterator[str]:
     if len(varying) < 2:
         return
     found = map_of(table, varying)
-    words = f"{found.summary[0].upper()}{found.summary[1:]}."
-    yield from drawing("over-place", partial(draw_map, found), words)
+    text = f"{found.summary[0].upper()}{found.summary[1:]}."
+    yield from html.drawing("over-place", partial(draw_map, found), text)
 
 
 def _repeats(table: Table) -> Iterator[str]:
@@ -175,27 +182,31 @@ def _repeats(table: Table) -> Iterator[str]:
             "scatter consistently with their standard errors (χ² within 3 σ).</p>"
         )
         if len(found) > 1:
-            words = (
+            text = (
                 f"Scatter of the {quantity} in each group of repeats, relative to the standard "
                 "errors: 1 if the errors are right."
             )
-            yield from drawing(f"repeats-{quantity}", partial(draw_repeats, found, quantity), words)
+            yield from html.drawing(
+                f"repeats-{quantity}",
+                partial(draw_repeats, found, quantity),
+                text,
+            )
         unit = maps.quantity_unit(quantity)
         header = ["repeats of", "identified", "weighted mean", "scatter / errors", ""]
         rows = []
         for each in [*apart, *(e for e in found if e.agree)]:
             count = f"{each.count}" if each.count == each.total else f"{each.count} of {each.total}"
-            words = "agree" if each.agree else f"do not agree, {rounded(each.z, 2)} σ"
-            badge = html.badge("trust" if each.agree else "with-care", words)
+            text = "agree" if each.agree else f"do not agree, {rounded(each.z, 2)} σ"
+            badge = html.badge("trust" if each.agree else "with-care", text)
             mean = escape(with_error(each.mean, each.error, unit=unit))
             rows.append([escape(each.name), count, mean, rounded(each.ratio, 3), badge])
         yield from _list(f"Repeats of the {quantity}", header, rows)
 
 
-def _kinds(title: str, sentences: Iterable[Sequence[str] | None], count: int) -> Iterator[str]:
+def _kinds(title: str, kinds: Iterable[tuple[str, int, str]], count: int) -> Iterator[str]:
     rows = [
         [escape(example if number == 1 else kind), f"{number}", _percent(number, count)]
-        for kind, number, example in maps.kinds_of(sentences)
+        for kind, number, example in kinds
     ]
     yield from _list(title, ["message", "rows", "share"], rows)
 

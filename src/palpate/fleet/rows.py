@@ -9,20 +9,18 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.contact import Contact
-from palpate.diagnosis import Data
-from palpate.diagnosis.outcome import Quantity
 from palpate.errors import NoContactError, RecordingError
-from palpate.estimators.estimate import Estimate
-from palpate.estimators.viscoelastic import dynamic_response
 from palpate.findings import Finding
 from palpate.fleet.tasks import Settings, Table, needed
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.identification.identified import Identified
-from palpate.preparation.delay import LONGEST_FOUND, find_delay
-from palpate.preparation.places import divide_by_place
-from palpate.quantities.elastic_modulus import ElasticModulus
-from palpate.quantities.indentation import Indentation
+from palpate.identification.diagnosis import Quantity
+from palpate.identification.quantities import indentation
+from palpate.identification.quantities.elastic_modulus import ElasticModulus
+from palpate.identifying import Identification, identify
+from palpate.input.preparation.delay import find_delay
+from palpate.input.preparation.places import divide_by_place
+from palpate.method.contact import Contact
+from palpate.method.estimators.estimate import Estimate
 from palpate.validation import Floats
 
 Row = dict[str, Any]
@@ -34,8 +32,11 @@ AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
 def table_schema(settings: Settings) -> Any:
     """Return the schema of a table: type, unit and description of each column, and the settings."""
     pa = needed("pyarrow", "a table of contacts")
-    whole, text, number = pa.int64(), pa.string(), pa.float64()
-    numbers, found = pa.list_(number), pa.list_(pa.struct([(part, text) for part in _FINDING]))
+    whole = pa.int64()
+    text = pa.string()
+    number = pa.float64()
+    numbers = pa.list_(number)
+    found = pa.list_(pa.struct([(part, text) for part in _FINDING]))
     law = settings.law
     columns = [
         ("source", text, "", "the file, folder or array that the contact is from"),
@@ -148,7 +149,10 @@ def _empty_row(schema: Any, settings: Settings) -> Row:
 
 
 def identify_rows(
-    contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
+    contact: Contact,
+    settings: Settings,
+    *,
+    columns: type[ForceLaw] | None = None,
 ) -> Iterator[Row]:
     """Identify a contact: yield one row, or one per place if the probe travels.
 
@@ -182,7 +186,10 @@ def identify_rows(
 
 
 def identify_row(
-    contact: Contact, settings: Settings, *, columns: type[ForceLaw] | None = None
+    contact: Contact,
+    settings: Settings,
+    *,
+    columns: type[ForceLaw] | None = None,
 ) -> Row:
     """Identify a contact at one place with the recursive estimator; see :func:`identify_rows`.
 
@@ -191,16 +198,29 @@ def identify_row(
     PalpateError
         It cannot be identified.
     """
-    result = Identified.selected_law(Data(contact), settings.estimator_for(contact), trace=False)
-    contact, data = result.contact, result.data
-    assert data is not None
-    estimate, law, covariance = result.estimate, result.law, result.covariance
-    row: Row = {"fit": "recursion", "samples": len(contact), "method": result.method}
-    row |= {"law_name": law_name(result), "frequency": result.frequency}
-    if (columns or settings.law) is GeneralisedHuntCrossley and law.powers is not None:
-        to_columns = power_law_derivatives(type(law))
-        law, covariance = GeneralisedHuntCrossley.of(law), to_columns @ covariance @ to_columns.T
-    if not contact.timeless:  # the covariance of the spring does not belong to the table's law
+    result = identify(contact, settings.estimator_for(contact), trace=False)
+    row = _law_columns(result, columns or settings.law)
+    row |= _sample_columns(result)
+    if settings.tip is not None and result.depths:
+        row |= _modulus_columns(result.elastic_modulus(settings.tip, settings.poisson_ratio))
+    if settings.diagnosis == "full":
+        return row | _delay_columns(result.contact) | _diagnosis_columns(result)
+    if settings.diagnosis == "input" and result.data is not None:
+        row["findings"] = [finding_cell(finding) for finding in result.data.findings]
+    if result.law.remembers:  # the selection of this law has diagnosed it
+        return row | _working_depth_columns(result, systematic=False)
+    if not result.depths:
+        return row
+    law, covariance = _in_columns(result, columns or settings.law)
+    return row | values_for_depth(law, covariance, result.depths[0])
+
+
+def _law_columns(result: Identification, columns: type[ForceLaw]) -> Row:
+    """Return the law with its errors in the columns of a table, and what belongs to the law."""
+    row: Row = {"fit": "recursion", "method": result.method, "law_name": law_name(result)}
+    row["frequency"] = result.frequency
+    law, covariance = _in_columns(result, columns)
+    if not result.contact.timeless:  # the spring's covariance does not belong to the table's law
         row["covariance"] = covariance.reshape(-1).tolist()
     with np.errstate(invalid="ignore"):
         errors = np.sqrt(np.diag(covariance)).tolist()
@@ -213,27 +233,40 @@ def identify_row(
         row["relaxed_stiffness"] = relaxed.value
         row["relaxed_stiffness_standard_error"] = relaxed.standard_error
     for name in ("offset", "surface"):
-        if (error := getattr(estimate, f"{name}_standard_error")) > 0.0:
-            row |= {name: getattr(estimate, name), f"{name}_standard_error": error}
-    residual = contact.force[result.trace.taken] - result.fitted_force[result.trace.taken]
-    row["residual"] = float(np.sqrt(np.mean(residual**2))) if residual.size else math.nan
-    row["taken"] = int(np.count_nonzero(result.trace.taken))
-    row["largest_depth"] = result.largest_depth
-    row["largest_force"] = float(np.max(contact.force[result.trace.taken], initial=0.0))
-    row["rate"] = 1.0 / contact.sample_time
+        if (error := getattr(result.estimate, f"{name}_standard_error")) > 0.0:
+            row |= {name: getattr(result.estimate, name), f"{name}_standard_error": error}
+    return row
+
+
+def _in_columns(result: Identification, columns: type[ForceLaw]) -> tuple[ForceLaw, Floats]:
+    """Return law and covariance; in a table of the generalised law a power law is one of these."""
+    law: ForceLaw = result.law
+    if columns is not GeneralisedHuntCrossley or law.powers is None:
+        return law, result.covariance
+    to_columns = power_law_derivatives(type(law))
+    covariance: Floats = to_columns @ result.covariance @ to_columns.T
+    return GeneralisedHuntCrossley.of(law), covariance
+
+
+def _sample_columns(result: Identification) -> Row:
+    """Return the columns on the samples, their fit and their preparation."""
+    contact = result.contact
+    taken = result.trace.taken
+    residual = contact.force[taken] - result.fitted_force[taken]
+    count = int(np.count_nonzero(taken))
+    row: Row = {
+        "samples": len(contact),
+        "residual": float(np.sqrt(np.mean(residual**2))) if residual.size else math.nan,
+        "taken": count,
+        "largest_depth": result.largest_depth,
+        "largest_force": float(np.max(contact.force[taken], initial=0.0)),
+        "rate": 1.0 / contact.sample_time,
+        "flags": [finding_cell(finding) for finding in result.findings],
+        "prepared": json.dumps(dict(contact.provenance), ensure_ascii=False),
+    }
     if contact.tare_deviation is not None:  # without free air the surface is an assumption
-        row["contact_fraction"] = row["taken"] / len(contact)
-    row["flags"] = [finding_cell(finding) for finding in result.findings]
-    row["prepared"] = json.dumps(dict(contact.provenance), ensure_ascii=False)
-    if settings.tip is not None and result.depths:
-        row |= _modulus_columns(result.elastic_modulus(settings.tip, settings.poisson_ratio))
-    if settings.diagnosis == "full":
-        return row | _delay_columns(contact) | _diagnosis_columns(result)
-    if settings.diagnosis == "input":
-        row["findings"] = [finding_cell(finding) for finding in data.findings]
-    if law.remembers:  # the selection of this law has diagnosed it
-        return row | _working_depth_columns(result, systematic=False)
-    return row | (values_for_depth(law, covariance, result.depths[0]) if result.depths else {})
+        row["contact_fraction"] = count / len(contact)
+    return row
 
 
 def power_law_derivatives(law: type[ForceLaw]) -> Floats:
@@ -248,7 +281,7 @@ def power_law_derivatives(law: type[ForceLaw]) -> Floats:
     return derivatives
 
 
-def law_name(result: Identified) -> str:
+def law_name(result: Identification) -> str:
     """Return the name of the selected law, or the kind of an identified law."""
     estimator = result.estimator
     return str(estimator.candidate) if estimator.chooses_law else str(result.law.kind)
@@ -271,9 +304,10 @@ def finding_cell(finding: Finding) -> dict[str, str | None]:
     return {name: getattr(finding, name) for name in _FINDING}
 
 
-def indentation_row(found: Indentation, settings: Settings) -> Row:
+def indentation_row(found: indentation.Indentation, settings: Settings) -> Row:
     """Return the columns for the approach of a force curve; it has no damping."""
-    depth, law = found.depth, settings.law.names()
+    depth = found.depth
+    law = settings.law.names()
     row: Row = {
         "fit": "approach",
         "law_name": HuntCrossley.kind,
@@ -300,8 +334,11 @@ def indentation_row(found: Indentation, settings: Settings) -> Row:
     return row | _modulus_columns(found.modulus) | {"verdict_stiffness": mark}
 
 
-def _modulus_columns(found: ElasticModulus) -> Row:
-    return {**_quantity_columns("modulus", found.value), "verdict_modulus": found.mark}
+def _modulus_columns(elastic_modulus: ElasticModulus) -> Row:
+    return {
+        **_quantity_columns("modulus", elastic_modulus.value),
+        "verdict_modulus": elastic_modulus.mark,
+    }
 
 
 def _quantity_columns(name: str, quantity: Quantity) -> Row:
@@ -310,7 +347,10 @@ def _quantity_columns(name: str, quantity: Quantity) -> Row:
 
 
 def values_for_depth(
-    law: ForceLaw, covariance: Floats, depth: float, frequency: float = math.nan
+    law: ForceLaw,
+    covariance: Floats,
+    depth: float,
+    frequency: float = math.nan,
 ) -> Row:
     """Return force, stiffness and damping at a depth; errors by the delta method: √(gᵀ C g).
 
@@ -325,7 +365,8 @@ def values_for_depth(
         if not law.remembers:
             return law.at_rest(depth)
         assert isinstance(law, GeneralisedHuntCrossley)
-        return law.at_rest(depth)[0], *dynamic_response(law, depth, frequency).tolist()
+        stiffness = complex(law.dynamic_stiffness(depth, frequency))
+        return law.at_rest(depth)[0], stiffness.real, stiffness.imag / frequency
 
     with np.errstate(all="ignore"):
         values, errors = estimate.with_errors(response)
@@ -346,7 +387,7 @@ def place_in_notes(notes: Mapping[str, str]) -> Row:
     return row
 
 
-def _diagnosis_columns(result: Identified) -> Row:
+def _diagnosis_columns(result: Identification) -> Row:
     diagnosis = result.diagnosis
     return _working_depth_columns(result) | {
         "findings": [finding_cell(finding) for finding in diagnosis.findings],
@@ -361,13 +402,13 @@ def _delay_columns(contact: Contact) -> Row:
     if prepared is None or prepared.recording.episode is None or contact.delay is not None:
         return {}
     try:
-        delay = find_delay(contact, longest=max(LONGEST_FOUND, 3.0 * contact.sample_time))
+        delay = find_delay(contact, least_samples=3)
     except RecordingError:
         return {}
     return {"force_delay": delay.seconds, "force_delay_standard_error": delay.standard_error}
 
 
-def _working_depth_columns(result: Identified, *, systematic: bool = True) -> Row:
+def _working_depth_columns(result: Identification, *, systematic: bool = True) -> Row:
     working_depth = result.diagnosis.working_depth
     row: Row = {"depth": working_depth.depth}
     for name in AT_DEPTH:

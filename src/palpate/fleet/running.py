@@ -22,7 +22,6 @@ from typing import Any
 import numpy as np
 
 from palpate._core import __version__
-from palpate.contact import Contact
 from palpate.errors import FleetError, InvalidParameterError
 from palpate.fleet.arrays import (
     Given,
@@ -33,10 +32,9 @@ from palpate.fleet.arrays import (
 from palpate.fleet.files import Results, disk_name, list_sources, read_curves
 from palpate.fleet.rows import Row, table_of_rows
 from palpate.fleet.tasks import Batch, Settings, Table, batches, cores, needed
-from palpate.preparation import prepare
-from palpate.recordings import open_recording
-from palpate.recordings.datasets import read_episodes
-from palpate.recordings.opening import FORCE_CURVES, first_line
+from palpate.input.preparation import prepare
+from palpate.input.recordings import datasets, open_recording, opening
+from palpate.method.contact import Contact
 from palpate.spelling import options_in_advice
 from palpate.validation import Floats, whole_in
 
@@ -83,7 +81,10 @@ def identify_batch(batch: Table, settings: Settings, *, threads: int = 1) -> Tab
 
 
 def identify_and_time(
-    batch: Table, settings: Settings, *, threads: int = 1
+    batch: Table,
+    settings: Settings,
+    *,
+    threads: int = 1,
 ) -> tuple[Table, Floats]:
     """Return the table of :func:`identify_batch` and the time that each row took, s."""
     if settings.version != __version__:
@@ -111,18 +112,24 @@ def _runs(batch: Table) -> Iterator[tuple[str, list[Named]]]:
     columns = (batch.column(name).to_pylist() for name in ("kind", "source", "index"))
     rows = zip(*columns, strict=True)
     for (kind, _), group in itertools.groupby(
-        rows, key=lambda row: (row[0], None if row[0] == "file" else row[1])
+        rows,
+        key=lambda row: (row[0], None if row[0] == "file" else row[1]),
     ):
         yield kind, [(source, index) for _, source, index in group]
 
 
 def _identify_rows(
-    kind: str, named: list[Named], settings: Settings, threads: int
+    kind: str,
+    named: list[Named],
+    settings: Settings,
+    threads: int,
 ) -> tuple[Table, Floats]:
     if kind != "zarr":
         return identify_each(_read_contacts(kind, named, settings), settings, curves=kind == "map")
-    source, numbers = named[0][0], [index or 0 for _, index in named]
-    first, count = min(numbers), max(numbers) - min(numbers) + 1
+    source = named[0][0]
+    numbers = [index or 0 for _, index in named]
+    first = min(numbers)
+    count = max(numbers) - min(numbers) + 1
     try:
         curves = read_curves(source, first, count)
         table, seconds = identify_curves(curves, settings, threads=threads)
@@ -139,16 +146,18 @@ def _name(named: Named) -> Row:
 def _read_contacts(kind: str, named: list[Named], settings: Settings) -> Iterator[Given]:
     """Read the contacts from their files; maps and data sets are opened once for all their rows."""
     for some in [named] if kind in ("map", "episodes") else ([each] for each in named):
-        left, source, most = deque(some), some[0][0], settings.max_size
+        left = deque(some)
+        source = some[0][0]
+        most = settings.max_size
         try:
             path = Path(disk_name(source))
             numbers = [index or 0 for _, index in some]
             if kind == "episodes":
-                for number, recording in read_episodes(path, numbers, most):
+                for number, recording in datasets.read_episodes(path, numbers, most):
                     yield {**_name(left.popleft()), "index": number}, recording
                 continue
             if kind == "map":
-                recordings = FORCE_CURVES.reader().read_curves(path, numbers, most)
+                recordings = opening.FORCE_CURVES.reader().read_curves(path, numbers, most)
             else:
                 recordings = iter([open_recording(path, curve=some[0][1], max_size=most)])
             for recording in recordings:
@@ -189,7 +198,10 @@ _NO_WARNINGS = {"PYTHONWARNINGS": "ignore"}
 
 @contextmanager
 def open_client(
-    *, workers: int | None = None, scheduler: str | None = None, dashboard: bool = False
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    dashboard: bool = False,
 ) -> Iterator[Any]:
     """Yield a Dask client of the scheduler, or of local processes that end with the context.
 
@@ -219,8 +231,8 @@ def open_client(
         client = distributed.Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError, TimeoutError) as error:
         raise FleetError(
-            f"{scheduler}: no Dask scheduler answers ({first_line(error)}); start one with `dask "
-            "scheduler`, or omit --scheduler to use the cores of this machine"
+            f"{scheduler}: no Dask scheduler answers ({opening.first_line(error)}); start one with "
+            "`dask scheduler`, or omit --scheduler to use the cores of this machine"
         ) from None
     with client:
         _check_workers(client, scheduler)
@@ -295,7 +307,8 @@ def _await_workers(cluster: Any, workers: int) -> None:
     FleetError
         No worker started.
     """
-    begun, started = time.monotonic(), cluster.scheduler.workers
+    begun = time.monotonic()
+    started = cluster.scheduler.workers
     while len(started) < workers:
         if time.monotonic() - begun > (PATIENCE if started else _LONGEST_START):
             break
@@ -347,7 +360,8 @@ def holding_interrupts() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    held, blocks = False, sys.platform != "win32"
+    held = False
+    blocks = sys.platform != "win32"
 
     def hold(*_: Any) -> None:
         nonlocal held
@@ -390,7 +404,9 @@ def _check_workers(client: Any, scheduler: str) -> None:
     try:
         versions = client.run(version)
     except Exception as error:
-        raise FleetError(f"{scheduler}: its workers do not answer: {first_line(error)}") from None
+        raise FleetError(
+            f"{scheduler}: its workers do not answer: {opening.first_line(error)}"
+        ) from None
     for worker, answer in sorted(versions.items()):
         if answer != f"palpate {__version__}":
             raise FleetError(
@@ -491,7 +507,8 @@ def run_fleet(
     needed("distributed", "a fleet")
     listed = list_sources(sources, leave_out=folder)
     results = Results.begin(folder, settings, listed)
-    finished, total = results.done(), results.contacts
+    finished = results.done()
+    total = results.contacts
     done = sum(end - first for first, end in finished)
     fleet = Fleet(folder, total, done)
     progress(done, total)
@@ -527,17 +544,21 @@ def _count(fleet: Fleet, kinds: Sequence[str | None]) -> None:
 
 
 def _run_batches(
-    client: Any, waiting: Sequence[Batch], settings: Settings
+    client: Any,
+    waiting: Sequence[Batch],
+    settings: Settings,
 ) -> Iterator[tuple[Batch, Any]]:
     """Yield batches and their results as they finish, with few batches sent ahead per worker."""
     distributed = needed("distributed", "a fleet")
     left = deque(waiting)
     running: dict[str, Batch] = {}
     coming = distributed.as_completed(loop=client.loop)
-    asked, most = -math.inf, 0
+    asked = -math.inf
+    most = 0
     while left or running:
         if time.monotonic() - asked > _ASK_AGAIN:  # the number of workers may change
-            asked, most = time.monotonic(), _AHEAD * (sum(client.nthreads().values()) or 1)
+            asked = time.monotonic()
+            most = _AHEAD * (sum(client.nthreads().values()) or 1)
         while left and len(running) < most:
             batch = left.popleft()
             future = client.submit(identify_and_time, batch.table, settings, pure=False)
@@ -549,7 +570,12 @@ def _run_batches(
 
 
 def _answer(
-    client: Any, future: Any, table: Table, settings: Settings, *, alone: bool = False
+    client: Any,
+    future: Any,
+    table: Table,
+    settings: Settings,
+    *,
+    alone: bool = False,
 ) -> tuple[Table, Floats]:
     """Return a task's result; if it ended its workers, identify it in ever smaller parts.
 
@@ -568,7 +594,7 @@ def _answer(
     except FleetError:
         raise
     except Exception as error:
-        text = f"{type(error).__name__}: {first_line(error)}"
+        text = f"{type(error).__name__}: {opening.first_line(error)}"
         raise FleetError(f"a worker failed: {text}") from None
     size = -(-table.num_rows // _PARTS)
     answers = []

@@ -14,20 +14,16 @@ import numpy as np
 
 from palpate import errors
 from palpate._core import __version__
-from palpate.channels import Columns
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.estimators import (
-    ContactEstimator,
-    VariableProjection,
-    ViscoelasticContact,
-    estimator_named,
-)
 from palpate.force_laws import ForceLaw
-from palpate.preparation.gate import requested_gate
-from palpate.preparation.settings import Preparation
-from palpate.quantities.derived import QueryOptions
-from palpate.quantities.elastic_modulus import Tip
+from palpate.identification.quantities.derived import QueryOptions
+from palpate.identification.quantities.elastic_modulus import Tip
+from palpate.identification.replaying import resolve_estimator
+from palpate.input.channels import Columns
+from palpate.input.preparation.gate import requested_gate
+from palpate.input.preparation.settings import Preparation
+from palpate.method.contact import Contact
+from palpate.method.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.validation import shown
 
 #: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
@@ -52,9 +48,12 @@ def cores() -> int:
 _RECURSION = {"none": (3e-3, 1e-6), "input": (5e-3, 1e-6), "full": (25e-3, 12e-6)}
 _WHOLE_CURVE = {"none": (1e-4, 1e-7), "input": (6e-4, 5e-7), "full": (6e-4, 5e-7)}
 # To read and prepare a file: s, s per byte, and bytes per sample (29 in text with four channels).
-_READING, _READING_A_BYTE, _BYTES_A_SAMPLE = 6e-3, 15e-9, 30.0
+_READING = 6e-3
+_READING_A_BYTE = 15e-9
+_BYTES_A_SAMPLE = 30.0
 # Each task costs some 10 ms for scheduling and for writing its results.
-_SHORTEST, _LONGEST = 0.05, 1.0  # s
+_SHORTEST = 0.05
+_LONGEST = 1.0  # s
 # At the end one worker may hold two tasks while another has none: an eighth of its work.
 _TASKS_A_WORKER = 16
 # Samples of arrays in one task: 48 MB of penetration, velocity and force.
@@ -179,10 +178,13 @@ def batches(
 
 
 def _cuts(
-    sources: Iterable[ContactSource], seconds: Iterable[float], longest: float
+    sources: Iterable[ContactSource],
+    seconds: Iterable[float],
+    longest: float,
 ) -> Iterator[int]:
     """Yield the first contact of each batch; a stored chunk stays in one batch if possible."""
-    position, load = 0, 0.0
+    position = 0
+    load = 0.0
     yield position
     for source, each in zip(sources, seconds, strict=True):
         first = 0
@@ -193,7 +195,9 @@ def _cuts(
             if fit > source.chunk:
                 fit -= (first + fit) % source.chunk
             fit = min(max(fit, load == 0.0), source.contacts - first)
-            first, position, load = first + fit, position + fit, load + fit * each
+            first = first + fit
+            position = position + fit
+            load = load + fit * each
             if first < source.contacts or load >= longest:
                 yield position
                 load = 0.0
@@ -202,8 +206,8 @@ def _cuts(
 def sources_digest(sources: Iterable[ContactSource]) -> str:
     """Return a digest that identifies these sources and their present content."""
     digest = hashlib.sha256()
-    for each in sources:
-        parts = (each.name, each.kind, each.count, each.samples, each.chunk, each.stamp)
+    for source in sources:
+        parts = (source.name, source.kind, source.count, source.samples, source.chunk, source.stamp)
         digest.update("\t".join(map(str, parts)).encode("utf-8", "backslashreplace") + b"\n")
     return digest.hexdigest()[:16]
 
@@ -244,7 +248,8 @@ class Settings:
         identification; ``"full"`` gives each contact a verdict and takes some fifty times as long.
     tip : Tip, optional
         The tip of the probe, for Young's modulus. Of force curves only the approach is then used:
-        :func:`palpate.quantities.indentation.fit_approach`. Default: none, and no modulus.
+        :func:`palpate.identification.quantities.indentation.fit_approach`. Default: none, and no
+        modulus.
     poisson_ratio : float, optional
         Poisson's ratio of the material, in (−1, 0.5]. Default: 0.5, assumed.
     minimum_penetration, minimum_force : float, optional
@@ -298,7 +303,7 @@ class Settings:
     def kind(self) -> type[ContactEstimator]:
         """The estimator's class; by default variable projection if only it has these settings."""
         if self.method != AUTO:
-            return estimator_named(self.method)
+            return type(resolve_estimator(self.method))
         able = set(self.estimator) <= set(ViscoelasticContact().settings)
         return ViscoelasticContact if able else VariableProjection
 

@@ -95,7 +95,10 @@ def drake_point(*, stiffness: float, dissipation: float) -> GeneralisedHuntCross
     """
     k = above_zero("stiffness", stiffness)
     return GeneralisedHuntCrossley(
-        K=k, n=1.0, B=k * not_below_zero("dissipation", dissipation), p=1.0
+        K=k,
+        n=1.0,
+        B=k * not_below_zero("dissipation", dissipation),
+        p=1.0,
     )
 
 
@@ -118,7 +121,11 @@ def drake_sap(*, stiffness: float, relaxation_time: float) -> GeneralisedHuntCro
 
 
 def drake_hydroelastic(
-    *, modulus: float, thickness: float, radius: float, dissipation: float
+    *,
+    modulus: float,
+    thickness: float,
+    radius: float,
+    dissipation: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = (π E R/H) x² (1 + d v): a rigid sphere on Drake's hydroelastic half-space.
 
@@ -140,7 +147,10 @@ def drake_hydroelastic(
     pressure = above_zero("modulus", modulus) / above_zero("thickness", thickness)
     k = math.pi * pressure * above_zero("radius", radius)
     return GeneralisedHuntCrossley(
-        K=k, n=2.0, B=k * not_below_zero("dissipation", dissipation), p=2.0
+        K=k,
+        n=2.0,
+        B=k * not_below_zero("dissipation", dissipation),
+        p=2.0,
     )
 
 
@@ -185,7 +195,10 @@ def mujoco(
     # Up to the midpoint the engine uses (x/width)^q/midpoint^(q − 1).
     rise = midpoint ** (1.0 - power) * width**-power
     return GeneralisedHuntCrossley(
-        K=spring * rise**2 / mobility, n=1.0 + 2.0 * power, B=damper * rise / mobility, p=power
+        K=spring * rise**2 / mobility,
+        n=1.0 + 2.0 * power,
+        B=damper * rise / mobility,
+        p=power,
     )
 
 
@@ -206,12 +219,19 @@ def simbody(*, modulus: float, radius: float, dissipation: float) -> Generalised
     """
     k = _hertz(modulus, radius)
     return GeneralisedHuntCrossley(
-        K=k, n=1.5, B=1.5 * k * not_below_zero("dissipation", dissipation), p=1.5
+        K=k,
+        n=1.5,
+        B=1.5 * k * not_below_zero("dissipation", dissipation),
+        p=1.5,
     )
 
 
 def hertz_tsuji(
-    *, modulus: float, radius: float, mass: float, restitution: float
+    *,
+    modulus: float,
+    radius: float,
+    mass: float,
+    restitution: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = 4/3 E √R x^1.5 + 2 √(5/6) β √(2 E √R m) x^¼ v, β = −ln e/√(π² + ln² e).
 
@@ -239,7 +259,11 @@ def hertz_tsuji(
 
 
 def chrono_hertz(
-    *, stiffness: float, damping: float, radius: float, mass: float
+    *,
+    stiffness: float,
+    damping: float,
+    radius: float,
+    mass: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = R √x (kₙ x + m gₙ v): Chrono's SMC Hertz with user-defined coefficients.
 
@@ -256,7 +280,10 @@ def chrono_hertz(
     scale = above_zero("radius", radius)
     damper = above_zero("mass", mass) * not_below_zero("damping", damping)
     return GeneralisedHuntCrossley(
-        K=scale * above_zero("stiffness", stiffness), n=1.5, B=scale * damper, p=0.5
+        K=scale * above_zero("stiffness", stiffness),
+        n=1.5,
+        B=scale * damper,
+        p=0.5,
     )
 
 

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
+from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError
+from palpate.force_laws.relaxation import steps_over_breaks
 from palpate.validation import broadcast_contact, check_choice, number, shown, together
 
 Floats = NDArray[np.float64]
@@ -151,13 +153,30 @@ class ForceLaw:
         return self.force
 
     def force_along(
-        self, penetration: "ArrayLike", velocity: "ArrayLike", time_steps: "ArrayLike"
+        self,
+        penetration: "ArrayLike",
+        velocity: "ArrayLike",
+        time_steps: "ArrayLike",
     ) -> Floats:
         """Force [N] along a motion, shapes (k,), with the time steps [s].
 
         Equal to :meth:`force` for a law without memory.
         """
         return np.asarray(self.force(penetration, velocity))
+
+    def force_over(
+        self,
+        time: Floats,
+        penetration: Floats,
+        velocity: Floats,
+        time_step: float,
+    ) -> Floats:
+        """Force [N] along a motion at these times [s], over breaks in it, shape (k,).
+
+        A break in the material counts as one usual time step [s], as in an estimator.
+        """
+        steps = steps_over_breaks(time, penetration, time_step)
+        return self.force_along(penetration, velocity, steps)
 
     def parameter_gradient(self, penetration: Floats, velocity: Floats) -> Floats:
         """∂F/∂θ in contact, shape (k, p), at penetrations > 0 [m] and velocities [m/s], (k,)."""
@@ -213,13 +232,15 @@ class ForceLaw:
 
     def at_speed(self, depth: float, velocity: float) -> tuple[float, float, float]:
         """Force [N], stiffness [N/m], damping [N·s/m] at a depth > 0 [m] and a velocity [m/s]."""
-        force, stiffness = self.force(depth, velocity), self.stiffness_at(depth, velocity)
+        force = self.force(depth, velocity)
+        stiffness = self.stiffness_at(depth, velocity)
         return float(force), stiffness, self.damping_at(depth)
 
 
 def _typical_value(unit: str, own: dict[str, float]) -> float:
     """The typical value of a unit, such as ``N·s/m²``; other symbols than N, m, s count as 1."""
-    size, sign = 1.0, 1
+    size = 1.0
+    sign = 1
     for symbol, separator in re.findall(r"([^·/]*)([·/]?)", unit):
         power = re.sub("[^0-9]", "", symbol.translate(_SUPERSCRIPTS)) or "1"
         size *= own.get(symbol.rstrip("⁰¹²³⁴⁵⁶⁷⁸⁹ⁿᵖ⁺⁻"), 1.0) ** (sign * int(power))
@@ -234,8 +255,26 @@ Law = TypeVar("Law", bound=type[ForceLaw])
 #: What is felt at a depth, no names of coefficients.
 FELT = frozenset(("force", "stiffness", "damping"))
 
+
+class LawRegistry(dict[str, type[ForceLaw]]):
+    """Laws by ``kind``; those of other packages are loaded when their kind is asked for."""
+
+    def __contains__(self, kind: object) -> bool:
+        if not super().__contains__(kind):
+            load_plugins("palpate.laws", register)
+        return super().__contains__(kind)
+
+    def __missing__(self, kind: str) -> type[ForceLaw]:
+        check_choice("kind", kind, self if kind in self else [*self])
+        return self[kind]
+
+    def get(self, kind: str, default: Any = None) -> Any:
+        """Return the law of a kind; ``default`` if there is none."""
+        return super().get(kind, default) if kind in self else default
+
+
 #: All force laws by ``kind``.
-FORCE_LAWS: dict[str, type[ForceLaw]] = {}
+FORCE_LAWS = LawRegistry()
 
 # Callbacks for each registered law; estimators, which may not be imported here, add theirs.
 WATCHERS: list[Callable[[type[ForceLaw]], None]] = []
@@ -282,7 +321,6 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     kind: Any = given.pop("kind", None)
     if kind == Spring.kind:
         return Spring.from_dict(given)
-    check_choice("kind", kind, FORCE_LAWS)
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
@@ -313,11 +351,15 @@ class CompiledLaw(ForceLaw):
 
     def in_a_loop(self) -> Callable[[float, float], float]:
         """Return a faster :meth:`force` for plain floats; it is not thread-safe."""
-        compiled, parameters = type(self)._compiled, self.parameters
-        depth, speed, force = np.empty(1), np.empty(1), np.empty(1)
+        compiled = type(self)._compiled
+        parameters = self.parameters
+        depth = np.empty(1)
+        speed = np.empty(1)
+        force = np.empty(1)
 
         def sample_force(penetration: float, velocity: float) -> float:
-            depth[0], speed[0] = penetration, velocity
+            depth[0] = penetration
+            speed[0] = velocity
             compiled(parameters, depth, speed, force)
             return force.item()
 

@@ -26,13 +26,18 @@ def half_space(*, K: float, n: float, retardation_time: float) -> GeneralisedHun
     retardation_time : float
         A, s, ≥ 0: viscosity over modulus.
     """
-    k, power = above_zero("K", K), number_in("n", n, 1.0, 10.0)
+    k = above_zero("K", K)
+    power = number_in("n", n, 1.0, 10.0)
     damping = power * k * not_below_zero("retardation_time", retardation_time)
     return GeneralisedHuntCrossley(K=k, n=power, B=damping, p=power - 1.0)
 
 
 def hunt_crossley_1975(
-    *, K: float, n: float, restitution: float, speed: float
+    *,
+    K: float,
+    n: float,
+    restitution: float,
+    speed: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): the dissipation that Hunt & Crossley chose.
 
@@ -53,7 +58,11 @@ def hunt_crossley_1975(
 
 
 def lankarani_nikravesh(
-    *, K: float, n: float, restitution: float, speed: float
+    *,
+    K: float,
+    n: float,
+    restitution: float,
+    speed: float,
 ) -> GeneralisedHuntCrossley:
     """Return F = K xⁿ (1 + 3 (1 − e²)/(4 v₀) v).
 
@@ -83,7 +92,11 @@ def flores(*, K: float, n: float, restitution: float, speed: float) -> Generalis
 
 
 def standard_linear_solid(
-    *, K: float, branch_stiffness: float, branch_damping: float, n: float = 1.0
+    *,
+    K: float,
+    branch_stiffness: float,
+    branch_damping: float,
+    n: float = 1.0,
 ) -> GeneralisedHuntCrossley:
     """Return the standard linear solid in Maxwell's form: a spring parallel to a Maxwell branch.
 
@@ -112,7 +125,12 @@ def standard_linear_solid(
 
 
 def fung(
-    *, instantaneous: float, n: float, c: float, shortest: float, longest: float
+    *,
+    instantaneous: float,
+    n: float,
+    c: float,
+    shortest: float,
+    longest: float,
 ) -> GeneralisedHuntCrossley:
     """Return quasi-linear viscoelasticity with Fung's box spectrum, common for soft tissue.
 
@@ -129,18 +147,28 @@ def fung(
     shortest, longest : float
         τ₁ < τ₂, s, > 0.
     """
-    spectrum, whole = FlatSpectrum(shortest, longest), above_zero("instantaneous", instantaneous)
+    spectrum = FlatSpectrum(shortest, longest)
+    whole = above_zero("instantaneous", instantaneous)
     relaxed = whole / (1.0 + above_zero("c", c) * math.log(longest / shortest))
     power = above_zero("n", n)
     return GeneralisedHuntCrossley(
-        K=relaxed, n=power, B=0.0, p=power, M=whole - relaxed, relaxation=spectrum
+        K=relaxed,
+        n=power,
+        B=0.0,
+        p=power,
+        M=whole - relaxed,
+        relaxation=spectrum,
     )
 
 
 def _law_from_dissipation(
-    K: float, n: float, wanted: float, speed: float
+    K: float,
+    n: float,
+    wanted: float,
+    speed: float,
 ) -> GeneralisedHuntCrossley:
     """K xⁿ (1 + b v) with the requested b v₀."""
-    k, power = above_zero("K", K), above_zero("n", n)
+    k = above_zero("K", K)
+    power = above_zero("n", n)
     damping = k * wanted / above_zero("speed", speed)
     return GeneralisedHuntCrossley(K=k, n=power, B=damping, p=power)

@@ -12,7 +12,8 @@ from palpate.errors import InvalidParameterError
 from palpate.validation import Floats, all_good, check_field, number, same_length, signal
 
 #: Range of relaxation times, s: it includes 4096 sample times of any allowed sample time.
-SHORTEST, LONGEST = 1e-12, 1e12
+SHORTEST = 1e-12
+LONGEST = 1e12
 #: Largest number of relaxation times.
 MOST = 128
 #: Names of the two descriptions of a relaxation: by a formula, or by times and stiffnesses.
@@ -148,7 +149,8 @@ class PowerLawRelaxation(Relaxation):
 
 # A group of neighbouring times with this share of the stiffness is one relaxation time, if it is
 # no broader (standard deviation of log₁₀ τ): two times a decade apart have 0.5.
-_ONE_GROUP, _ONE_TIME = 0.95, 0.5
+_ONE_GROUP = 0.95
+_ONE_TIME = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +176,8 @@ class RelaxationSpectrum(Relaxation):
     stiffnesses: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        times, stiffnesses = signal("times", self.times), signal("stiffnesses", self.stiffnesses)
+        times = signal("times", self.times)
+        stiffnesses = signal("stiffnesses", self.stiffnesses)
         same_length(times=times.size, stiffnesses=stiffnesses.size)
         if not 1 <= times.size <= MOST:
             raise InvalidParameterError(f"times must be 1 to {MOST} numbers, not {times.size}")
@@ -207,7 +210,8 @@ class RelaxationSpectrum(Relaxation):
         ends = np.flatnonzero(np.diff(m > 0.0, prepend=False, append=False)).reshape(-1, 2)
         for group in (slice(*pair) for pair in ends.tolist()):
             if m[group].sum() > _ONE_GROUP * self.stiffness:
-                logs, m = np.log(self.times[group]), m[group]
+                logs = np.log(self.times[group])
+                m = m[group]
                 mean = float(np.average(logs, weights=m))
                 deviation = math.sqrt(float(np.average((logs - mean) ** 2, weights=m)))
                 return math.exp(mean) if deviation < _ONE_TIME * math.log(10.0) else None

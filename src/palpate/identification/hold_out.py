@@ -5,11 +5,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.contact import Contact
 from palpate.digits import percent, rounded
 from palpate.errors import RecordingError
-from palpate.findings import Check, Finding
-from palpate.remedies import NextStep, Remedy
+from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.method.contact import Contact
 from palpate.validation import Floats
 
 # A law that predicts worse than this multiple of Hunt–Crossley's error is not to be trusted.
@@ -19,7 +18,10 @@ Predict = Callable[[Contact, Contact], Floats]
 
 
 def check_prediction(
-    contact: Contact, taken: NDArray[np.bool_], law: Predict, plain: Predict
+    contact: Contact,
+    taken: NDArray[np.bool_],
+    law: Predict,
+    plain: Predict,
 ) -> Finding:
     """Report how well a law and plain Hunt–Crossley of the first half predict the second.
 
@@ -39,8 +41,8 @@ def check_prediction(
     """
     inside = np.flatnonzero(taken)
     if inside.size < FEWEST:
-        words = f"--hold-out needs {FEWEST} samples in contact, and there are {inside.size}"
-        raise RecordingError.of(contact.source, words)
+        text = f"--hold-out needs {FEWEST} samples in contact, and there are {inside.size}"
+        raise RecordingError.of(contact.source, text)
     second = inside[inside.size // 2 :]
     first = contact.taken(slice(0, int(second[0])))
     force = contact.force[second]

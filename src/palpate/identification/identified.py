@@ -6,14 +6,18 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from palpate._core import Status
-from palpate.contact import Contact
-from palpate.diagnosis import (
+from palpate.digits import format_quantity, rounded
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.force_laws import steps_over_breaks
+from palpate.identification.checks import check_approach, check_estimate, why_nothing
+from palpate.identification.diagnosis import (
     Data,
     Diagnosis,
     Episode,
@@ -23,43 +27,8 @@ from palpate.diagnosis import (
     diagnose_parts,
     stack_depths,
 )
-from palpate.diagnosis.equivalent import force_along
-from palpate.diagnosis.fit import DEEP, FitInput
-from palpate.diagnosis.timeless import (
-    SpringEstimate,
-    diagnosis_without_time,
-    findings_without_time,
-    trace_without_time,
-)
-from palpate.digits import format_quantity, rounded
-from palpate.errors import InvalidParameterError, RecordingError
-from palpate.estimators import ContactEstimator, LawVerdict, VariableProjection, ViscoelasticContact
-from palpate.estimators.estimate import (
-    Estimate,
-    Trace,
-    Traced,
-    check_trace,
-    prediction_rmse_percent,
-    rmse_percent,
-    samples_in_estimate,
-    violated_fraction,
-)
-from palpate.estimators.law_verdicts import Candidate
-from palpate.estimators.oscillation import Oscillation
-from palpate.findings import Check, Finding
-from palpate.force_laws import steps_over_breaks
-from palpate.identification.estimate_checks import check_estimate
-from palpate.identification.refusals import check_approach, why_nothing
-from palpate.identification.replaying import (
-    defaults_from_data,
-    joint_covariance,
-    replay,
-    resolve_estimator,
-)
-from palpate.identification.weak_prior import weak_prior
-from palpate.preparation.gate import choose_gate
-from palpate.preparation.prepared import Place
-from palpate.quantities.derived import (
+from palpate.identification.diagnosis.fit import DEEP, FitInput, force_along
+from palpate.identification.quantities.derived import (
     QueryOptions,
     compression_modulus_from,
     compute_instantaneous_stiffness,
@@ -72,12 +41,41 @@ from palpate.quantities.derived import (
     passivity_from,
     restitution_from,
 )
-from palpate.remedies import NextStep, Remedy
-from palpate.settings import ChangeDetector, ContactGate, Scale
+from palpate.identification.replaying import (
+    defaults_from_data,
+    joint_covariance,
+    replay,
+    resolve_estimator,
+)
+from palpate.identification.weak_prior import weak_prior
+from palpate.input.preparation.gate import choose_gate
+from palpate.method.contact import Contact
+from palpate.method.estimators import (
+    ContactEstimator,
+    LawVerdict,
+    VariableProjection,
+    ViscoelasticContact,
+)
+from palpate.method.estimators.estimate import (
+    Estimate,
+    Trace,
+    Traced,
+    check_trace,
+    prediction_rmse_percent,
+    rmse_percent,
+    samples_in_estimate,
+    violated_fraction,
+)
+from palpate.method.estimators.law_verdicts import Candidate
+from palpate.method.estimators.oscillation import Oscillation
+from palpate.method.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
+if TYPE_CHECKING:
+    from palpate.input.preparation.places import Place
+
 _LOGGER = logging.getLogger(__name__)
-_Placed: TypeAlias = tuple[Place, Contact]
+_Placed: TypeAlias = "tuple[Place, Contact]"
 
 
 @dataclass(frozen=True, eq=False, repr=False)  # no slots: the instance caches the diagnosis
@@ -97,7 +95,7 @@ class Identified:
     depth: float | None = None
     segments: tuple["Identified", ...] = ()
     noticed: Trace | None = field(default=None, repr=False)
-    place: Place | None = field(default=None, repr=False)
+    place: "Place | None" = field(default=None, repr=False)
     chosen: tuple[str, ...] = ()
     query: QueryOptions = field(default_factory=QueryOptions)
     traced: Traced = 2000
@@ -131,24 +129,25 @@ class Identified:
         traced = check_trace(trace)
         data = data.samples(rejecting=given.rejects_outliers)
         contact = data.contact
-        if contact.timeless and type(given) is not VariableProjection:
+        if contact.timeless and not given.works_without_time:
             raise InvalidParameterError(
                 f"without time only variable-projection identifies a stiffness, not {given.method}"
             )
         chosen = defaults_from_data(contact, given)
         fresh = given.replace(**chosen)
         recorded = replay(contact, fresh, traced)
-        if type(fresh) is VariableProjection and not any(
-            fresh.settings[name] for name in ("forgetting", "change_detector")
-        ):
-            again = fresh.replace()
-            if again._unround_as(fresh):
-                fresh = again
-                recorded = replay(contact, again, traced)
-        words = (f"{name}={value}" for name, value in chosen.items() if value is not None)
-        _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(words) or "nothing")
+        if (with_known_sensor := fresh.second_pass()) is not None:
+            fresh = with_known_sensor
+            recorded = replay(contact, fresh, traced)
+        phrases = (f"{name}={value}" for name, value in chosen.items() if value is not None)
+        _LOGGER.info("%s: chosen from the data: %s", fresh.method, ", ".join(phrases) or "nothing")
         findings = tuple(check_estimate(contact, recorded, fresh))
         if contact.timeless:
+            from palpate.identification.diagnosis.timeless import (
+                findings_without_time,
+                trace_without_time,
+            )
+
             findings = findings_without_time(findings)
             recorded = trace_without_time(recorded)
         taken = np.count_nonzero(recorded.taken)
@@ -176,18 +175,18 @@ class Identified:
         selection = cls.of(data, estimator, trace=trace)
         if not selection.estimator.chooses_law or not selection._prefers_hunt_crossley():
             return selection
-        given = selection.estimator.settings
+        settings = selection.estimator.settings
         plain = VariableProjection()
-        shared = {name for name in plain.settings if name in given}.difference(selection.chosen)
-        plain = plain.replace(**{name: given[name] for name in shared})
+        shared = {name for name in plain.settings if name in settings}.difference(selection.chosen)
+        plain = plain.replace(**{name: settings[name] for name in shared})
         answer = cls.of(selection.data or data, plain, trace=trace)
         return replace(answer, selected=selection)
 
     def _prefers_hunt_crossley(self) -> bool:
-        own = Candidate("hunt-crossley", "none")
+        candidate = Candidate("hunt-crossley", "none")
         selected = self.estimator.candidate
-        if selected == own or own not in self.estimator.offered:
-            return selected == own
+        if selected == candidate or candidate not in self.estimator.offered:
+            return selected == candidate
         absorbed = (Check.CHANGE, Check.ADHESION, Check.LOADING_ALONE)
         # With too few samples no law is selected, and nothing is estimated.
         return selected is None or any(f.check in absorbed for f in self.diagnosis.findings)
@@ -224,10 +223,10 @@ class Identified:
 
     def _check_late_force(self) -> Iterator[Finding]:
         """Report a negative damper next to a relaxation spectrum, which may compensate it."""
-        found = self.oscillation
-        if found is None or not found.delay > 0.0:
+        oscillation = self.oscillation
+        if oscillation is None or not oscillation.delay > 0.0:
             return
-        late = format_quantity(found.delay, "s")
+        late = format_quantity(oscillation.delay, "s")
         yield Check.LATE_FORCE.finding(
             f"the damper beside the relaxation is negative: the force is at least {late} late, or "
             "the material's memory has another form",
@@ -237,7 +236,7 @@ class Identified:
 
     def _diagnose_depths(self, depths: Sequence[float]) -> Diagnosis:
         by = self.selected or self
-        given = FitInput(
+        fit_input = FitInput(
             self.data or Data(self.contact),
             self.trace,
             self._whole_estimate,
@@ -246,8 +245,12 @@ class Identified:
             self.oscillation,
             self.frequency,
         )
-        found = diagnose_parts(given, depths, (*self.findings, *self._check_late_force()))
-        return diagnosis_without_time(found) if self.contact.timeless else found
+        found = diagnose_parts(fit_input, depths, (*self.findings, *self._check_late_force()))
+        if not self.contact.timeless:
+            return found
+        from palpate.identification.diagnosis.timeless import diagnosis_without_time
+
+        return diagnosis_without_time(found)
 
     @cached_property
     def depths(self) -> tuple[float, ...]:
@@ -313,7 +316,7 @@ class Identified:
 
     def _of_one(self, name: str) -> Quantity:
         if self.segments:
-            times = (part.contact.time[[0, -1]].tolist() for part in self.segments)
+            times = (segment.contact.time[[0, -1]].tolist() for segment in self.segments)
             spans = ", ".join(
                 f"{rounded(first, 4)} to {rounded(last, 4)} s" for first, last in times
             )
@@ -414,7 +417,7 @@ class Identified:
         watch : callable
             Iterates over the places, for example with a progress bar.
         """
-        from palpate.preparation.places import divide_by_place
+        from palpate.input.preparation.places import divide_by_place
 
         # Keep the settings, except those that were chosen from these data.
         selection = self.selected or self
@@ -451,10 +454,10 @@ class Identified:
         """Whether :meth:`of` would give the same for its whole contact with an estimator."""
         if self.segments or self.depth is not None or self.traced != trace:
             return False
-        own = self.estimator.settings
+        settings = self.estimator.settings
         requested = estimator.settings
-        chosen = {name: own[name] for name in self.chosen if requested.get(name) is None}
-        return self.method == estimator.method and repr(own) == repr({**requested, **chosen})
+        chosen = {name: settings[name] for name in self.chosen if requested.get(name) is None}
+        return self.method == estimator.method and repr(settings) == repr({**requested, **chosen})
 
     def segment_of(self, episode: Episode) -> Self | None:
         """Identify an episode of the diagnosis separately; None if that is not possible."""
@@ -491,7 +494,11 @@ class Identified:
 
     def reported(self, estimate: Estimate) -> Estimate:
         """Return an estimate as it is reported: without time only its spring."""
-        return SpringEstimate(estimate) if self.contact.timeless else estimate
+        if not self.contact.timeless:
+            return estimate
+        from palpate.identification.diagnosis.timeless import SpringEstimate
+
+        return SpringEstimate(estimate)
 
     @property
     def _whole_estimate(self) -> Estimate:
@@ -590,9 +597,9 @@ class Identified:
         time = self.contact.time
         fitted = np.full(len(self.contact), np.nan)
         order = np.argsort(time, kind="stable")  # joined recordings may begin at one time
-        for part in self.segments:
-            samples = order[np.searchsorted(time, part.contact.time, sorter=order)]
-            fitted[samples] = part.fitted_force
+        for segment in self.segments:
+            samples = order[np.searchsorted(time, segment.contact.time, sorter=order)]
+            fitted[samples] = segment.fitted_force
         return fitted
 
     def predicted_force(self, contact: Contact) -> Floats:

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.diagnosis import Quantity
-from palpate.diagnosis.causes import CARE
 from palpate.digits import rounded, with_error
-from palpate.estimators import ViscoelasticContact
-from palpate.estimators.estimate import rmse_percent
 from palpate.findings import MARKS, Check
+from palpate.identification.diagnosis import Quantity
+from palpate.identification.diagnosis.causes import CARE
 from palpate.identification.identified import Identified
+from palpate.method.estimators import ViscoelasticContact
+from palpate.method.estimators.estimate import rmse_percent
 
 EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 
@@ -58,17 +58,17 @@ def rank(results: "Mapping[str, Identified]") -> Ranking:
     )
     failing = tuple(name for name in order if method_fails(results[name]))
     pairs = itertools.combinations(order, 2)
-    words = (_exclusion(results[a], results[b]) for a, b in pairs)
+    phrases = (_exclusion(results[a], results[b]) for a, b in pairs)
     hopeless = all(r.diagnosis.verdict.overall == "do-not-trust" for r in results.values())
     best = None if hopeless else order[0]
-    return Ranking(best, order, failing, tuple(each for each in words if each))
+    return Ranking(best, order, failing, tuple(word for word in phrases if word))
 
 
 def method_fails(result: "Identified") -> bool:
     """Whether the method's estimate is not the least squares of its law on these samples."""
     findings = (f for f in result.diagnosis.findings if f.check == Check.METHOD)
     changes = ((f.moves_stiffness_percent, f.moves_damping_percent) for f in findings)
-    return any(max(map(abs, each)) > 100.0 * CARE for each in changes)
+    return any(max(map(abs, change)) > 100.0 * CARE for change in changes)
 
 
 def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
@@ -97,22 +97,22 @@ def _badness(result: "Identified", error: float, outdone: bool) -> tuple[float, 
     return overall, outdone, *others, round(error, 1)
 
 
-def _exclusion(one: "Identified", other: "Identified") -> str | None:
-    if one.law.remembers or other.law.remembers:
+def _exclusion(result: "Identified", other: "Identified") -> str | None:
+    if result.law.remembers or other.law.remembers:
         return None  # the stiffness of a relaxing law is not comparable to others
-    first = one.diagnosis.working_depth
+    working_depth = result.diagnosis.working_depth
     second = other.diagnosis.working_depth
-    words = []
+    phrases = []
     for name in ("stiffness", "damping"):
-        a = getattr(first, name)
+        a = getattr(working_depth, name)
         b = getattr(second, name)
         apart = abs(a.value - b.value) / math.hypot(_bar(a), _bar(b))
         if apart > EXCLUDED:
             both = f"{with_error(a.value, _bar(a))} and {with_error(b.value, _bar(b))}"
-            words.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
-    if not words:
+            phrases.append(f"{name} {both} ({rounded(apart, 2)} standard errors)")
+    if not phrases:
         return None
-    return f"{one.method} and {other.method} exclude each other: {', '.join(words)}"
+    return f"{result.method} and {other.method} exclude each other: {', '.join(phrases)}"
 
 
 def _bar(quantity: Quantity) -> float:

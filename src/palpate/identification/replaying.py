@@ -9,21 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
-from palpate.estimators import (
+from palpate.force_laws import steps_over_breaks
+from palpate.input.preparation.gate import choose_gate, suggest_scale
+from palpate.input.preparation.resolution import find_dead_band, suggest_surface_deviation
+from palpate.method.contact import Contact
+from palpate.method.estimators import (
     ESTIMATORS,
     ContactEstimator,
     VariableProjection,
     ViscoelasticContact,
     estimator_named,
 )
-from palpate.estimators.estimate import Trace, Traced, choose_trace_samples, samples_in_estimate
-from palpate.estimators.least_squares import long_run_covariance
-from palpate.force_laws import steps_over_breaks
-from palpate.preparation.gate import choose_gate, suggest_scale
-from palpate.preparation.resolution import find_dead_band, suggest_surface_deviation
-from palpate.settings import ContactGate, OutlierRejection
+from palpate.method.estimators.estimate import (
+    Trace,
+    Traced,
+    choose_trace_samples,
+    samples_in_estimate,
+)
+from palpate.method.estimators.least_squares import long_run_covariance
+from palpate.method.settings import ContactGate, OutlierRejection
 from palpate.stages import log_stage
 from palpate.validation import Floats, shown
 
@@ -54,7 +59,8 @@ def defaults_from_data(contact: Contact, given: ContactEstimator) -> dict[str, A
 def _longest_relaxation_time(contact: Contact) -> float:
     """Return the longest relaxation time that a recording can distinguish from a constant, s."""
     return max(
-        0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0, 4.0 * contact.sample_time
+        0.5 * float(np.ptp(contact.time)) if len(contact) else 0.0,
+        4.0 * contact.sample_time,
     )
 
 
@@ -73,7 +79,9 @@ def _surface_deviation(contact: Contact) -> float | None:
 
 
 def resolve_estimator(
-    given: ContactEstimator | str | None, *, timeless: bool = False
+    given: ContactEstimator | str | None,
+    *,
+    timeless: bool = False,
 ) -> ContactEstimator:
     """Return an estimator as passed, from its name, or the default, which selects a law."""
     if given is None:
@@ -95,31 +103,34 @@ def replay(contact: Contact, estimator: ContactEstimator, trace: Traced) -> Trac
     The trace has the contact's clock, thinned as requested.
     """
     if _LOGGER.isEnabledFor(logging.DEBUG):
-        words = (f"{name}={value!r}" for name, value in estimator.settings.items())
-        _LOGGER.debug("settings: %s", ", ".join(words))
+        phrases = (f"{name}={value!r}" for name, value in estimator.settings.items())
+        _LOGGER.debug("settings: %s", ", ".join(phrases))
     segments = list(contact.segments())
     # The state of a relaxing material continues from one segment to the next.
     goes_on = estimator.chooses_law
     steps = contact.time_steps
     if goes_on:
         steps = steps_over_breaks(contact.time, contact.penetration, contact.sample_time)
-    after = choose_trace_samples(trace, contact.time, segments)
+    trace_samples = choose_trace_samples(trace, contact.time, segments)
     traces: list[Trace] = []
-    for part in segments:
+    for segment in segments:
         if not (goes_on and traces):
             estimator.leave_contact()
-        channels = contact.penetration[part], contact.velocity[part], contact.force[part]
+        channels = contact.penetration[segment], contact.velocity[segment], contact.force[segment]
         at = None
-        if after is not None:
-            first, last = np.searchsorted(after, (part.start, part.stop))
-            at = after[first:last] - part.start
-        traces.append(estimator.replay(*channels, steps[part], at=at))
+        if trace_samples is not None:
+            first, last = np.searchsorted(trace_samples, (segment.start, segment.stop))
+            at = trace_samples[first:last] - segment.start
+        traces.append(estimator.replay(*channels, steps[segment], at=at))
     finish_pending = getattr(estimator, "finish_pending", None)
     if finish_pending is not None:  # without it the estimate would miss the last samples
         finish_pending()
     one = len(traces) == 1
     whole = traces[0] if one else Trace.joined(traces, len(estimator.law_type.symbols))
-    return replace(whole, time=contact.time if after is None else contact.time[after])
+    return replace(
+        whole,
+        time=contact.time if trace_samples is None else contact.time[trace_samples],
+    )
 
 
 # Error bars for a correlated residual and an uncertain surface.

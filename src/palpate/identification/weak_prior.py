@@ -2,14 +2,13 @@
 
 import math
 
-from palpate.contact import Contact
-from palpate.diagnosis.causes import CARE
-from palpate.estimators import ContactEstimator
-from palpate.estimators.estimate import Estimate, Trace
-from palpate.estimators.variable_projection import EXPONENTS, solve_in_box
-from palpate.findings import Check, Finding, Mark
+from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.force_laws import HuntCrossley
-from palpate.remedies import NextStep, Remedy
+from palpate.identification.diagnosis.causes import CARE
+from palpate.method.contact import Contact
+from palpate.method.estimators import ContactEstimator
+from palpate.method.estimators.estimate import Estimate, Trace
+from palpate.method.estimators.variable_projection import EXPONENTS, solve_in_box
 
 # Relative change of the stiffness above which the estimate is not trusted; chosen by hand.
 STOP = 0.20
@@ -18,7 +17,10 @@ EXCLUDING = ("exponent", "forgetting", "change_detector", "surface")
 
 
 def weak_prior(
-    contact: Contact, trace: Trace, estimator: ContactEstimator, depth: float | None
+    contact: Contact,
+    trace: Trace,
+    estimator: ContactEstimator,
+    depth: float | None,
 ) -> tuple[Estimate, Finding] | None:
     """Return the least squares with B ≥ 0 and 1 ≤ n ≤ 2, and its finding; None if not needed.
 

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError
+from palpate.input.preparation import prepare
+from palpate.input.preparation.resolution import deviation_of_mean
 from palpate.lab.materials import Material, Touch
 from palpate.lab.rig import (
     IdealProbe,
@@ -20,8 +21,7 @@ from palpate.lab.rig import (
     quantise,
 )
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
-from palpate.preparation import prepare
-from palpate.preparation.resolution import deviation_of_mean
+from palpate.method.contact import Contact
 from palpate.stages import log_stage
 from palpate.validation import Floats, instance, number_in
 
@@ -82,7 +82,11 @@ class Bench:
 
     @log_stage("pressed")
     def run(
-        self, seed: int = 0, *, seconds: float = 10.0, progress: Progress | None = None
+        self,
+        seed: int = 0,
+        *,
+        seconds: float = 10.0,
+        progress: Progress | None = None,
     ) -> Measurement:
         """Simulate one touch; the same seed gives the same numbers.
 
@@ -112,7 +116,11 @@ class Bench:
         return Measurement(recorded, truth, self.trajectory.at(time))
 
     def _record_contact(
-        self, time: Floats, motion: SimulatedMotion, random: np.random.Generator, seed: int
+        self,
+        time: Floats,
+        motion: SimulatedMotion,
+        random: np.random.Generator,
+        seed: int,
     ) -> Contact:
         force = self.sensors.force(motion.force, random)
         resting = time < self.trajectory.pause
@@ -168,9 +176,12 @@ class OngoingBench:
     """
 
     def __init__(self, bench: Bench, seed: int = 0) -> None:
-        self.material, self.trajectory = bench.material, bench.trajectory
-        self._bench, self._random = bench, np.random.default_rng(seed)
-        self._step, self._count = bench.sensors.sample_time, 0
+        self.material = bench.material
+        self.trajectory = bench.trajectory
+        self._bench = bench
+        self._random = np.random.default_rng(seed)
+        self._step = bench.sensors.sample_time
+        self._count = 0
         self._motion: Callable[[Floats], Command] = bench.trajectory.at
         self._run = self._begin()
         self._touch = bench.material.touch()
@@ -199,12 +210,16 @@ class OngoingBench:
         if self.now < self._transition + TRANSITION:
             self._moving = trajectory  # the last request counts
             return
-        before, after, began = self._motion, trajectory.at, self.now
+        before = self._motion
+        after = trajectory.at
+        began = self.now
 
         def blended(time: Floats) -> Command:
             return _blend_commands(before(time), after(time - began), time - began)
 
-        self.trajectory, self._motion, self._transition = trajectory, blended, began
+        self.trajectory = trajectory
+        self._motion = blended
+        self._transition = began
 
     def advance(self, count: int) -> Floats:
         """Advance by ``count`` samples.
@@ -243,14 +258,16 @@ class OngoingBench:
         if self._transition > -np.inf:
             self._forget_the_motion_before(self._transition)
         if self._moving is not None:
-            moving, self._moving = self._moving, None
+            moving = self._moving
+            self._moving = None
             self.move(moving)
         elif self._placing is not None:
             self.change(self._placing)
 
     def _forget_the_motion_before(self, began: float) -> None:
         after = self.trajectory.at
-        self._motion, self._transition = (lambda time: after(time - began)), -np.inf
+        self._motion = lambda time: after(time - began)
+        self._transition = -np.inf
 
     def _begin(self) -> IdealProbe | Simulation:
         probe: IdealProbe | TwinPantograph = self._bench.probe  # type: ignore[assignment]
@@ -268,7 +285,10 @@ def _start_touch(material: Material, began: float) -> Touch:
     """The force of an untouched material whose time starts at ``began``."""
     touch = material.touch()
     return lambda time, lateral_position, penetration, velocity: touch(
-        time - began, lateral_position, penetration, velocity
+        time - began,
+        lateral_position,
+        penetration,
+        velocity,
     )
 
 

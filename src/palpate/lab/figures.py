@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate.errors import InvalidParameterError, PalpateError
-from palpate.figures.style import Look, save, style
+from palpate.errors import InvalidParameterError, PalpateError, require_mujoco
 from palpate.lab.bench import Bench
-from palpate.lab.rig import Geometry, Simulation, TwinPantograph, require_mujoco
-from palpate.results.colours import DARK, LIGHT, Theme
+from palpate.lab.rig import Geometry, Simulation, TwinPantograph
+from palpate.lab.trajectories import Command
+from palpate.output import figures
 from palpate.writing import write_bytes
 
 if TYPE_CHECKING:
@@ -75,13 +75,17 @@ def _render_frame(run: Simulation, width: int, height: int) -> NDArray[Any]:
         context.make_current()
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (0.02, -0.085, -0.02)
-        camera.distance, camera.azimuth, camera.elevation = 0.46, 58.0, -40.0
+        camera.distance = 0.46
+        camera.azimuth = 58.0
+        camera.elevation = -40.0
         scene = mujoco.MjvScene(run.model, maxgeom=200)
-        options, parts = mujoco.MjvOption(), mujoco.mjtCatBit.mjCAT_ALL
-        mujoco.mjv_updateScene(run.model, run.data, options, None, camera, parts, scene)
+        options = mujoco.MjvOption()
+        every_part = mujoco.mjtCatBit.mjCAT_ALL
+        mujoco.mjv_updateScene(run.model, run.data, options, None, camera, every_part, scene)
         target = mujoco.MjrContext(run.model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, target)
-        view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
+        view = mujoco.MjrRect(0, 0, width, height)
+        pixels = np.empty((height, width, 3), np.uint8)
         mujoco.mjr_render(view, scene, target)
         mujoco.mjr_readPixels(pixels, None, view, target)
         target.free()
@@ -108,28 +112,26 @@ def save_rig(bench: Bench, path: str | Path, *, dark: bool = False) -> str:
     if not isinstance(bench.probe, TwinPantograph):
         raise InvalidParameterError(f"an {bench.probe.name} has no rig: use TwinPantograph()")
     if path.suffix.lower() == ".png":
-        with suppress(NoRendererError), style(Look(LIGHT)):
+        with suppress(NoRendererError), figures.figure_style(figures.choose_look()):
             from matplotlib.image import imsave
 
             file = io.BytesIO()
             imsave(file, photograph(bench), format="png")
             write_bytes(path, file.getvalue())
             return "rendered"
-    save(draw_rig(bench, dark=dark), path)
+    figures.save(draw_rig(bench, dark=dark), path)
     return "drawn"
 
 
 def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
     """Draw the rig from above, at its commanded position 3 s into the trajectory."""
-    theme = DARK if dark else LIGHT
+    look = figures.choose_look(dark=dark)
     command = bench.trajectory.at(np.array([3.0]))
-    with style(Look(theme)) as new_figure:
+    with figures.figure_style(look) as new_figure:
         figure = new_figure(figsize=(7.6, 5.8), layout="constrained")
         axes = figure.add_subplot()
-        _draw_linkage(
-            axes, float(command.lateral_position[0]), float(command.penetration[0]), theme
-        )
-        axes.axhspan(0.0, 40.0, color=theme.lines[1], alpha=0.25, linewidth=0.0)
+        _draw_linkage(axes, command, look)
+        axes.axhspan(0.0, 40.0, color=look.colour(1), alpha=0.25, linewidth=0.0)
         axes.text(-165.0, 34.0, bench.material.name, va="top")
         axes.set(xlabel="along the surface [mm]", ylabel="into the material [mm]")
         axes.set(aspect="equal", xlim=(-175.0, 175.0), ylim=(-215.0, 40.0))
@@ -138,17 +140,21 @@ def draw_rig(bench: Bench, *, dark: bool = False) -> "Figure":
     return figure
 
 
-def _draw_linkage(axes: "Axes", lateral_position: float, penetration: float, theme: Theme) -> None:
-    geometry, x, y = Geometry(), np.array([lateral_position]), np.array([penetration])
+def _draw_linkage(axes: "Axes", command: Command, look: figures.Look) -> None:
+    geometry = Geometry()
+    theme = look.theme
+    x = command.lateral_position
+    y = command.penetration
     angles = geometry.motor_angles(x, y)
-    elbows, wrists = 1e3 * geometry.elbows(angles)[0], 1e3 * geometry.wrists(x, y)[0]
+    elbows = 1e3 * geometry.elbows(angles)[0]
+    wrists = 1e3 * geometry.wrists(x, y)[0]
     motors = 1e3 * geometry.motors
     for i in range(4):
         links = np.array([motors[i], elbows[i], wrists[i // 2]])
         axes.plot(*links.T, color=theme.lines[0], linewidth=5.0, solid_capstyle="round")
     axes.plot(*wrists.T, color=theme.ink, linewidth=7.0, solid_capstyle="round")
     middle = wrists.mean(axis=0)
-    tip = np.array([1e3 * lateral_position, 1e3 * penetration])
+    tip = 1e3 * np.array([x[0], y[0]])
     axes.plot(*np.array([middle, tip]).T, color=theme.lines[1], linewidth=4.0)
     axes.plot(*motors.T, "o", color=theme.ink, markersize=17.0)
     axes.plot(*np.vstack([elbows, wrists]).T, "o", color=theme.background, markersize=4.0)

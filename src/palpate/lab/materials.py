@@ -8,7 +8,6 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
@@ -19,7 +18,11 @@ Touch = Callable[[float, float, float, float], float]
 
 
 def force_of_touch(
-    touch: Touch, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+    touch: Touch,
+    time: Floats,
+    lateral_position: Floats,
+    penetration: Floats,
+    velocity: Floats,
 ) -> Floats:
     """Force [N] along a whole motion, one sample after the other."""
     columns = (array.tolist() for array in (time, lateral_position, penetration, velocity))
@@ -41,7 +44,11 @@ class Material(Protocol):
         """Return the true parameters as plain numbers and text, SI."""
 
     def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+        self,
+        time: Floats,
+        lateral_position: Floats,
+        penetration: Floats,
+        velocity: Floats,
     ) -> Floats:
         """Force [N] along a whole motion, shapes (k,), by :meth:`touch` sample by sample."""
         return force_of_touch(self.touch(), time, lateral_position, penetration, velocity)
@@ -71,12 +78,17 @@ class Homogeneous:
         """Return the law as a function of time, lateral position, penetration and velocity."""
         law: Any = self.law
         if law.remembers:
-            return _remembering(law)
+            force_of = law.force_in_order()
+            return lambda time, _, penetration, velocity: force_of(time, penetration, velocity)
         felt = law.in_a_loop()
         return lambda time, lateral_position, penetration, velocity: felt(penetration, velocity)
 
     def force(
-        self, time: Floats, lateral_position: Floats, penetration: Floats, velocity: Floats
+        self,
+        time: Floats,
+        lateral_position: Floats,
+        penetration: Floats,
+        velocity: Floats,
     ) -> Floats:
         """Force [N] along a whole motion, shapes (k,)."""
         if not time.size:
@@ -126,7 +138,10 @@ class Relaxing(Material):
         felt = self.law.in_a_loop()
 
         def force(
-            time: float, lateral_position: float, penetration: float, velocity: float
+            time: float,
+            lateral_position: float,
+            penetration: float,
+            velocity: float,
         ) -> float:
             relaxing = branch.force(time, penetration)
             return max(felt(penetration, velocity) + relaxing, 0.0)
@@ -179,10 +194,14 @@ class Layered(Material):
 
     def touch(self) -> Touch:
         """Return the law as a function of time, lateral position, penetration and velocity."""
-        felt, reach = self.law.in_a_loop(), self.influence * self.depth
+        felt = self.law.in_a_loop()
+        reach = self.influence * self.depth
 
         def force(
-            time: float, lateral_position: float, penetration: float, velocity: float
+            time: float,
+            lateral_position: float,
+            penetration: float,
+            velocity: float,
         ) -> float:
             soft = felt(penetration, velocity)
             return soft / -math.expm1(-reach / penetration) if penetration > 0.0 else soft
@@ -217,7 +236,8 @@ class _MaxwellBranch:
             kept = math.exp(-rest)
             stretched = self.stiffness * (depth - self._depth)
             self._force = self._force * kept + stretched * (1.0 - kept) / rest
-        self._time, self._depth = time, depth
+        self._time = time
+        self._depth = depth
         return self._force if penetration > 0.0 else 0.0
 
 
@@ -283,28 +303,11 @@ class TimeVaryingMaterial(Material):
         return {"kind": "time-varying", "times": list(self.times), "episodes": episodes}
 
 
-def _remembering(law: GeneralisedHuntCrossley) -> Touch:
-    """The force function of a law with memory, fully relaxed at the first penetration."""
-    elastic, (times, weights) = law.parameters[:4], law.branches()
-    stiffnesses, last, state = law.M * weights, math.nan, np.empty(0)
-    # One sample in preallocated arrays: twenty times as fast per call as the law's states.
-    step, depth, speed, force = (np.zeros(1) for _ in range(4))
-
-    def touch(time: float, lateral_position: float, penetration: float, velocity: float) -> float:
-        nonlocal last, state
-        if not state.size:
-            rested, last = law.rest(penetration), time
-            state = np.array([rested.elastic, *rested.branches])
-        step[0], depth[0], speed[0] = max(time - last, 0.0), penetration, velocity
-        last = time
-        _core.generalised_force_along(elastic, times, stiffnesses, step, depth, speed, state, force)
-        return float(force[0])
-
-    return touch
-
-
 def _select_material(
-    materials: tuple[Material, ...], edges: tuple[float, ...], *, by_time: bool
+    materials: tuple[Material, ...],
+    edges: tuple[float, ...],
+    *,
+    by_time: bool,
 ) -> Touch:
     touches = [material.touch() for material in materials]
 
@@ -348,7 +351,12 @@ RELAXING_SPONGE = Relaxing(HuntCrossley(K=300.0, B=300.0, n=1.0), 150.0, 1.0, "r
 # Half of its stiffness relaxes, equally in each decade of time, as Fung found for tissue.
 TISSUE = Homogeneous(
     GeneralisedHuntCrossley(
-        K=8000.0, n=1.5, B=2000.0, p=1.5, M=8000.0, relaxation=FlatSpectrum(1e-3, 4.0)
+        K=8000.0,
+        n=1.5,
+        B=2000.0,
+        p=1.5,
+        M=8000.0,
+        relaxation=FlatSpectrum(1e-3, 4.0),
     ),
     "tissue",
 )

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, MissingExtraError
+from palpate.errors import InvalidParameterError, require_mujoco
 from palpate.lab.materials import Material, Touch, force_of_touch
 from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
 from palpate.validation import Floats, number_in
@@ -189,20 +189,31 @@ class IdealProbe:
     ) -> SimulatedMotion:
         """Press ``material`` exactly along ``trajectory``."""
         command = trajectory.at(time)
-        x, v, lateral = command.penetration, command.velocity, command.lateral_position
+        x = command.penetration
+        v = command.velocity
+        lateral = command.lateral_position
         return SimulatedMotion(x, v, lateral, material.force(time, lateral, x, v), x)
 
     def start(
-        self, command: Command, sample_time: float, random: np.random.Generator
+        self,
+        command: Command,
+        sample_time: float,
+        random: np.random.Generator,
     ) -> "IdealProbe":
         """Return a tip that follows this command and its continuations; it has no state."""
         return self
 
     def simulate(
-        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+        self,
+        time: Floats,
+        command: Command,
+        touch: Touch,
+        progress: Progress | None = None,
     ) -> SimulatedMotion:
         """Follow a command over its times [s]."""
-        x, v, lateral = command.penetration, command.velocity, command.lateral_position
+        x = command.penetration
+        v = command.velocity
+        lateral = command.lateral_position
         return SimulatedMotion(x, v, lateral, force_of_touch(touch, time, lateral, x, v), x)
 
 
@@ -278,7 +289,9 @@ def quantise(values: Floats, step: float) -> Floats:
 # The twin pantograph as a MuJoCo model: bodies, closed chains, motors.
 
 # kg and m; assumed, like a desktop haptic device with a force sensor at its handle.
-LINK_MASS, LINK_WIDTH, THICKNESS = 0.02, 0.005, 0.004
+LINK_MASS = 0.02
+LINK_WIDTH = 0.005
+THICKNESS = 0.004
 
 
 def rig_xml(geometry: Geometry, home: Floats, *, time_step: float) -> str:
@@ -318,15 +331,23 @@ def _fill_template(name: str, **values: Any) -> str:
 
 def _chain(i: int, geometry: Geometry, home: Floats) -> str:
     """One motor, its proximal and its distal link, at home; the first chain carries the handle."""
-    (x, y), angle = geometry.motors[i], float(home[i])
-    elbow, wrist = geometry.elbows(home)[i], geometry.wrists(*geometry.tip(home))[i // 2]
+    (x, y) = geometry.motors[i]
+    angle = float(home[i])
+    elbow = geometry.elbows(home)[i]
+    wrist = geometry.wrists(*geometry.tip(home))[i // 2]
     # The two chains of a pantograph lie one above the other.
     level = THICKNESS * (1.2 if ELBOW[i] > 0.0 else -1.2)
-    turned, handle = math.atan2(wrist[1] - elbow[1], wrist[0] - elbow[0]), ""
+    turned = math.atan2(wrist[1] - elbow[1], wrist[0] - elbow[0])
+    handle = ""
     if i == 0:
-        half, end = geometry.handle / 2, geometry.poker - 0.004
+        half = geometry.handle / 2
+        end = geometry.poker - 0.004
         handle = _fill_template(
-            "rig_handle.xml", geometry=geometry, angle=-turned, half=half, end=end
+            "rig_handle.xml",
+            geometry=geometry,
+            angle=-turned,
+            half=half,
+            end=end,
         )
     links = {
         "near": _link(geometry.proximal, level, "0.16 0.38 0.62 1"),
@@ -350,20 +371,8 @@ def _link(length: float, level: float, colour: str) -> str:
 
 # Beyond these the simulation has diverged: the motors can move the tip at about 3 m/s and press
 # with about 300 N.
-TOP_SPEED, PEAK_FORCE = 20.0, 1e4  # m/s, N
-
-
-def require_mujoco(what: str = "the twin pantograph", extra: str = "lab") -> Any:
-    """Return MuJoCo, or raise an error with what needs it and how to install it."""
-    try:
-        import mujoco
-    except ImportError:
-        raise MissingExtraError.named(what, "MuJoCo", extra) from None
-    except Exception as error:  # MUJOCO_GL may name a graphics library that is missing
-        raise MissingExtraError(
-            f"MuJoCo is installed but does not load: {error}; check the variable MUJOCO_GL"
-        ) from None
-    return mujoco
+TOP_SPEED = 20.0
+PEAK_FORCE = 1e4  # m/s, N
 
 
 @dataclass(frozen=True, slots=True)
@@ -424,7 +433,10 @@ class TwinPantograph:
         return run.simulate(time, command, material.touch(), progress)
 
     def start(
-        self, command: Command, sample_time: float, random: np.random.Generator
+        self,
+        command: Command,
+        sample_time: float,
+        random: np.random.Generator,
     ) -> "Simulation":
         """Return the rig at rest where a command begins; it follows it and its continuations."""
         return Simulation(self, command, sample_time, random)
@@ -454,18 +466,24 @@ class _PositionControl:
     """Torques of the position control, one sample after the other."""
 
     def __init__(self, settings: TwinPantograph, sample_time: float, counted: list[float]) -> None:
-        self._settings, self._sample_time = settings, sample_time
+        self._settings = settings
+        self._sample_time = sample_time
         self._kept = math.exp(-settings.velocity_filter * sample_time)
-        self._counted, self._filtered = counted, [0.0] * len(counted)
+        self._counted = counted
+        self._filtered = [0.0] * len(counted)
 
     def torques(self, counted: list[float], goal: list[float], speed: list[float]) -> list[float]:
         """Torques [N·m] for the measured angles [rad] and the desired angles and speeds."""
-        kept, step, before = self._kept, self._sample_time, self._counted
+        kept = self._kept
+        step = self._sample_time
+        before = self._counted
         self._filtered = [
             kept * filtered + (1.0 - kept) * ((now - last) / step)
             for filtered, now, last in zip(self._filtered, counted, before, strict=True)
         ]
-        self._counted, rig, limit = counted, self._settings, self._settings.torque_limit
+        self._counted = counted
+        rig = self._settings
+        limit = self._settings.torque_limit
         every = zip(goal, counted, speed, self._filtered, strict=True)
         wanted = (
             rig.proportional_gain * (q - now) + rig.derivative_gain * (rate - known)
@@ -516,20 +534,27 @@ class Simulation:
         motors = [self.model.joint(f"motor_{i}").qposadr[0] for i in range(4)]
         self._motors = list(zip(motors, home.tolist(), strict=True))
         # Views of MuJoCo's arrays: requesting one takes as long as reading it.
-        self._positions, self._torques = self.data.qpos, self.data.ctrl
+        self._positions = self.data.qpos
+        self._torques = self.data.ctrl
         self._applied = self.data.qfrc_applied
         tip = self.model.site("tip").id
         self._tip, self._tip_body = self.data.site_xpos[tip], int(self.model.site_bodyid[tip])
         self._tip_velocity = self.data.sensor("tip_velocity").data
-        self._push, self._twist = np.zeros(3), np.zeros(3)
+        self._push = np.zeros(3)
+        self._twist = np.zeros(3)
         self._before = 0.0
 
     def simulate(
-        self, time: Floats, command: Command, touch: Touch, progress: Progress | None = None
+        self,
+        time: Floats,
+        command: Command,
+        touch: Touch,
+        progress: Progress | None = None,
     ) -> SimulatedMotion:
         """Follow a command over its times [s]; the next call continues where this one ends."""
         goals, speeds = self._geometry.motor_motion(command)
-        samples, counts = [], []
+        samples = []
+        counts = []
         every = zip(time.tolist(), goals.tolist(), speeds.tolist(), strict=True)
         for k, (now, goal, speed) in enumerate(every):
             if progress is not None and k % 100 == 0:
@@ -548,7 +573,9 @@ class Simulation:
 
     def _step(self, now: float, touch: Touch) -> tuple[float, float, float, float]:
         """Advance by a substep; return the tip's motion and force at its start."""
-        mujoco, model, data = self._mujoco, self.model, self.data
+        mujoco = self._mujoco
+        model = self.model
+        data = self.data
         mujoco.mj_step1(model, data)
         lateral_position, depth, _ = self._tip.tolist()
         # MuJoCo steps by x(t + h) = x(t) + h v(t + h): its velocity is that half a step earlier.
@@ -565,7 +592,13 @@ class Simulation:
         self._applied.fill(0.0)
         self._push[1] = -force
         mujoco.mj_applyFT(
-            model, data, self._push, self._twist, self._tip, self._tip_body, self._applied
+            model,
+            data,
+            self._push,
+            self._twist,
+            self._tip,
+            self._tip_body,
+            self._applied,
         )
         mujoco.mj_step2(model, data)
         return depth, velocity, lateral_position, force

@@ -9,8 +9,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate.design.motion import PAPER_MOTION, Motion
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
+from palpate.lab.design.motion import PAPER_MOTION, Motion
 from palpate.validation import Floats, instance, number_in, signals
 
 # Elementary functions of the C library, over arrays.
@@ -210,7 +210,9 @@ class SplineTrajectory:
 
     def __init__(self, time: "ArrayLike", penetration: "ArrayLike", *, pause: float = 0.0) -> None:
         interpolate = import_extra(
-            "scipy.interpolate", "a trajectory from a file or samples", "lab"
+            "scipy.interpolate",
+            "a trajectory from a file or samples",
+            "lab",
         )
         t, x = signals(time=time, penetration=penetration)
         if t.size < 4 or not (np.isfinite(t).all() and np.isfinite(x).all()):
@@ -226,10 +228,11 @@ class SplineTrajectory:
     @classmethod
     def read(cls, path: str | Path) -> "SplineTrajectory":
         """Return the motion in a CSV file's columns time_s and penetration_m."""
-        from palpate.recordings import open_recording
+        from palpate.input.recordings import open_recording
 
         recording = open_recording(path)
-        time, penetration = recording.numbers("time_s"), recording.numbers("penetration_m")
+        time = recording.numbers("time_s")
+        penetration = recording.numbers("penetration_m")
         moved = np.flatnonzero(penetration != penetration[0])
         pause = float(time[max(moved[0] - 1, 0)]) if moved.size else 0.0
         try:
@@ -238,7 +241,8 @@ class SplineTrajectory:
             raise RecordingError(f"{recording.source}: {error}") from None
 
     def __repr__(self) -> str:
-        samples, (start, stop) = self._spline.x.size, self._ends
+        samples = self._spline.x.size
+        (start, stop) = self._ends
         span = f"{samples} samples from {start:g} s to {stop:g} s"
         return f"SplineTrajectory({span}, pause={self.pause:g})"
 

@@ -5,9 +5,9 @@ from enum import IntEnum
 from typing import Any, Literal, get_args
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ESTIMATORS, ContactEstimator, estimator_named
-from palpate.estimators.viscoelastic import Damping, Memory
-from palpate.settings import ChangeDetector, ConstantForgetting, OutlierRejection
+from palpate.method.estimators import ESTIMATORS, ContactEstimator, estimator_named
+from palpate.method.estimators.viscoelastic import Damping, Memory
+from palpate.method.settings import ChangeDetector, ConstantForgetting, OutlierRejection
 from palpate.validation import number_in, shown
 
 #: Settings that are either off or at the library's default.
@@ -59,15 +59,17 @@ def chosen(estimator: ContactEstimator, options: dict[str, Any]) -> ContactEstim
     """
     wanted = dict(options)
     kind = estimator_named(wanted.pop("method", estimator.method))
-    known = kind().settings
+    settings = kind().settings
     kept = estimator.settings
     if kind is not type(estimator):
-        kept = {name: kept[name] for name in _KEPT if name in known and kept.get(name) is not None}
+        kept = {
+            name: kept[name] for name in _KEPT if name in settings and kept.get(name) is not None
+        }
     given = {}
     for name, value in wanted.items():
-        if name != "forgetting_factor" and name not in known:
+        if name != "forgetting_factor" and name not in settings:
             raise InvalidParameterError(f"{kind.method} has no setting {shown(name)}")
-        given.update(_setting(name, value, known))
+        given.update(_setting(name, value, settings))
     return kind(**{**kept, **given})
 
 

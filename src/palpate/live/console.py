@@ -14,9 +14,7 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.diagnosis import Where
 from palpate.errors import printable
-from palpate.estimators.estimate import Estimate
 from palpate.force_laws import FORCE_LAWS, ForceLaw
 from palpate.live.choices import State
 from palpate.live.sinks import (
@@ -37,15 +35,19 @@ from palpate.live.view import (
     seconds,
     verdict_on,
 )
-from palpate.results.view import describe_place
+from palpate.method.estimators.estimate import Estimate
+from palpate.output.results import view
 from palpate.validation import Floats, or_nan
 
 _IN_CONTACT = (State.CONTACT, State.CHANGED)
 _LOOKED_AT_EVERY = 0.04  # s of the samples' clock between the penetrations used
-_KEPT, _LEAST = 250, 5  # penetrations: ten seconds in contact; fewest for a median
+_KEPT = 250
+_LEAST = 5  # penetrations: ten seconds in contact; fewest for a median
 # A shown number changes if it was off by this fraction for this long, s. At first it is also
 # updated at growing intervals, up to the last of these, s.
-_MOVED, _FOR, _SETTLED = 0.1, 1.0, 10.0
+_MOVED = 0.1
+_FOR = 1.0
+_SETTLED = 10.0
 
 
 class _Steady:
@@ -60,12 +62,14 @@ class _Steady:
         if abs(measured / self.value - 1.0) <= _MOVED:
             self._since = time
         if not 0.0 <= time - self._since < _FOR:
-            self._began, self._wait = time, _FOR
+            self._began = time
+            self._wait = _FOR
         elif time - self._began >= self._wait <= _SETTLED:
             self._wait *= 3.0  # the first values cover too little of the motion
         else:
             return self.value
-        self.value, self._since = float(f"{measured:.1e}"), time
+        self.value = float(f"{measured:.1e}")
+        self._since = time
         return self.value
 
 
@@ -74,16 +78,20 @@ class ShownDepth:
 
     def __init__(self) -> None:
         self._seen: deque[float] = deque(maxlen=_KEPT)
-        self._tick, self._shown = math.nan, _Steady()
+        self._tick = math.nan
+        self._shown = _Steady()
         #: Depth, m, of two digits; NaN before the first contact.
         self.value = math.nan
-        self._depth_of_law, self._frequency = _Steady(), _Steady()
+        self._depth_of_law = _Steady()
+        self._frequency = _Steady()
 
     def see(self, rows: Floats) -> None:
         """Update the depth from rows of the ring."""
-        depths, times = rows[:, PLACE["penetration"]], rows[:, PLACE["time"]]
+        depths = rows[:, PLACE["penetration"]]
+        times = rows[:, PLACE["time"]]
         touching = np.isin(rows[:, PLACE["state"]], _IN_CONTACT) & (depths > 0.0)
-        depths, times = depths[touching], times[touching]
+        depths = depths[touching]
+        times = times[touching]
         ticks = times // _LOOKED_AT_EVERY
         for place in np.flatnonzero(np.diff(ticks, prepend=self._tick)).tolist():
             self._seen.append(depths[place])
@@ -92,7 +100,10 @@ class ShownDepth:
                 self.value = self._shown.see(float(np.median(self._seen)), times[place])
 
     def verdict(
-        self, status: dict[str, Any], time: float, depth: float = math.nan
+        self,
+        status: dict[str, Any],
+        time: float,
+        depth: float = math.nan,
     ) -> LiveVerdict | None:
         """Return the verdict in a status, with a steady frequency, and depth if none is given."""
         verdict = verdict_on(status)
@@ -109,7 +120,8 @@ def read_numbers(row: Floats, law: type[ForceLaw], depth: float) -> Numbers:
     (parameters,), _, (covariance,) = unpack_parameters(row, len(law.symbols))
     if not (depth > 0.0 and np.isfinite(parameters).all()):
         return {}
-    made, taken = law.from_parameters(parameters), Status(int(row[0, PLACE["status"]]))
+    made = law.from_parameters(parameters)
+    taken = Status(int(row[0, PLACE["status"]]))
     estimate = Estimate.from_law(made, covariance, status=taken, samples=1)
     return {"stiffness": estimate.stiffness_at(depth), "damping": estimate.damping_at(depth)}
 
@@ -144,12 +156,14 @@ def describe_depth(
     if row[PLACE["method"]] != status.get("generation"):
         return "another estimator starts"  # its law is not in the status yet
     if verdict:
-        now, at = verdict.numbers(), describe_place(Where(depth, verdict.law.frequency))
+        now = verdict.numbers()
+        place = view.describe_place(depth, verdict.law.frequency)
     else:
-        now, at = read_numbers(row[None], kind, depth), describe_place(Where(depth))
+        now = read_numbers(row[None], kind, depth)
+        place = view.describe_place(depth)
     if not now:
         return str(verdict or "no estimate yet")
-    return f"{answer(headline(found, status, now, at))}, {NOT_DIAGNOSED}"
+    return f"{answer(headline(found, status, now, place))}, {NOT_DIAGNOSED}"
 
 
 # The status line where the loop was started, and the summary at the end.
@@ -179,8 +193,10 @@ class Console:
             sys.stdout.reconfigure(errors="replace")
         self._watching = watching
         self._terminal = sys.stdout is not None and sys.stdout.isatty()
-        self._depth, self._said = ShownDepth(), list[str]()
-        self._next, self._heard = 0.0, True
+        self._depth = ShownDepth()
+        self._said = list[str]()
+        self._next = 0.0
+        self._heard = True
         while self._watching.wait(_REFRESHED_EVERY) and self._heard:
             self._look()
         self._watching.wait(_OTHERS_END)
@@ -195,8 +211,8 @@ class Console:
         for line in summary(status, self._watching.others()):
             self._print(printable(line))
 
-    def _print(self, words: str, end: str = "\n") -> None:
-        self._heard = self._heard and print_line(words, end)
+    def _print(self, text: str, end: str = "\n") -> None:
+        self._heard = self._heard and print_line(text, end)
 
     def _look(self) -> None:
         self._depth.see(self._watching.take())
@@ -255,12 +271,13 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
         yield from (answer([each]) for each in headline(found, status, {}, ""))
     if verdict := verdict_on(status):
         yield from verdict.lines()
-    taken, learned = counts.get("taken", 0), counts.get("learned", 0)
+    taken = counts.get("taken", 0)
+    learned = counts.get("learned", 0)
     changes = f"{(count := counts.get('changes', 0))} material change{'' if count == 1 else 's'}"
     yield f"{status.get('source', '')}: {taken} samples, {learned} used, {changes}"
     yield "                     p50      p99    p99.9      max   in time"
     for words, *columns, limit in duration_rows(status):
-        yield f"{words:<16}" + "".join(f"{each:>9}" for each in columns) + f"   {limit}"
+        yield f"{words:<16}" + "".join(f"{column:>9}" for column in columns) + f"   {limit}"
     faults = {words: counts.get(key, 0) for key, words in COUNTED.items()}
     yield ", ".join(f"{n} {words}" for words, n in faults.items() if n or words == COUNTED["lost"])
     if last := counts.get("last_fault"):

@@ -6,11 +6,11 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from palpate.errors import InvalidParameterError, MissingExtraError, PalpateError
+from palpate.input.recordings.messages import layout
 from palpate.live import ros
 from palpate.live.ros import RosTopics, RosWire, dds_type
 from palpate.live.sources import SourceOptions
 from palpate.live.wires import parse_address
-from palpate.recordings.messages.layout import Field, Group, Many, Number, Text
 
 if TYPE_CHECKING:
     from cyclonedds.builtin import BuiltinDataReader
@@ -107,9 +107,7 @@ def raw_type(type_name: str) -> Any:
     header) undecoded as ``raw``: the decoder of cyclonedds takes 20 times as long as palpate's.
     ``raw_type(name).of(data)`` makes a message from bytes.
     """
-    from palpate.recordings.messages.layout import message_fields
-
-    made = _struct(message_fields(type_name, "ros2msg", ""))
+    made = _struct(layout.message_fields(type_name, "ros2msg", ""))
     # A base class would become part of the type that peers compare.
     made.deserialize = made.deserialize_key = made.of = classmethod(_decode_bytes)
     made.serialize = lambda message, *_, **__: message.raw
@@ -123,7 +121,7 @@ def _decode_bytes(cls: Any, data: bytes, *_: Any, **__: Any) -> Any:
 
 
 @lru_cache(maxsize=256)
-def _struct(group: Group) -> Any:
+def _struct(group: layout.Group) -> Any:
     from cyclonedds.idl import make_idl_struct
 
     fields = {
@@ -132,20 +130,20 @@ def _struct(group: Group) -> Any:
     return make_idl_struct(group.name.rpartition("/")[2], dds_type(group.name), fields)
 
 
-def _type(field: Field) -> Any:
+def _type(field: layout.Field) -> Any:
     import cyclonedds.idl.types
 
     types: Any = cyclonedds.idl.types  # its sequences and arrays are untyped
-    if isinstance(field, Group):
+    if isinstance(field, layout.Group):
         return _struct(field)
-    if isinstance(field, Text):
+    if isinstance(field, layout.Text):
         return str
-    if isinstance(field, Number):
+    if isinstance(field, layout.Number):
         if field.dtype == "b1":
             return bool
         kind = {"f": "float", "i": "int", "u": "uint"}[field.dtype[0]]
         return getattr(types, f"{kind}{8 * field.size}")
-    assert isinstance(field, Many)
+    assert isinstance(field, layout.Many)
     element = _type(field.element)
     if field.length is None:
         return types.sequence[element]
@@ -167,7 +165,8 @@ class _Printed:
     """
 
     def __init__(self) -> None:
-        self._before, (self._out, into) = os.dup(2), os.pipe()
+        self._before = os.dup(2)
+        (self._out, into) = os.pipe()
         for end in (self._out, into):
             os.set_blocking(end, False)
         os.dup2(into, 2)
@@ -261,7 +260,8 @@ class DDS(RosTopics):
         if offered[Policy.Reliability] == Policy.Reliability.BestEffort:
             qos = Qos(Policy.Reliability.BestEffort, base=qos)
         every = Policy.DataRepresentation(
-            use_cdrv0_representation=True, use_xcdrv2_representation=True
+            use_cdrv0_representation=True,
+            use_xcdrv2_representation=True,
         )
         qos = Qos(every, base=qos)
         topic = Topic(self._participant, f"rt{name}", raw_type(type_name))
@@ -283,7 +283,8 @@ class DDS(RosTopics):
             for message in reader.take(_AT_ONCE):
                 something = True
                 if (info := message.sample_info).valid_data:  # else a publisher has left
-                    sender, written = info.publication_handle, info.source_timestamp
+                    sender = info.publication_handle
+                    written = info.source_timestamp
                     self.receive(index, message.raw, written, sender=sender, waited=waited)
                     waited = False
         return something

@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from palpate._core import Status
-from palpate.contact import Contact, Delay, VelocityFilter
 from palpate.digits import rounded
 from palpate.errors import PalpateError
-from palpate.estimators import ContactEstimator, estimator_named
 from palpate.identifying import identify
 from palpate.live.choices import CHOICES
 from palpate.live.realtime import lower_priority
 from palpate.live.sinks import PLACE, Watching, diagnosis_basis
 from palpate.live.view import answer
-from palpate.results.view import fit_rows, number_lines
+from palpate.method.contact import Contact, Delay, VelocityFilter
+from palpate.method.estimators import ContactEstimator, estimator_named
+from palpate.output.results import view
 from palpate.validation import Floats, finite_or_none
 
 WINDOW = 20.0  # s
@@ -47,18 +47,23 @@ class Diagnosing:
     name = "diagnosis"
 
     def __init__(self, window: float = WINDOW, every: float = EVERY) -> None:
-        self._window, self._every = window, every
+        self._window = window
+        self._every = every
 
     def run(self, watching: Watching, commands: Connection) -> None:
         """Diagnose until the loop stops."""
         lower_priority()
-        samples, due = np.empty((0, len(_SAMPLE))), time.monotonic() + self._every
-        page, tare = dict[str, Any](), None
+        samples = np.empty((0, len(_SAMPLE)))
+        due = time.monotonic() + self._every
+        page = {}
+        tare = None
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take()[:, _SAMPLE]
             status = watching.status()
             if status.get("tare") != tare:  # earlier samples have another offset
-                samples, rows, tare = samples[:0], rows[:0], status.get("tare")
+                samples = samples[:0]
+                rows = rows[:0]
+                tare = status.get("tare")
             delay = float(status.get("delay", 0.0))
             samples = recent(np.concatenate([samples, rows]), self._window, delay)
             if time.monotonic() >= due and len(samples) >= _LEAST:
@@ -86,7 +91,8 @@ def recent(samples: Floats, window: float, delay: float) -> Floats:
         return samples
     back = np.flatnonzero(np.diff(samples[:, 0]) <= 0.0)
     samples = samples[back[-1] + 1 :] if len(back) else samples
-    time, changed = samples[:, 0], np.flatnonzero(samples[:, 4] == Status.RESTARTED)
+    time = samples[:, 0]
+    changed = np.flatnonzero(samples[:, 4] == Status.RESTARTED)
     settled = time[changed[-1]] + _SMEARED * delay if len(changed) else -np.inf
     recent: Floats = samples[(time > settled) & (time >= time[-1] - window)]
     return recent
@@ -118,7 +124,8 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator:
 
 def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
     """Diagnose these samples with the loop's method, and return the diagnosis as a status."""
-    first, last = float(samples[0, 0]), float(samples[-1, 0])
+    first = float(samples[0, 0])
+    last = float(samples[-1, 0])
     about = f"the last {rounded(last - first, 2)} s at {time.strftime('%H:%M:%S')}"
     page: dict[str, Any] = {"window": [first, last], "of": diagnosis_basis(status)}
     try:
@@ -126,16 +133,20 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         step = float(status.get("sample_time", 1e-3))
         late = status.get("force_delay")
         contact = build_contact(
-            samples, step, used and VelocityFilter(**used), late and Delay(*late)
+            samples,
+            step,
+            used and VelocityFilter(**used),
+            late and Delay(*late),
         )
         result = identify(contact, _estimator(status), trace=False)
         if (depth := status.get("depth")) is not None:
             result = result.at_depth(depth)
-        diagnosis, lines = result.diagnosis, number_lines(result)
+        diagnosis = result.diagnosis
+        lines = view.number_lines(result)
     except PalpateError as error:  # the probe touched nothing
         said = str(error)
         return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}
-    rows = (f"{name}: {text}".replace("\n", "  ") for name, text in fit_rows(result))
+    rows = (f"{name}: {text}".replace("\n", "  ") for name, text in view.fit_rows(result))
     return {
         **page,
         "said": answer(lines),
@@ -150,6 +161,6 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         ],
         "numbers": [line._asdict() for line in lines],
         "answer": answer(lines),
-        "working_depths": [each.as_dict() for each in diagnosis.working_depths],
+        "working_depths": [working_depth.as_dict() for working_depth in diagnosis.working_depths],
         "frequency": finite_or_none(result.frequency),
     }

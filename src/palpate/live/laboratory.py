@@ -9,16 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from palpate import lab
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
-from palpate.lab import (
-    MATERIALS,
-    TRAJECTORIES,
-    Bench,
-    IdealProbe,
-    OngoingBench,
-    Sensors,
-    TwinPantograph,
-)
 from palpate.live.realtime import end, give_way, show_name, start
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import check_choice, shown
@@ -32,19 +24,25 @@ _BEHIND = 1.0  # s late, after which the laboratory's clock is reset
 
 
 def start_bench(
-    material: str, motion: str, probe: str, sample_time: float
-) -> tuple[OngoingBench, str, str]:
+    material: str,
+    motion: str,
+    probe: str,
+    sample_time: float,
+) -> tuple[lab.OngoingBench, str, str]:
     """Return the bench, its probe's name, and a message if the probe was replaced."""
-    wanted = IdealProbe() if probe == "ideal" else TwinPantograph()
-    bench = Bench(
-        MATERIALS[material], TRAJECTORIES[motion], wanted, Sensors(sample_time=sample_time)
+    wanted = lab.IdealProbe() if probe == "ideal" else lab.TwinPantograph()
+    bench = lab.Bench(
+        lab.MATERIALS[material],
+        lab.TRAJECTORIES[motion],
+        wanted,
+        lab.Sensors(sample_time=sample_time),
     )
     try:
-        return OngoingBench(bench), wanted.name, ""
+        return lab.OngoingBench(bench), wanted.name, ""
     except MissingExtraError as error:
-        ideal = IdealProbe()
-        words = f"using an {ideal.name} instead of the {wanted.name}: {error}"
-        return OngoingBench(replace(bench, probe=ideal)), ideal.name, words
+        ideal = lab.IdealProbe()
+        text = f"using an {ideal.name} instead of the {wanted.name}: {error}"
+        return lab.OngoingBench(replace(bench, probe=ideal)), ideal.name, text
 
 
 def press(chosen: dict[str, str], probe: str, step: float, connection: Connection) -> None:
@@ -57,9 +55,14 @@ def press(chosen: dict[str, str], probe: str, step: float, connection: Connectio
 
 class _Pressing:
     def __init__(
-        self, chosen: dict[str, str], probe: str, step: float, connection: Connection
+        self,
+        chosen: dict[str, str],
+        probe: str,
+        step: float,
+        connection: Connection,
     ) -> None:
-        self._first, self._connection = chosen, connection
+        self._first = chosen
+        self._connection = connection
         self._bench, self._probe, words = start_bench(**chosen, probe=probe, sample_time=step)
         self._say(words)
         self._began = time.monotonic() + _BLOCK  # the rest of its lead is gained immediately
@@ -89,9 +92,9 @@ class _Pressing:
     def _obey(self) -> None:
         name, value = self._connection.recv()
         if name == "motion":
-            self._bench.move(TRAJECTORIES[value])
+            self._bench.move(lab.TRAJECTORIES[value])
         else:
-            (self._bench.change if name == "change" else self._bench.place)(MATERIALS[value])
+            (self._bench.change if name == "change" else self._bench.place)(lab.MATERIALS[value])
 
     def _say(self, sentence: str, **chosen: str) -> None:
         self._connection.send((sentence, self._probe, chosen))
@@ -100,7 +103,8 @@ class _Pressing:
 # The source in the loop's process, which MuJoCo never blocks.
 
 _STARTING = 60.0  # s: importing MuJoCo takes one or two, more on a busy machine
-_SHORTEST, _LONGEST = 1e-4, 1e-2  # s between samples
+_SHORTEST = 1e-4
+_LONGEST = 1e-2  # s between samples
 
 
 def open_source(address: str, options: SourceOptions) -> "Laboratory":
@@ -135,18 +139,19 @@ class Laboratory:
         sample_time: float = 1e-3,
         probe: str = "twin-pantograph",
     ) -> None:
-        check_choice("material", material, MATERIALS)
-        check_choice("motion", motion, TRAJECTORIES)
+        check_choice("material", material, lab.MATERIALS)
+        check_choice("motion", motion, lab.TRAJECTORIES)
         if not _SHORTEST <= sample_time <= _LONGEST:
             raise InvalidParameterError(
                 f"the laboratory's --rate must be in [{1.0 / _LONGEST:g}, {1.0 / _SHORTEST:g}] Hz, "
                 f"not {1.0 / sample_time:g}"
             )
         self._chosen = {"material": material, "motion": motion}
-        self.sample_time, self.counts = sample_time, Counts()
-        materials = list(MATERIALS)
+        self.sample_time = sample_time
+        self.counts = Counts()
+        materials = list(lab.MATERIALS)
         #: Options and their choices. "material" lifts the probe first, "change" does not.
-        self.offers = {"material": materials, "motion": list(TRAJECTORIES), "change": materials}
+        self.offers = {"material": materials, "motion": list(lab.TRAJECTORIES), "change": materials}
         # Time, position, force, and the due time on the monotonic clock.
         self._rows: deque[list[float]] = deque()
         self._open = False
@@ -156,18 +161,18 @@ class Laboratory:
     @property
     def name(self) -> str:
         """Material and probe."""
-        material = MATERIALS[self._chosen["material"]].name
+        material = lab.MATERIALS[self._chosen["material"]].name
         return f"laboratory: {material}, {self._probe.replace('-', ' ')}"
 
     @property
     def rest(self) -> float:
         """Time without contact at the start, s, for the tare."""
-        return TRAJECTORIES[self._chosen["motion"]].pause
+        return lab.TRAJECTORIES[self._chosen["motion"]].pause
 
     @property
     def chosen(self) -> dict[str, Any]:
         """The present choices, and the true parameters, which identification should recover."""
-        return {**self._chosen, "truth": MATERIALS[self._chosen["material"]].describe()}
+        return {**self._chosen, "truth": lab.MATERIALS[self._chosen["material"]].describe()}
 
     def open(self) -> None:
         """Start the process and wait until the rig is ready."""
@@ -188,7 +193,8 @@ class Laboratory:
             if not self._listen():
                 raise EndOfSourceError("the laboratory's process has ended unexpectedly")
         row = self._rows[0]
-        due, now = row[3], time.monotonic()
+        due = row[3]
+        now = time.monotonic()
         if due > now:
             time.sleep(max(min(due, until) - now, 0.0))
             if due > until:
@@ -215,13 +221,14 @@ class Laboratory:
         if name == "motion":
             return f"motion: {value}"
         now = "from now on" if name == "change" else "as soon as the probe is out of contact"
-        return f"material: {MATERIALS[value].name}, {now}"
+        return f"material: {lab.MATERIALS[value].name}, {now}"
 
     def news(self) -> list[str]:
         """Return the laboratory's messages since the last call."""
         if self._open:
             self._listen()
-        said, self._said = self._said, []
+        said = self._said
+        self._said = []
         return said
 
     def _listen(self) -> bool:

@@ -6,7 +6,6 @@ reads them from shared memory, in another process.
 
 import math
 import time
-from base64 import b64encode
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
@@ -16,20 +15,18 @@ from typing import Any
 
 import numpy as np
 
+from palpate import _core
 from palpate._core import Status
-from palpate.channels.frames import UNIT_LENGTH
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.estimators import ContactEstimator
-from palpate.estimators.law_verdicts import Candidate
+from palpate.input.channels.frames import UNIT_LENGTH
+from palpate.input.preparation.online import OnlinePreparation
+from palpate.input.wrench import PayloadCompensation
 from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_settings
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
-from palpate.preparation.online import OnlinePreparation
-from palpate.preparation.resolution import noise_of
-from palpate.preparation.velocity import step_of
+from palpate.method.estimators import ContactEstimator
 from palpate.validation import Floats, finite_or_none, number_in
-from palpate.wrench import PayloadCompensation
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
 _ENDS: list[float] = [1e-7 * 10.0 ** (k / 20.0) for k in range(181)]
@@ -46,7 +43,10 @@ class Histogram:
 
     def __init__(self, limit: float) -> None:
         self._bins = [0] * (len(_ENDS) + 1)
-        self.limit, self.count, self.over, self.largest = limit, 0, 0, 0.0
+        self.limit = limit
+        self.count = 0
+        self.over = 0
+        self.largest = 0.0
 
     def add(self, seconds: float) -> None:
         """Add one duration, s."""
@@ -89,8 +89,8 @@ class LawsInForce:
     ----------
     shown : list of int
         Indices of the parameters that at least one compared law has.
-    now : Candidate, optional
-        The preferred law.
+    now : object, optional
+        The preferred law, as the estimator's ``candidate``.
     changes : int
         Changes of the preferred law since the evidence was last discarded.
     time : float
@@ -100,7 +100,7 @@ class LawsInForce:
     """
 
     shown: list[int]
-    now: Candidate | None = None
+    now: object = None
     changes: int = 0
     time: float = math.nan
     turns: deque[Any] = field(default_factory=lambda: deque(maxlen=_REMEMBERED))
@@ -122,7 +122,8 @@ class LawsInForce:
         if (now := estimator.candidate) is self.now:
             return
         self.changes = 0 if now is None or self.now is None else self.changes + 1
-        self.now, samples = now, estimator.evidence().samples
+        self.now = now
+        samples = estimator.evidence().samples
         self.turns.append((time, None if now is None else str(now), samples))
 
     def page(self, estimator: ContactEstimator) -> dict[str, Any] | None:
@@ -133,24 +134,14 @@ class LawsInForce:
         """
         if not estimator.chooses_law:
             return None
-        estimate: Any = estimator.estimate()
         learned = len(self.turns) > 0  # an initial estimate is not a result
         return {
-            "evidence": estimator.evidence(),
-            "fixed": estimate.fixed,
-            "parameters": estimate.parameters.tolist() if learned else None,
-            # Some 350 numbers: as decimal digits, JSON would take ten times as long.
-            "covariance": _pack_numbers(estimate.covariance) if learned else None,
-            "spectrum": [*map(_pack_numbers, estimate.spectrum[:3])] if learned else None,
-            "flags": [*map(str, estimate.findings)],
+            **estimator.pack_verdict(with_estimate=learned),
+            "flags": [*map(str, estimator.estimate().findings)],
             "time": finite_or_none(self.time),
             "changes": self.changes,
             "turns": list(self.turns),
         }
-
-
-def _pack_numbers(numbers: Floats) -> str:
-    return b64encode(numbers.tobytes()).decode()
 
 
 # Faults of a source, detected from the times of its samples.
@@ -203,9 +194,11 @@ class Watchdog:
 
     def check(self, arrival: Arrival) -> Fault | None:
         """Return the fault in a sample's time; None without one."""
-        step, elapsed = arrival.time - self._time, arrival.there - self._there
+        step = arrival.time - self._time
+        elapsed = arrival.there - self._there
         if 0.0 < step <= self.longest_gap:
-            self._time, self._there = arrival.time, arrival.there
+            self._time = arrival.time
+            self._there = arrival.there
             return None
         return self._find_fault(arrival, step, elapsed * self.pace)
 
@@ -219,7 +212,8 @@ class Watchdog:
         if -self.longest_gap <= step < 0.0:
             counts.disordered += 1
             return Fault.DISORDERED
-        self._time, self._there = arrival.time, arrival.there
+        self._time = arrival.time
+        self._there = arrival.there
         self._numbers = {"back": -step, "ahead": step, "elapsed": elapsed}
         if step < 0.0:
             counts.jumps += 1
@@ -254,7 +248,9 @@ class Watchdog:
 
 #: Part of the samples inside the material; changes of the force over its noise; their share of the
 #: force's variance that depth or time explains. At rest in free air noise explains next to nothing.
-INSIDE, CHANGE, EXPLAINED = 0.1, 10.0, 0.8
+INSIDE = 0.1
+CHANGE = 10.0
+EXPLAINED = 0.8
 FEWEST_OF_TARE = 20  # samples
 _MOST_OF_TARE = 100_000  # samples that are kept
 
@@ -271,15 +267,17 @@ def pressing(depth: Floats, force: Floats, *, below_surface: bool) -> str:
     """
     if len(depth) < FEWEST_OF_TARE:
         return ""
-    resolution = max(3.0 * noise_of(depth), step_of(depth))
+    resolution = max(3.0 * _core.noise_of(depth), _core.step_of(depth))
     inside = depth[depth > resolution]
     if below_surface and len(inside) > INSIDE * len(depth):
         return f"the probe is {format_quantity(float(np.median(inside)), 'm')} inside the material"
-    least = CHANGE * max(noise_of(force), step_of(force) / math.sqrt(12.0))
+    least = CHANGE * max(_core.noise_of(force), _core.step_of(force) / math.sqrt(12.0))
     time = np.arange(float(len(force)))
     for by, words in ((depth, " as the probe moves"), (time, ", so it is not steady")):
-        offset, apart = by - by.mean(), force - force.mean()
-        square, along = float(offset @ offset), float(offset @ apart)
+        offset = by - by.mean()
+        apart = force - force.mean()
+        square = float(offset @ offset)
+        along = float(offset @ apart)
         if not (square > 0.0 and (by is time or np.ptp(by) > resolution)):
             continue
         changes = abs(along) / square * float(np.ptp(by))
@@ -377,7 +375,8 @@ class Loop:
             The source delivers vectors but no direction is set, or numbers although one is.
         """
         silent = max(SILENT * self.source.sample_time, SILENT_TIME)
-        patience, waited = min(silent, PATIENCE), 0.0
+        patience = min(silent, PATIENCE)
+        waited = 0.0
         while not self.stopped:
             try:
                 arrival = self.source.take(patience)
@@ -399,7 +398,8 @@ class Loop:
 
     def step(self, arrival: Arrival) -> None:
         """Prepare one sample, update the estimator with it, and store the result."""
-        counts, estimator = self.counts, self.estimator
+        counts = self.counts
+        estimator = self.estimator
         if not counts.taken:
             self._check(arrival)
         counts.taken += 1
@@ -421,7 +421,9 @@ class Loop:
         sample = self.preparation.update(arrival.position, arrival.force, arrival.time)
         if self._resting is not None and self._refuses_tare(arrival, self._resting):
             sample = None
-        status, predicted, prepared = Status.WAITING, math.nan, _NONE
+        status = Status.WAITING
+        predicted = math.nan
+        prepared = _NONE
         began = time.perf_counter()
         if sample is not None:
             prepared = (sample.time, sample[0], sample[1], sample[2])
@@ -440,7 +442,8 @@ class Loop:
         if self.every_sample or moment != self._estimated:
             self._estimated = moment
             took += self._estimate()
-        position, force = self._axes(arrival.position), self._axes(arrival.force)
+        position = self._axes(arrival.position)
+        force = self._axes(arrival.force)
         late = time.monotonic() - arrival.there
         came = prepared[0], arrival.time, position[0], force[0]
         seen = status, preparing, self.state, took, late, self.estimates.count - 1
@@ -458,21 +461,26 @@ class Loop:
         if estimate.samples:  # an initial estimate is not a result
             parameters = estimate.parameters
             size = len(parameters)
-            known[:size], known[MOST_PARAMETERS:] = parameters, 0.0
+            known[:size] = parameters
+            known[MOST_PARAMETERS:] = 0.0
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
         margin = estimate.validity_margin
         self.estimates.write(
-            self.generation, estimate.offset, estimate.surface, margin, *known.tolist()
+            self.generation,
+            estimate.offset,
+            estimate.surface,
+            margin,
+            *known.tolist(),
         )
         return took
 
-    def _check(self, first: Arrival) -> None:
+    def _check(self, arrival: Arrival) -> None:
         """Raise if the source delivers vectors without a direction, or numbers with one."""
-        if self.compensation is not None and first.orientation is None:
+        if self.compensation is not None and arrival.orientation is None:
             raise InvalidParameterError(
                 f"{self.source.name} delivers no orientation, which --payload needs"
             )
-        vectors = not isinstance(first.position, float)
+        vectors = not isinstance(arrival.position, float)
         if vectors is not (self._direction == (0.0, 0.0, 0.0)):
             return
         advice = "numbers, not vectors: omit --direction"
@@ -540,15 +548,15 @@ class Loop:
             self._bias_tared = self.compensation.finish_tare()
             self.preparation = OnlinePreparation(**{**settings, "tare_time": 0.0})
             return True
-        words = f"tare refused: {why}; lift the probe out of the material"
+        text = f"tare refused: {why}; lift the probe out of the material"
         if before is None:
             if not self.tare_refused:
-                self.say(f"{words}, and palpate tares then")
-            self.tare_refused = words
+                self.say(f"{text}, and palpate tares then")
+            self.tare_refused = text
             self._start_tare()
             before = OnlinePreparation(**settings)
         else:
-            self.say(f"{words} and tare again: the earlier zero holds")
+            self.say(f"{text} and tare again: the earlier zero holds")
         self.preparation = before
         return True
 
@@ -565,7 +573,8 @@ class Loop:
         """Return the component along the direction into the material, then the value itself."""
         if isinstance(value, float):
             return value, value, math.nan, math.nan
-        (x, y, z), (a, b, c) = self._direction, value
+        (x, y, z) = self._direction
+        (a, b, c) = value
         return x * a + y * b + z * c, a, b, c
 
     def say(self, text: str) -> None:
@@ -614,11 +623,13 @@ class Loop:
             on = bool(options["on"])
             # Stays on: the recorder ends a little after the command to end.
             self.every_sample = self.every_sample or on
-            wish, since = self.record["wish"] + 1, self.samples.count
+            wish = self.record["wish"] + 1
+            since = self.samples.count
             self.record = {"wish": wish, "on": on, "since": since}
 
     def _begin(self, estimator: ContactEstimator) -> None:
-        self.estimator, self.laws = estimator, LawsInForce.of(estimator)
+        self.estimator = estimator
+        self.laws = LawsInForce.of(estimator)
 
     def _exchange(self, estimator: ContactEstimator, text: str) -> None:
         self._begin(estimator)
@@ -628,8 +639,11 @@ class Loop:
 
     def status(self) -> dict[str, Any]:
         """Return the loop's status as numbers and text, ready for JSON."""
-        source, estimator, law = self.source, self.estimator, self.estimator.law_type
-        delay, payload = self.preparation.delay, ""
+        source = self.source
+        estimator = self.estimator
+        law = self.estimator.law_type
+        delay = self.preparation.delay
+        payload = ""
         if self.compensation is not None:
             delay += self.compensation.delay
             mass = self.compensation.settings["payload"].mass
@@ -637,8 +651,9 @@ class Loop:
             payload += ", and the bias in free air" * self._bias_tared
         settings = self.preparation.settings
         unusual = [name for name in settings if repr(settings[name]) != repr(_USUAL[name])]
-        late = self.preparation.removed_delay
-        came, own = asdict(source.counts), {"late": self.lateness.over, **asdict(self.counts)}
+        removed_delay = self.preparation.removed_delay
+        came = asdict(source.counts)
+        own = {"late": self.lateness.over, **asdict(self.counts)}
         return {
             "source": source.name,
             "sample_time": source.sample_time,
@@ -648,7 +663,7 @@ class Loop:
             "preparation": ", ".join(f"{name}={settings[name]!r}" for name in unusual),
             "payload": payload,
             "velocity_filter": self.preparation.velocity_filter.as_dict(),
-            "force_delay": late and [late.seconds, late.standard_error],
+            "force_delay": removed_delay and [removed_delay.seconds, removed_delay.standard_error],
             "method": estimator.method,
             "settings": main_settings(estimator),
             "exponent": estimator.settings.get("exponent"),

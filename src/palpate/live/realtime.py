@@ -56,7 +56,8 @@ def end(processes: Sequence[BaseProcess], patience: float) -> None:
 
 _PRIORITY = 50  # of 1 to 99: above ordinary processes, below the kernel's own threads
 _ALL_MEMORY = 1 | 2  # MCL_CURRENT | MCL_FUTURE, of sys/mman.h
-_SET_NAME, _SET_TIMER_SLACK = 15, 29  # PR_SET_NAME, PR_SET_TIMERSLACK, of linux/prctl.h
+_SET_NAME = 15
+_SET_TIMER_SLACK = 29  # PR_SET_NAME, PR_SET_TIMERSLACK, of linux/prctl.h
 _GENTLY = 5  # niceness: a third of the loop's share of the processor
 
 

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 
 #: Topics of measurements and estimates; ``palpate identify`` reads the first.
-INPUT, ESTIMATE = "/input", "/estimate"
+INPUT = "/input"
+ESTIMATE = "/estimate"
 _MATRIX = MOST_PARAMETERS**2
 
 
@@ -64,7 +65,8 @@ def describe_run(status: dict[str, Any]) -> dict[str, str]:
     """Return the description of a run, as metadata of its recording."""
     law = status.get("law", {})
     units = zip(law.get("symbols", ()), law.get("units", ()), strict=True)
-    tare, preparation = status.get("tare"), str(status.get("preparation", ""))
+    tare = status.get("tare")
+    preparation = str(status.get("preparation", ""))
     tared = "being measured" if tare is None else f"{tare:.6g} N was subtracted online"
     verdict = verdict_on(status)
     told = {"law": str(verdict.law.candidate)} if verdict and verdict.law.known else {}
@@ -114,12 +116,16 @@ class Recorder:
 
     def __init__(self, path: Path | None = None, folder: Path | None = None) -> None:
         import_extra("mcap", "a recording", "live")
-        self._path, self.every_sample = path, path is not None
+        self._path = path
+        self.every_sample = path is not None
         self._folder = Path() if folder is None else folder
 
     def run(self, watching: Watching, commands: Connection) -> None:
         """Record until the loop stops; exit with status 1 if a recording failed."""
-        recording, wish, said, failed = None, 0, "", False
+        recording = None
+        wish = 0
+        said = ""
+        failed = False
         if self._path is not None:
             recording, said = _begun(self._path)
             failed = recording is None
@@ -137,7 +143,8 @@ class Recorder:
                 recording, said = self._obey(recording, asked)
                 watching.reader.samples.go_back(asked["since"])  # to the time of the command
             if recording is not None and recording.failed:
-                recording, failed = None, True
+                recording = None
+                failed = True
             watching.tell(_describe(recording, said))
         if recording is not None:
             said = recording.finish()
@@ -165,8 +172,8 @@ def _begun(path: Path) -> "_Begun":
         file, taken = create_new_file(path)
     except OSError as error:
         return None, f"cannot record to {path}: {error.strerror or error}"
-    words = "" if taken == path else f", because {path} already exists"
-    return RunFile(taken, file), f"recording to {taken}{words}"
+    text = "" if taken == path else f", because {path} already exists"
+    return RunFile(taken, file), f"recording to {taken}{text}"
 
 
 class RunFile:
@@ -181,7 +188,8 @@ class RunFile:
     """
 
     def __init__(self, path: Path, file: IO[bytes]) -> None:
-        self.path, self._file = path, file
+        self.path = path
+        self._file = file
         self.rows = self.bytes = 0
         self.failed = False
         self._writer: Writer | None = None
@@ -208,8 +216,8 @@ class RunFile:
         self.failed = True
         with suppress(OSError):  # the buffer cannot be written either
             self._file.close()
-        words = f"{self.path}: {error.strerror or error}: the recording ends after {self.rows} rows"
-        return f"{words}, of which the last {FLUSHED_EVERY:g} s may be missing"
+        text = f"{self.path}: {error.strerror or error}: the recording ends after {self.rows} rows"
+        return f"{text}, of which the last {FLUSHED_EVERY:g} s may be missing"
 
     def _sync(self) -> None:
         # It may take seconds on a slow disk; meanwhile the ring keeps 16 s of rows at 1 kHz.
@@ -258,7 +266,8 @@ class RunFile:
 
     def _put(self, channel: int, stamp: int, message: bytes) -> None:
         assert self._writer is not None  # it has begun
-        log, number = self._log_time(stamp), self.rows & 0xFFFFFFFF
+        log = self._log_time(stamp)
+        number = self.rows & 0xFFFFFFFF
         self._writer.add_message(self._channels[channel], log, message, log, number)
 
     def _stamp(self, time: float) -> int | None:

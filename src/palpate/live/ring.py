@@ -76,7 +76,11 @@ class Writer(_Shared):
     """
 
     def __init__(
-        self, capacity: int = CAPACITY, width: int = len(SAMPLE), *, memory: Memory | None = None
+        self,
+        capacity: int = CAPACITY,
+        width: int = len(SAMPLE),
+        *,
+        memory: Memory | None = None,
     ) -> None:
         super().__init__(memory or RawArray("b", _HEADER + 8 * capacity * width))
         self._row = struct.Struct(f"@{width}d")
@@ -100,7 +104,8 @@ class Reader(_Shared):
         super().__init__(memory)
         rows = np.frombuffer(memoryview(memory), np.float64, offset=_HEADER)
         self._rows: Floats = rows.reshape(-1, width)
-        self._capacity, self._next = len(self._rows), 0
+        self._capacity = len(self._rows)
+        self._next = 0
 
     @property
     def count(self) -> int:
@@ -113,7 +118,8 @@ class Reader(_Shared):
 
     def take(self) -> tuple[Floats, int]:
         """Return the rows written since the last call, and how many of those were overwritten."""
-        begin, self._next = self._next, self.count
+        begin = self._next
+        self._next = self.count
         rows = self.at(np.arange(max(begin, self._next - self._capacity), self._next))
         return rows, self._next - begin - len(rows)
 
@@ -128,7 +134,8 @@ class RowReader:
     """Reads samples, each with the newest estimate after it: :data:`COLUMNS`."""
 
     def __init__(self, samples: Memory, estimates: Memory) -> None:
-        self.samples, self._estimates = Reader(samples), Reader(estimates, len(ESTIMATE))
+        self.samples = Reader(samples)
+        self._estimates = Reader(estimates, len(ESTIMATE))
         self._last: Floats = np.empty((0, len(SAMPLE)))
 
     def take(self) -> tuple[Floats, int]:
@@ -164,7 +171,8 @@ class SharedJson(_Shared):
 
     def __init__(self, memory: Memory | None = None) -> None:
         super().__init__(memory or RawArray("b", SIZE))
-        self._seen, self._last = -1, dict[str, Any]()
+        self._seen = -1
+        self._last = dict[str, Any]()
 
     @property
     def version(self) -> int:
@@ -190,6 +198,7 @@ class SharedJson(_Shared):
                 break
             text = bytes(self._buffer[_TEXT : _TEXT + length])
             if self._header[0] == version:
-                self._seen, self._last = version, json.loads(text)
+                self._seen = version
+                self._last = json.loads(text)
                 break
         return dict(self._last)

@@ -1,8 +1,8 @@
 """ROS 2's messages, which DDS and Zenoh share: positions and forces in, estimates out.
 
 The first message is decoded with its definition, as in a recording
-(:mod:`palpate.recordings.messages`). Later messages whose length fields have the same bytes have
-their numbers at the same offsets, so reading them costs only a few comparisons.
+(:mod:`palpate.input.recordings.messages`). Later messages whose length fields have the same bytes
+have their numbers at the same offsets, so reading them costs only a few comparisons.
 """
 
 import re
@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from palpate.errors import InvalidParameterError, PalpateError
+from palpate.input.recordings.messages import layout
 from palpate.live.sources import SourceOptions, Value
 from palpate.live.wires import (
     NANO,
@@ -29,15 +30,6 @@ from palpate.live.wires import (
     WireAddress,
     WireSource,
     topic_names,
-)
-from palpate.recordings.messages.layout import (
-    Layout,
-    MessageNumber,
-    TimeAt,
-    UndecodableError,
-    leaves_of_empty,
-    message_fields,
-    walk_cdr,
 )
 
 # bytes: a message with the state of a hundred named joints has about 6000. Decoding the first
@@ -90,13 +82,21 @@ class RosReading(NamedTuple):
 class _Places:
     """A message layout: bytes to compare, and the offsets of the numbers."""
 
-    def __init__(self, size: int, layout: Layout, stamp: Any, values: list[list[Any]]) -> None:
+    def __init__(
+        self,
+        size: int,
+        walked: layout.Layout,
+        stamp: Any,
+        values: list[list[Any]],
+    ) -> None:
         self._size = size
-        self._checks = [(start, start + len(want), want.tobytes()) for start, want in layout.checks]
-        self._stamped, self._sizes = isinstance(stamp, TimeAt), [len(each) for each in values]
+        self._checks = [(start, start + len(want), want.tobytes()) for start, want in walked.checks]
+        self._stamped = isinstance(stamp, layout.TimeAt)
+        self._sizes = [len(each) for each in values]
         found = [stamp.seconds, stamp.nanoseconds] if self._stamped else []
         found += [number for each in values for number in each]
-        names, formats = [f"f{k}" for k in range(len(found))], [each.dtype for each in found]
+        names = [f"f{k}" for k in range(len(found))]
+        formats = [each.dtype for each in found]
         offsets = [each.offset for each in found]
         self._numbers = np.dtype({"names": names, "formats": formats, "offsets": offsets})
 
@@ -143,16 +143,18 @@ class MessageReader:
         vectors: bool,
         orientation: bool = False,
     ) -> None:
-        self._paths, self._vectors, self._orientation = tuple(paths), vectors, orientation
+        self._paths = tuple(paths)
+        self._vectors = vectors
+        self._orientation = orientation
         self._known: deque[_Places] = deque(maxlen=_MOST_LAYOUTS)
         try:
-            self._fields = message_fields(type_name, "ros2msg", "")
-        except UndecodableError:
+            self._fields = layout.message_fields(type_name, "ros2msg", "")
+        except layout.UndecodableError:
             raise InvalidParameterError(
                 f"topic {topic} has type {type_name}, which ROS does not define: publish a "
                 "standard type"
             ) from None
-        leaves = leaves_of_empty(self._fields)
+        leaves = layout.leaves_of_empty(self._fields)
         try:  # finds missing fields early, except in lists, whose length is not known yet
             for path in paths:
                 if "[" not in path:
@@ -178,16 +180,19 @@ class MessageReader:
             raise InvalidParameterError(
                 f"a message of {len(message)} bytes exceeds the limit of {LONGEST}"
             )
-        layout = walk_cdr(message, self._fields)
-        leaves = layout.entities[0].leaves
+        walked = layout.walk_cdr(message, self._fields)
+        leaves = walked.entities[0].leaves
         values = [self._leaves(leaves, path) for path in self._paths]
         if self._orientation:
             values[0] = values[0] + self._orientation_leaves(leaves)
-        places = _Places(len(message), layout, leaves.get(_STAMP), values)
+        places = _Places(len(message), walked, leaves.get(_STAMP), values)
         self._known.append(places)
         return places.read(message)
 
-    def _orientation_leaves(self, leaves: dict[str, MessageNumber]) -> list[MessageNumber]:
+    def _orientation_leaves(
+        self,
+        leaves: dict[str, layout.MessageNumber],
+    ) -> list[layout.MessageNumber]:
         parent, _, name = self._paths[0].rpartition(".")
         path = _below(parent, ORIENTATIONS.get(name, "orientation"))
         if not (components := _components(leaves, path, "xyzw")):
@@ -196,7 +201,11 @@ class MessageReader:
             )
         return components
 
-    def _leaves(self, leaves: dict[str, MessageNumber], path: str) -> list[MessageNumber]:
+    def _leaves(
+        self,
+        leaves: dict[str, layout.MessageNumber],
+        path: str,
+    ) -> list[layout.MessageNumber]:
         if path in leaves:
             if self._vectors:
                 raise InvalidParameterError(
@@ -204,7 +213,7 @@ class MessageReader:
                 )
             return [leaves[path]]
         if not (components := _components(leaves, path, "xyz")):
-            known = ", ".join(each for each in leaves if each != _STAMP)
+            known = ", ".join(leaf for leaf in leaves if leaf != _STAMP)
             raise InvalidParameterError(
                 f"no field {path}; the message has {known[:200] or 'no numbers'}"
             )
@@ -220,7 +229,11 @@ def _below(path: str, axis: str) -> str:
     return f"{path}.{axis}".removeprefix(".")
 
 
-def _components(leaves: dict[str, MessageNumber], path: str, axes: str) -> list[MessageNumber]:
+def _components(
+    leaves: dict[str, layout.MessageNumber],
+    path: str,
+    axes: str,
+) -> list[layout.MessageNumber]:
     """Return the numbers of a vector; empty if the message has none at this path."""
     names = [_below(path, axis) for axis in axes]
     return [leaves[name] for name in names] if leaves.keys() >= set(names) else []
@@ -297,7 +310,11 @@ class RosTopics(WireSource):
             paths.append(role[type_name] if path is None else path)
         posed = self._orientation and topic.read[0][0] == "position"
         topic.reader = MessageReader(
-            topic.name, type_name, paths, vectors=self._vectors, orientation=posed
+            topic.name,
+            type_name,
+            paths,
+            vectors=self._vectors,
+            orientation=posed,
         )
         topic.type_name = type_name
         self._news.append(f"found topic {topic.name} of type {type_name}")
@@ -305,8 +322,9 @@ class RosTopics(WireSource):
 
     def news(self) -> list[str]:
         """Return the messages since the last call."""
-        said, self._news = self._news, []
-        return said
+        news = self._news
+        self._news = []
+        return news
 
     def await_topics(self) -> None:
         """Report the topics without a publisher."""
@@ -359,11 +377,13 @@ class RosTopics(WireSource):
         if len(self.topics) == 1:
             self._give(stamp, reading.values[0], reading.values[1], there)
             return
-        sample, anew = Stamped(stamp, reading.values[0], there), verdict is Succession.ANEW
+        sample = Stamped(stamp, reading.values[0], there)
+        anew = verdict is Succession.ANEW
         leads = index == self._leads
         for pair in (self._pairing.lead if leads else self._pairing.follow)(sample, anew=anew):
-            first, second = pair.leader, pair.follower
-            position, force = (second, first) if self._leads else (first, second)
+            leader = pair.leader
+            second = pair.follower
+            position, force = (second, leader) if self._leads else (leader, second)
             self._give(pair.stamp, position, force, pair.there)
 
     def _give(self, stamp: int, pose: Any, force: Any, there: float) -> None:
@@ -385,7 +405,8 @@ def dds_type(ros2_name: str) -> str:
 # Estimates as ROS messages.
 
 #: Types of the messages of an estimate and a status.
-ESTIMATE, STATUS = "std_msgs/msg/Float64MultiArray", "diagnostic_msgs/msg/DiagnosticArray"
+ESTIMATE = "std_msgs/msg/Float64MultiArray"
+STATUS = "diagnostic_msgs/msg/DiagnosticArray"
 # DiagnosticStatus: OK, WARN, ERROR, STALE.
 _LEVELS = {"invalid": 1, "held": 1, "lost": 3}
 
@@ -419,17 +440,20 @@ class RosWire(Wire):
         self.topics = [
             (f"{prefix}/{end}", kind) for end, kind in zip(TOPICS, (ESTIMATE, STATUS), strict=True)
         ]
-        self._names, self._head = tuple[str, ...](), b""
+        self._names = tuple[str, ...]()
+        self._head = b""
 
     def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
         """Return the message of one sample; everything but its numbers is cached."""
         if names != self._names:
-            types, size = typestore().types, len(names)
+            types = typestore().types
+            size = len(names)
             dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
-            layout = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
-            message = types[ESTIMATE](layout, np.zeros(size))
+            arrangement = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
+            message = types[ESTIMATE](arrangement, np.zeros(size))
             # The message ends with the numbers.
-            self._head, self._names = _encode(message, ESTIMATE)[: -8 * size], names
+            self._head = _encode(message, ESTIMATE)[: -8 * size]
+            self._names = names
         return self._head + np.array(values, dtype="<f8").tobytes()
 
     def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
@@ -439,12 +463,17 @@ class RosWire(Wire):
         header = types["std_msgs/msg/Header"](time, "")
         pairs = [
             types["diagnostic_msgs/msg/KeyValue"](
-                name, value if isinstance(value, str) else f"{value:.15g}"
+                name,
+                value if isinstance(value, str) else f"{value:.15g}",
             )
             for name, value in values.items()
         ]
         one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
-            _LEVELS.get(state, 0), "palpate", state, source, pairs
+            _LEVELS.get(state, 0),
+            "palpate",
+            state,
+            source,
+            pairs,
         )
         return _encode(types[STATUS](header, [one]), STATUS)
 

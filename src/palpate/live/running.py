@@ -6,12 +6,12 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager, suppress
 from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
 from typing import Any
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
 from palpate.findings import spoken
+from palpate.input.preparation.online import OnlinePreparation
+from palpate.input.wrench import Payload, PayloadCompensation
 from palpate.live.choices import LiveCommand
 from palpate.live.loop import Loop
 from palpate.live.realtime import (
@@ -25,9 +25,8 @@ from palpate.live.realtime import (
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink, Watching
 from palpate.live.sources import Source
-from palpate.preparation.online import OnlinePreparation
-from palpate.settings import ChangeDetector, OutlierRejection
-from palpate.wrench import Payload, PayloadCompensation
+from palpate.method.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
+from palpate.method.settings import ChangeDetector, OutlierRejection
 
 ASKED_EVERY = 0.02  # s between reads of commands
 TOLD_EVERY = 0.2  # s between writes of the status: at least four a second
@@ -106,11 +105,14 @@ def run(
         raise InvalidParameterError(f"sinks must have different names, not {names}")
     if preparation is None:
         preparation = OnlinePreparation(sample_time=source.sample_time)
-    samples, estimates, shared_json = Writer(), Writer(width=len(ESTIMATE)), SharedJson()
+    samples = Writer()
+    estimates = Writer(width=len(ESTIMATE))
+    shared_json = SharedJson()
     shared_by_sink = {sink.name: SharedJson() for sink in sinks}
     memories = {name: each.memory for name, each in shared_by_sink.items()}
     session = Session(samples.memory, estimates.memory, shared_json.memory, memories)
-    chosen, step = estimator or default_estimator(), source.sample_time
+    chosen = estimator or default_estimator()
+    step = source.sample_time
     if chosen.settings.get("sample_time", step) is None:
         chosen = chosen.replace(sample_time=step)
     compensation = None
@@ -153,7 +155,9 @@ class _Asked:
         shared_by_sink: dict[str, SharedJson],
         seconds: float | None,
     ) -> None:
-        self._sinks, self._loop, self._board = dict(sinks), loop, shared_json
+        self._sinks = dict(sinks)
+        self._loop = loop
+        self._board = shared_json
         self._by_sink = shared_by_sink
         self._asked = self._told = 0.0
         self._until = float("inf") if seconds is None else time.monotonic() + seconds
@@ -192,8 +196,8 @@ def _start_sinks(
     failed: dict[str, int],
 ) -> Iterator[dict[str, Connection]]:
     """Start the sinks' processes; at the end wait for them and note failures."""
-    processes: list[BaseProcess] = []
-    connections: dict[str, Connection] = {}
+    processes = []
+    connections = {}
     try:
         for sink in sinks:
             if loop.stopped:

@@ -18,14 +18,14 @@ from palpate.writing import abandon_output
 # Printing to a terminal that may have gone.
 
 
-def print_line(words: str, end: str = "\n") -> bool:
+def print_line(text: str, end: str = "\n") -> bool:
     """Print and flush; return whether the output still has a reader.
 
     If the reader is gone or the disk is full, standard output is abandoned, so that Python does not
     complain about it at exit.
     """
     try:
-        print(words, end=end, flush=True)
+        print(text, end=end, flush=True)
     except (OSError, ValueError):
         abandon_output()
         return False
@@ -78,7 +78,8 @@ class Sink(Protocol):
 
 #: Place of each column in a row.
 PLACE = {name: k for k, name in enumerate(COLUMNS)}
-_FIRST, _COVARIANCE = PLACE["parameter_0"], PLACE["covariance_0"]
+_FIRST = PLACE["parameter_0"]
+_COVARIANCE = PLACE["covariance_0"]
 
 
 def unpack_parameters(rows: Floats, count: int) -> tuple[Floats, Floats, Floats]:

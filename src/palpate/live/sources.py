@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from palpate.contact import Contact
 from palpate.errors import InvalidParameterError, import_extra
+from palpate.method.contact import Contact
 from palpate.validation import number_in, shown
 
 #: A number, or a vector in the frame of the source.
@@ -138,16 +138,21 @@ class Replay:
     def __init__(self, contact: Contact, *, speed: float = 1.0) -> None:
         if speed != float("inf"):
             speed = number_in("speed", speed, 0.0, 1e6, open_low=True)
-        self.name, self.sample_time = contact.source or "recording", contact.sample_time
+        self.name = contact.source or "recording"
+        self.sample_time = contact.sample_time
         #: Speed of its clock.
         self.pace = speed
         self.counts = Counts()
         self._rows = zip(
-            contact.time.tolist(), contact.penetration.tolist(), contact.force.tolist(), strict=True
+            contact.time.tolist(),
+            contact.penetration.tolist(),
+            contact.force.tolist(),
+            strict=True,
         )
         self._news = _hindsight(contact)
         self._waiting: tuple[float, float, float] | None = None
-        self._began, self._first = 0.0, float(contact.time[0]) if len(contact) else 0.0
+        self._began = 0.0
+        self._first = float(contact.time[0]) if len(contact) else 0.0
 
     def open(self) -> None:
         """Start the replay."""
@@ -171,7 +176,8 @@ class Replay:
 
     def news(self) -> list[str]:
         """Return the messages about the recording, once."""
-        news, self._news = self._news, []
+        news = self._news
+        self._news = []
         return news
 
     def close(self) -> None:
@@ -187,8 +193,8 @@ def _hindsight(contact: Contact) -> list[str]:
         names.append("contact normal")
     if not names:
         return said
-    words = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
-    return [f"{words} computed from the whole recording, as in palpate identify", *said]
+    text = " and ".join([", ".join(names[:-1]), names[-1]] if names[1:] else names)
+    return [f"{text} computed from the whole recording, as in palpate identify", *said]
 
 
 # From an address, such as ``lab:ball`` or a file's name, to a source.
@@ -294,6 +300,6 @@ def open_source(address: str, options: SourceOptions | None = None) -> Source:
         raise InvalidParameterError(
             f"SOURCE must be the path of a recording, or one of {known}; not {shown(address)}"
         )
-    from palpate.preparation import prepare
+    from palpate.input.preparation import prepare
 
     return Replay(prepare(Path(address), **(given.reading or {})), speed=given.speed)

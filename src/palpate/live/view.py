@@ -5,30 +5,18 @@ loop cannot spare. Each key of the page's text is the id of an element in its do
 """
 
 import math
-from base64 import b64decode
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
-
-from palpate._core import Status
-from palpate.diagnosis import Where
 from palpate.digits import format_quantity, parameter, rounded, with_error
-from palpate.estimators.estimate import Estimate
-from palpate.estimators.law_verdicts import (
-    STRONG,
-    UNDECIDED,
-    Evidence,
-    LawVerdict,
-    judge_evidence,
-)
-from palpate.estimators.viscoelastic import RelaxingEstimate, build_law
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.live.sinks import why_undiagnosed
-from palpate.results.parameters import describe_relaxation
-from palpate.results.view import NumberLine, describe_place
+from palpate.method.estimators.estimate import Estimate
+from palpate.method.estimators.law_verdicts import LawVerdict
+from palpate.method.estimators.viscoelastic import unpack_verdict
+from palpate.output.results import view
 from palpate.validation import or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
@@ -84,14 +72,7 @@ class LiveVerdict:
         """How strong the evidence is: none, before (outdated), alone, open, weak or strong."""
         if not self.law.known:
             return "before" if self.learned else "none"
-        if math.isnan(lead := self.lead):
-            return "alone"
-        return "open" if lead < UNDECIDED else "weak" if lead < STRONG else "strong"
-
-    @property
-    def lead(self) -> float:
-        """ΔBIC of the preferred law over the best other law without memory, NaN without one."""
-        return math.nan if self.law.rival is None else self.law.rival.score
+        return self.law.certainty
 
     @property
     def standing(self) -> str:
@@ -124,7 +105,8 @@ class LiveVerdict:
 
         Empty until the first verdict, and again after a change of material.
         """
-        depth, omega = self.law.depth, self.law.frequency
+        depth = self.law.depth
+        omega = self.law.frequency
         # Depth and frequency are of the samples since a change; an outdated law has no band there.
         if not (self.law.known and self.learned and depth > 0.0 and omega > 0.0):
             return {}
@@ -154,11 +136,12 @@ class LiveVerdict:
 
         ``origin`` is the zero of the loop's times, s.
         """
-        law, numbers = self.law, self.numbers()
+        law = self.law
+        numbers = self.numbers()
         fields: dict[str, float | str] = {
             "law": str(law.candidate) if self.learned else "",
             "standing": self.standing,
-            "lead": self.lead,
+            "lead": law.lead,
             "samples": law.samples,
             "independent_samples": law.effective_samples,
             "since": origin + self.since,
@@ -178,8 +161,8 @@ def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
     page = status.get("verdict")
     if page is None:
         return None
-    estimate, learned = _estimate_in(page), page["parameters"] is not None
-    verdict = judge_evidence(Evidence(*page["evidence"]), estimate)
+    verdict, estimate = unpack_verdict(page)
+    learned = estimate.samples > 0
     flags = [*page["flags"], *(verdict.flags if learned else ())]
     flags += map(str, _open(page, verdict, estimate) if verdict.known else ())
     turns = [(time, law) for time, law, _ in page["turns"]]
@@ -187,33 +170,20 @@ def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
     return LiveVerdict(verdict, estimate, learned, flags, page["changes"], turns, time)
 
 
-def _estimate_in(page: Mapping[str, Any]) -> Estimate:
-    """Return the estimate in the loop's status; a law of zero force before the first sample."""
-    if page["parameters"] is None:
-        law = GeneralisedHuntCrossley(K=0.0, n=1.0, B=0.0, p=1.0)
-        size = law.parameters.size
-        return Estimate.from_law(law, np.zeros((size, size)), status=Status.WAITING, samples=0)
-    packed = (page["covariance"], *page["spectrum"])
-    covariance, times, numbers, joint = (np.frombuffer(b64decode(each)) for each in packed)
-    law = build_law(times, numbers)
-    value = Estimate.from_law(law, covariance, status=Status.UPDATED, samples=1)
-    joint = joint.reshape(len(numbers) + 1, -1)
-    return RelaxingEstimate(value, tuple(page["fixed"]), (times, numbers, joint, []))
-
-
 def _open(page: Mapping[str, Any], verdict: LawVerdict, estimate: Estimate) -> Iterator[Finding]:
     """Yield the warnings about the verdict itself."""
     late = [law for _, law, samples in page["turns"] if law and 2.0 * samples > verdict.samples]
     # Two changes while the samples doubled. The first law after a restart is no change.
     if (count := min(len(late), page["changes"])) >= 2:
-        words = f"the preferred law is not settled: {count} changes while the samples doubled"
-        yield Check.UNSETTLED_LAW.finding(words)
+        text = f"the preferred law is not settled: {count} changes while the samples doubled"
+        yield Check.UNSETTLED_LAW.finding(text)
     if verdict.effective_samples < _FEW * verdict.samples:
         yield Check.CORRELATED_RESIDUALS.finding(
             "the residuals of the best law are correlated: either the sensor noise is, or no "
             "compared law holds and the error bars are too small"
         )
-    damping, error = estimate.parameters[_DAMPING], estimate.standard_errors[_DAMPING]
+    damping = estimate.parameters[_DAMPING]
+    error = estimate.standard_errors[_DAMPING]
     if verdict.candidate.damping != "none" and abs(damping) < 1e-6 * error:
         yield Check.NO_DAMPER.finding(
             "B is 0: laws that differ only in their damper are equivalent"
@@ -226,8 +196,11 @@ _UNITS = {"stiffness": "N/m", "damping": "N·s/m"}
 
 
 def headline(
-    found: Mapping[str, Any] | None, status: Mapping[str, Any], now: Numbers, at: str
-) -> list[NumberLine]:
+    found: Mapping[str, Any] | None,
+    status: Mapping[str, Any],
+    now: Numbers,
+    at: str,
+) -> list[view.NumberLine]:
     """Return the two numbers as diagnosed; while no diagnosis holds, as estimated now at a place.
 
     Parameters
@@ -241,14 +214,14 @@ def headline(
     """
     why = why_undiagnosed(found, status)
     if found and not why and found.get("numbers"):
-        return [NumberLine(**each) for each in found["numbers"]]
+        return [view.NumberLine(**each) for each in found["numbers"]]
     reason = why or (found or {}).get("reason") or ""
-    return [NumberLine(name, _present(now, name), at, None, reason) for name in _UNITS]
+    return [view.NumberLine(name, _present(now, name), at, None, reason) for name in _UNITS]
 
 
-def answer(lines: Iterable[NumberLine], *, reasons: bool = True) -> str:
+def answer(lines: Iterable[view.NumberLine], *, reasons: bool = True) -> str:
     """Return the numbers in one line, each with its mark and what sets that."""
-    return "; ".join(each.text(reasons=reasons) for each in lines)
+    return "; ".join(line.text(reasons=reasons) for line in lines)
 
 
 def _present(now: Numbers, name: str) -> str:
@@ -326,13 +299,17 @@ Words = dict[str, Any]
 
 def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float) -> Words:
     """Return the texts that freeze while the view is paused; ``now`` is a sample's time, s."""
-    law, at = page["loop"]["law"], _describe_depth(page["depth"])
+    law = page["loop"]["law"]
+    depth = _describe_depth(page["depth"])
     tiles = []
     panels = [
-        [f"{name.capitalize()} {at}", unit, name, f"{name}_error"] for name, unit in _UNITS.items()
+        [f"{name.capitalize()} {depth}", unit, name, f"{name}_error"]
+        for name, unit in _UNITS.items()
     ]
     for k in law.get("shown", ()):
-        symbol, unit, name = law["symbols"][k], law["units"][k], law["names"][k]
+        symbol = law["symbols"][k]
+        unit = law["units"][k]
+        name = law["names"][k]
         words = _parameter(page["now"], name, k, verdict)
         tiles.append([f"{symbol} [{unit}]" if unit else symbol, words])
         panels.append([symbol, unit, f"parameter_{k}", f"error_{k}"])
@@ -343,15 +320,15 @@ def view_texts(page: Mapping[str, Any], verdict: LiveVerdict | None, now: float)
         ]
         for each in reversed(page["changes"])
     ]
-    view: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
-    return view | (law_card_texts(verdict, now) if verdict else {})
+    texts: Words = {"numbers": tiles, "curves": panels, "changes": changes or [["none"]]}
+    return texts | (law_card_texts(verdict, now) if verdict else {})
 
 
 def _describe_depth(depth: Mapping[str, Any]) -> str:
     """Format the working depth of the page, and the motion's frequency."""
     if math.isnan(depth["value"]):
         return "at working depth"
-    return describe_place(Where(depth["value"], depth["frequency"] or math.nan))
+    return view.describe_place(depth["value"], depth["frequency"] or math.nan)
 
 
 def _parameter(found: Mapping[str, Any], name: str, k: int, verdict: LiveVerdict | None) -> str:
@@ -377,19 +354,22 @@ def _terms(law: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
 def describe_change(change: Mapping[str, Any]) -> str:
     """Format the stiffness before and after a change of material."""
     ends = ((change.get(name) or {}).get("stiffness", [math.nan]) for name in ("before", "after"))
-    return f"{' → '.join(rounded(each[0], 3) for each in ends)} N/m"
+    return f"{' → '.join(rounded(end[0], 3) for end in ends)} N/m"
 
 
 def law_card_texts(verdict: LiveVerdict, now: float) -> Words:
     """Return the texts of the page's card of force laws at time ``now``, s."""
-    certainty, turns, since = verdict.certainty, verdict.turns[: -_TURNS - 1 : -1], ""
+    certainty = verdict.certainty
+    turns = verdict.turns[: -_TURNS - 1 : -1]
+    since = ""
     if verdict.law.known and math.isfinite(verdict.since):
         turned = f"; changed {verdict.changes} times" if verdict.changes else ""
         since = f"Preferred for {_ago(now, verdict.since)}{turned}."
     badge, kind = _BADGES[certainty]
-    numbers, at = verdict.numbers(), ""
+    numbers = verdict.numbers()
+    at = ""
     if numbers:
-        at = f"small oscillation {describe_place(Where(verdict.law.depth, verdict.law.frequency))}"
+        at = f"small oscillation {view.describe_place(verdict.law.depth, verdict.law.frequency)}"
     return {
         "law-name": str(verdict.law.candidate) if verdict.learned else "Not known yet",
         "law-badge": badge,
@@ -420,7 +400,7 @@ def _law_number(law: GeneralisedHuntCrossley, numbers: Numbers, name: str) -> st
     if not numbers:
         return "–"
     if law.remembers:
-        return describe_relaxation(law)
+        return law.describe_relaxation()
     return "no memory" if name == "relaxation_time" else "equals K′: no memory"
 
 
@@ -429,10 +409,12 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
 
     ``contact_force`` is the present force, N, if the probe is in contact.
     """
-    loop, others = page["loop"], page["others"]
+    loop = page["loop"]
+    others = page["others"]
     lamp, title, words = _STATES[state]
     fault = loop.get("fault") or loop.get("tare_refused")
-    recorder, truth = others.get("recorder", {}), loop.get("chosen", {}).get("truth")
+    recorder = others.get("recorder", {})
+    truth = loop.get("chosen", {}).get("truth")
     recorded = recorder.get("said") or ""
     if recorder.get("on"):
         size = rounded(recorder.get("bytes", math.nan) / 1e6, 2)
@@ -461,7 +443,9 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
 
 
 def _counts(
-    counts: Mapping[str, Any], others: Mapping[str, Any], own: Mapping[str, Any]
+    counts: Mapping[str, Any],
+    others: Mapping[str, Any],
+    own: Mapping[str, Any],
 ) -> list[list[str]]:
     """Return the rows of counts; a count that should be 0 but is not is marked ``bad``."""
     rows = [[words, counts.get(key, 0), ""] for key, words in _FINE.items()]
@@ -479,10 +463,13 @@ _FINE = {"taken": "samples", "learned": "used", "changes": "changes"}
 
 def _tiles(page: Mapping[str, Any], found: Mapping[str, Any] | None) -> Iterator[list[str]]:
     """Yield title, value, class and text of the mark, reason, and estimate now of each number."""
-    now, depth = page["now"], page["depth"]
+    now = page["now"]
+    depth = page["depth"]
     for line in headline(found, page["loop"], now, _describe_depth(depth)):
         title = f"{line.name.capitalize()} {line.at}{' (chosen)' * depth['chosen']}"
-        mark, last = "no verdict", ""
+        mark = "no verdict"
+        last = ""
         if line.mark is not None:
-            mark, last = spoken(line.mark), f"now {_present(now, line.name)}"
+            mark = spoken(line.mark)
+            last = f"now {_present(now, line.name)}"
         yield [title, line.value, _MARKS.get(line.mark or "", "open"), mark, line.reason, last]

@@ -186,7 +186,8 @@ class Order:
         """
         if self._stamp is None:
             return self._begin(stamp, number)
-        step, counts = stamp - self._stamp, self._counts
+        step = stamp - self._stamp
+        counts = self._counts
         ahead = 0 if number is None or self._number is None else number - self._number
         # A smaller number with a later time: the sender was restarted.
         if ahead > MOST_LOST + 1 or ahead < 0 < step or (ahead <= 0 and step < -LONGEST_OVERTAKING):
@@ -196,12 +197,14 @@ class Order:
             counts.disordered += step < 0
             return Succession.REFUSED
         counts.lost += ahead - 1 if ahead else self._gaps.see(step)
-        self._number, self._stamp = number, stamp
+        self._number = number
+        self._stamp = stamp
         return Succession.NEXT if step > -LONGEST_OVERTAKING else Succession.ANEW
 
     def _begin(self, stamp: int, number: int | None) -> Succession:
         self.finish_pending()
-        self._number, self._stamp = number, stamp
+        self._number = number
+        self._stamp = stamp
         return Succession.ANEW
 
     def finish_pending(self) -> None:
@@ -221,7 +224,8 @@ class Gaps:
     def __init__(self) -> None:
         self._steps: list[int] = []
         self._medians: deque[int] = deque(maxlen=99)
-        self._balance, self._quiet = 0.0, _QUIET
+        self._balance = 0.0
+        self._quiet = _QUIET
 
     def see(self, step: int) -> int:
         """Add a step, ns; return how many more samples are missing."""
@@ -232,12 +236,14 @@ class Gaps:
     def _judge(self) -> int:
         if len(self._steps) >= _QUIET or not self._medians:
             self._medians.append(median_high(self._steps))
-        usual, missing = median_high(self._medians), 0
+        usual = median_high(self._medians)
+        missing = 0
         for step in self._steps:
             apart = step / usual - 1.0
             if self._quiet >= _QUIET:
                 if apart > 0.5:
-                    self._balance, self._quiet = apart, 0
+                    self._balance = apart
+                    self._quiet = 0
                 continue
             self._balance += apart
             self._quiet = self._quiet + 1 if abs(apart) <= 0.5 else 0
@@ -248,7 +254,9 @@ class Gaps:
 
     def _whole(self) -> int:
         """Return the number of missing samples; less than 0.7 of one is jitter."""
-        missing, self._balance, self._quiet = int(max(self._balance + 0.3, 0.0)), 0.0, _QUIET
+        missing = int(max(self._balance + 0.3, 0.0))
+        self._balance = 0.0
+        self._quiet = _QUIET
         return missing
 
     def finish_pending(self) -> int:
@@ -265,14 +273,16 @@ class Receipt:
     """
 
     def __init__(self) -> None:
-        self._stamp, self._there = 0, 0.0
+        self._stamp = 0
+        self._there = 0.0
 
     def there(self, stamp: int, *, waited: bool) -> float:
         """Return the time, s, of a sample with the timestamp ``stamp``, ns."""
         now = time.monotonic()
         if not waited:
             now = min(now, self._there + max(stamp - self._stamp, 0) / NANO)
-        self._stamp, self._there = stamp, now
+        self._stamp = stamp
+        self._there = now
         return now
 
 
@@ -288,7 +298,8 @@ class Followed:
         now = time.monotonic()
         if who != self._who and now - self._heard < SILENCE:
             return False
-        self._who, self._heard = who, now
+        self._who = who
+        self._heard = now
         return True
 
 
@@ -312,8 +323,10 @@ class WireSource:
     """
 
     def __init__(self, name: str, options: SourceOptions, streams: int = 1) -> None:
-        self.name, self.sample_time = name, options.sample_time or 1e-3
-        self.counts, self._vectors = Counts(), options.vectors
+        self.name = name
+        self.sample_time = options.sample_time or 1e-3
+        self.counts = Counts()
+        self._vectors = options.vectors
         self._orientation = options.orientation
         self._origin: int | None = None
         self._orders = [Order(self.counts) for _ in range(streams)]
@@ -409,7 +422,8 @@ class Pairing:
     """
 
     def __init__(self, tolerance: int, counts: Counts) -> None:
-        self._tolerance, self._counts = tolerance, counts
+        self._tolerance = tolerance
+        self._counts = counts
         self._leaders: deque[Stamped] = deque()
         self._followers: deque[Stamped] = deque(maxlen=WAITING)
 
@@ -428,7 +442,8 @@ class Pairing:
         if len(self._leaders) > WAITING:
             self._leaders.popleft()
             self._count_unpaired(
-                1, f"{WAITING} samples of one topic arrived without any of the other"
+                1,
+                f"{WAITING} samples of one topic arrived without any of the other",
             )
         return self._take_complete_pairs()
 
@@ -440,14 +455,17 @@ class Pairing:
         return self._take_complete_pairs()
 
     def _take_complete_pairs(self) -> list[Pair]:
-        pairs, leaders, followers = [], self._leaders, self._followers
+        pairs = []
+        leaders = self._leaders
+        followers = self._followers
         while leaders:
             stamp = leaders[0].stamp
             while len(followers) >= 2 and followers[1].stamp <= stamp:
                 followers.popleft()
             if not followers or followers[-1].stamp < stamp:
                 break  # the next one has not arrived yet
-            leader, before = leaders.popleft(), followers[0]
+            leader = leaders.popleft()
+            before = followers[0]
             after = before if before.stamp >= stamp else followers[1]
             value = self._value_at(stamp, before, after)
             if value is not None:
@@ -455,15 +473,18 @@ class Pairing:
         return pairs
 
     def _value_at(
-        self, stamp: int, before: Stamped, after: Stamped
+        self,
+        stamp: int,
+        stamped: Stamped,
+        after: Stamped,
     ) -> Value | tuple[float, ...] | None:
         """Interpolate between two neighbours, which may be the same, or take the nearer one."""
-        span = after.stamp - before.stamp
+        span = after.stamp - stamped.stamp
         if 0 < span <= 2 * self._tolerance:
-            part = (stamp - before.stamp) / span
-            between: Value | tuple[float, ...] = _between(before.value, after.value, part)
+            part = (stamp - stamped.stamp) / span
+            between: Value | tuple[float, ...] = _between(stamped.value, after.value, part)
             return between
-        nearest = before if 2 * (stamp - before.stamp) <= span else after
+        nearest = stamped if 2 * (stamp - stamped.stamp) <= span else after
         away = abs(nearest.stamp - stamp)
         if away <= self._tolerance:
             return nearest.value
@@ -474,10 +495,10 @@ class Pairing:
         )
         return None
 
-    def _count_unpaired(self, count: int, words: str) -> None:
+    def _count_unpaired(self, count: int, text: str) -> None:
         if count:
             self._counts.unpaired += count
-            self._counts.last_fault = words
+            self._counts.last_fault = text
 
 
 def _between(before: Any, after: Any, part: float) -> Any:
@@ -627,7 +648,8 @@ class Publisher:
         over = False
         while not over:
             over = self._watching.over
-            page, rows = self._watching.status(), self._watching.take()
+            page = self._watching.status()
+            rows = self._watching.take()
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # The first sample sets the zero of the times.
             if page["counts"]["taken"]:
@@ -640,7 +662,9 @@ class Publisher:
         """Send the rows of the estimator in the status; return those of later estimators."""
         fields = Fields(page["generation"], tuple(page["law"]["names"]), page["origin"])
         if fields != self._fields:
-            self._fields, self._last, self._learned = fields, {}, math.nan
+            self._fields = fields
+            self._last = {}
+            self._learned = math.nan
         mine = rows[:, GENERATION] == fields.generation
         # Rows of an earlier estimator, which the status no longer describes, are dropped.
         self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
@@ -650,7 +674,7 @@ class Publisher:
             self._seen = time.monotonic()
             messages = (self._wire.estimate(fields.names, each) for each in values)
             # Messages without room in the queue count as dropped rows.
-            self._watching.dropped += sum(not self._wire.put(0, each) for each in messages)
+            self._watching.dropped += sum(not self._wire.put(0, message) for message in messages)
         return rows[rows[:, GENERATION] > fields.generation]
 
     def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
@@ -660,7 +684,8 @@ class Publisher:
         # The status reports a change of material only a little later.
         changed = rows[:, PLACE["state"]] == State.CHANGED
         diagnosed = np.where(changed[:, None], math.nan, diagnosed)
-        times, taken = rows[:, PLACE["arrived"]], np.isin(rows[:, PLACE["status"]], list(TAKEN))
+        times = rows[:, PLACE["arrived"]]
+        taken = np.isin(rows[:, PLACE["status"]], list(TAKEN))
         latest = np.maximum.accumulate(np.where(taken, np.arange(len(rows)), -1))
         learned = np.where(latest < 0, self._learned, times[latest])
         self._learned = float(learned[-1])
@@ -668,7 +693,8 @@ class Publisher:
 
     def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
         """Publish the status, also without new rows, so that a lost source is reported."""
-        now, last = time.monotonic(), self._last
+        now = time.monotonic()
+        last = self._last
         known = math.isfinite(last.get("time", math.nan))
         if self._fields is None or not known or now < self._told:
             return
@@ -687,7 +713,9 @@ def _level(value: str | float) -> float:
 
 
 def describe_status(
-    page: dict[str, Any], fields: Fields, named: dict[str, float]
+    page: dict[str, Any],
+    fields: Fields,
+    named: dict[str, float],
 ) -> dict[str, str | float]:
     """Return the values of the status message: numbers in SI units, and a text with units.
 
@@ -698,10 +726,13 @@ def describe_status(
     said |= {"flags": "; ".join(page["flags"]), "age": named["age"]}
     verdict = verdict_on(page)
     own = verdict.law.candidate.own if verdict and verdict.learned else fields.parameters
-    fixed, words = verdict.estimate.fixed if verdict else (), []
+    fixed = verdict.estimate.fixed if verdict else ()
+    words = []
     for place in law["shown"]:
-        name, unit = fields.parameters[place], law["units"][place]
-        value, error = named[name], named[f"{name}_standard_error"]
+        name = fields.parameters[place]
+        unit = law["units"][place]
+        value = named[name]
+        error = named[f"{name}_standard_error"]
         if name in own:
             words.append(f"{name} {parameter(value, error, unit=unit, fixed=name in fixed)}")
         else:

@@ -157,8 +157,10 @@ class Zenoh(RosTopics):
         def take(sample: "zenoh.Sample") -> None:
             if queue.qsize() >= WAITING:
                 return
-            payload, extra = sample.payload, sample.attachment
-            length, key = len(payload), str(sample.key_expr)
+            payload = sample.payload
+            extra = sample.attachment
+            length = len(payload)
+            key = str(sample.key_expr)
             data = payload.to_bytes() if length <= LONGEST else None
             about = extra.to_bytes() if extra is not None and len(extra) < LONGEST else None
             queue.put(_Came(index, key, data, about, time.time_ns(), length))
@@ -172,7 +174,8 @@ class Zenoh(RosTopics):
             came = self._queue.get(timeout=seconds)
         except Empty:
             return False
-        topic, extra = self.topics[came.topic], came.attachment
+        topic = self.topics[came.topic]
+        extra = came.attachment
         known = (None, came.written, b"") if extra is None else parse_attachment(extra)
         if not self.accept(came.topic, ros.ros2_type(came.key.split("/")[-2])):
             return True
@@ -227,7 +230,8 @@ class ZenohWire(RosWire):
         declare = self._session.liveliness().declare_token
         self._tokens = [declare(f"{node}/0/NN/%/%/palpate")]
         for index, (name, type_name) in enumerate(self.topics):
-            kind, checksum = dds_type(type_name), typestore().hash_rihs01(type_name)
+            kind = dds_type(type_name)
+            checksum = typestore().hash_rihs01(type_name)
             self._publishers.append(
                 self._session.declare_publisher(
                     topic_key(self._domain, name, type_name, checksum),

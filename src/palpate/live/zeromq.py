@@ -171,7 +171,8 @@ class Endpoint:
 
     def __init__(self, address: WireAddress, example: str, *, binds: bool) -> None:
         choices = ("yes", "no") if binds else ("no", "yes")
-        self._endpoint, self._bind = address.target, address.one_of("bind", choices) == "yes"
+        self._endpoint = address.target
+        self._bind = address.one_of("bind", choices) == "yes"
         if "://" not in self._endpoint:
             raise InvalidParameterError(
                 f"zmq: an endpoint must have the form {example}, not {shown(self._endpoint)}"

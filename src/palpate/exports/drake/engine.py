@@ -281,13 +281,16 @@ def _point(request: ExportRequest, form: str, spheres: Spheres) -> DrakeContact:
     def material(stiffness: float, dissipation: float) -> dict[str, float]:
         return {"point_contact_stiffness": stiffness, "hunt_crossley_dissipation": dissipation}
 
-    radius, law = request.radius_or_any, request.law
+    radius = request.radius_or_any
+    law = request.law
     rigid = material(RIGID * float(spheres.stiffness.sum()), 0.0)
     soft = list(map(material, spheres.stiffness.tolist(), spheres.dissipation.tolist()))
     if len(soft) == 1:
-        numbers, parts = soft[0], _parts(request, soft[0], rigid)
+        numbers = soft[0]
+        parts = _parts(request, soft[0], rigid)
     else:
-        numbers, tips = {}, []
+        numbers = {}
+        tips = []
         for number, (gap, each) in enumerate(zip(spheres.gaps.tolist(), soft, strict=True), 1):
             numbers[f"gap[{number}]"] = gap
             numbers |= {f"{name}[{number}]": value for name, value in each.items()}
@@ -373,18 +376,23 @@ def _sap(request: ExportRequest) -> DrakeContact:
 
 
 def _parts(
-    request: ExportRequest, surface: Mapping[str, float | None], tip: Mapping[str, float | None]
+    request: ExportRequest,
+    surface: Mapping[str, float | None],
+    tip: Mapping[str, float | None],
 ) -> Parts:
     """Return a tip of one sphere on a box so large that its top stays the nearest face."""
-    radius, deepest = request.radius_or_any, request.motion.deepest
-    width, height = max(1.0, 10.0 * (radius + deepest)), max(0.2, 4.0 * deepest)
+    radius = request.radius_or_any
+    deepest = request.motion.deepest
+    width = max(1.0, 10.0 * (radius + deepest))
+    height = max(0.2, 4.0 * deepest)
     tips = (DrakeTip("tip", radius, 0.0, tip),)
     return Parts(surface, tips, radius, request.mass_or_one, width, height)
 
 
 def _step(request: ExportRequest) -> tuple[str, ...]:
     """Return a warning if an implicit step adds much damping: h ∂F/∂x compared with B xᵖ."""
-    law, depth = request.law, request.motion.deepest
+    law = request.law
+    depth = request.motion.deepest
     more = request.time_step * law.n * law.K * depth ** (law.n - 1.0)
     own = max(law.B, 0.0) * depth**law.p
     # Below 2 % of the law's damping, restitution changes by less than about 1 %.

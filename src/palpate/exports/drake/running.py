@@ -55,7 +55,8 @@ def restitution_by_steps(force: Pointwise, drop: Drop, step: float) -> float:
     steps = steps_down(drop, step)
     if steps > _FINE:
         return drop_restitution(force, drop.mass, drop.speed, _time_down(drop) / _BY_LAW)
-    x, v = 0.0, drop.speed
+    x = 0.0
+    v = drop.speed
     for _ in range(math.ceil(LONGEST * steps) + 10):
         v = _after(force, drop.mass, step, x, v)
         x += step * v
@@ -74,7 +75,8 @@ def _after(force: Pointwise, mass: float, step: float, x: float, v: float) -> fl
     def excess(speed: float) -> float:
         return mass * (speed - v) + step * force(x + step * speed, speed)
 
-    high, above = v, excess(v)
+    high = v
+    above = excess(v)
     low = v - above / mass
     below = excess(low)
     side = 0
@@ -86,10 +88,14 @@ def _after(force: Pointwise, mass: float, step: float, x: float, v: float) -> fl
         if abs(value) <= 1e-14 * mass * abs(v):
             return middle
         if value > 0.0:
-            high, above, below = middle, value, 0.5 * below if side > 0 else below
+            high = middle
+            above = value
+            below = 0.5 * below if side > 0 else below
             side = 1
         else:
-            low, below, above = middle, value, 0.5 * above if side < 0 else above
+            low = middle
+            below = value
+            above = 0.5 * above if side < 0 else above
             side = -1
     return high if above <= 0.0 else low
 
@@ -99,7 +105,8 @@ def _after(force: Pointwise, mass: float, step: float, x: float, v: float) -> fl
 # kg. 100 N over a step of 10 ms change its speed by 10⁻⁹ m/s; 10³ times as much gave equal digits.
 HEAVY = 1e9
 # States looked at on the way down, and integration accuracy, of a continuous plant: e to 10⁻⁶.
-_LOOKS, _ACCURACY = 50, 1e-8
+_LOOKS = 50
+_ACCURACY = 1e-8
 
 
 @dataclass(frozen=True, slots=True)

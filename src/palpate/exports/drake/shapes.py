@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.estimators.least_squares import least_squares, nonnegative
 from palpate.force_laws import GeneralisedHuntCrossley
+from palpate.method.estimators.least_squares import least_squares, nonnegative
 from palpate.validation import Floats
 
 #: Spheres are added until the spring's error is below this, %: about six for x^1.5, eight for x².
@@ -81,7 +81,8 @@ def fit_spheres(law: GeneralisedHuntCrossley, penetration: Floats, velocity: Flo
         if error < GOOD_ENOUGH:
             break
     kept = stiffness > 0.0
-    gaps, stiffness = gaps[kept], stiffness[kept]
+    gaps = gaps[kept]
+    stiffness = stiffness[kept]
     if alike:
         return Spheres(gaps, stiffness, np.full(gaps.size, b))
     damper = law.B * x**law.p * v
@@ -96,7 +97,8 @@ def _samples(penetration: Floats, velocity: Floats) -> tuple[Floats, Floats]:
     was identified as x^1.52.
     """
     every = -(-penetration.size // _MOST_SAMPLES)
-    x, v = penetration[::every], velocity[::every]
+    x = penetration[::every]
+    v = velocity[::every]
     count = x.size // 2 + 1
     depths = (np.arange(count) + 0.5) / count * float(x.max())
     return np.concatenate([x, depths]), np.concatenate([v, np.zeros(count)])
@@ -128,7 +130,10 @@ def _spread(x: Floats, exponent: float, count: int) -> Floats:
 
 
 def _springs(
-    x: Floats, weight: Floats, wanted: Floats, gaps: Floats
+    x: Floats,
+    weight: Floats,
+    wanted: Floats,
+    gaps: Floats,
 ) -> tuple[Floats, Floats, float]:
     """Return gaps, stiffnesses, and the error in %, by least squares of the gaps.
 

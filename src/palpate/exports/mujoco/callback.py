@@ -84,7 +84,8 @@ class ExactContact:
             return
         mujoco = self.mujoco
         distance = mujoco.mj_geomDistance(model, data, self.pad, self.tip, self.reach, self.line)
-        self.penetration, self.force = -distance, 0.0
+        self.penetration = -distance
+        self.force = 0.0
         if not distance < 0.0:
             return
         out = (self.line[3:] - self.line[:3]) / distance  # from the pad to the tip

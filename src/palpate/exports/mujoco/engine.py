@@ -74,7 +74,8 @@ class InMuJoCo(Fragment):
 
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
         """Return the minimal scene, a body that arrives at a speed [m/s]."""
-        n, depth = self.rows.contacts, self.request.motion.deepest
+        n = self.rows.contacts
+        depth = self.request.motion.deepest
         rows = [
             replace(row, spring=n * row.spring, damper=n * row.damper, adhesion=n * row.adhesion)
             for row in self.rows.rows
@@ -128,7 +129,8 @@ class InMuJoCo(Fragment):
         return 0.0
 
     def _files(self, first: Mapping[str, str], notes: Sequence[str]) -> Mapping[str, str]:
-        law, deepest = self.request.law, self.request.motion.deepest
+        law = self.request.law
+        deepest = self.request.motion.deepest
         speed = drop_to(law, 1.0 / self.mobility, deepest).speed if law.K > 0.0 else 0.1
         files = {**first, "scene.xml": self.scene(speed, notes)}
         if self.robot is not None and self.robot.path.suffix == ".xml":
@@ -230,7 +232,8 @@ class MuJoCo(Engine):
         request, robot, mobility = _effective_mass(request)
         request, lifted = _raise_exponent(request)
         form, rows = self._chosen(request, mobility, 1 if robot is None else robot.contacts)
-        law, deepest = request.law, request.motion.deepest
+        law = request.law
+        deepest = request.motion.deepest
         engine_law = kelvin_voigt(law, request.motion) if form == "kelvin-voigt" else law
         pulls = any(row.adhesion for row in rows.rows)
         runs = self.pulls() or not pulls
@@ -241,12 +244,14 @@ class MuJoCo(Engine):
             if not robot.passive and (pulls or form == "callback"):
                 refusals.append(NOTHING_PASSIVE)
         if form == "callback":
-            numbers, warnings = dict(zip("KnBp", law_numbers(law).values(), strict=True)), []
+            numbers = dict(zip("KnBp", law_numbers(law).values(), strict=True))
+            warnings = []
             if request.form == "auto":
                 warnings.append(f"{_not_in_rows(law).partition(':')[0]}; exported as a callback")
             warnings.append(_ONE_FOR_ALL)
         else:
-            numbers, warnings = _numbers(rows), [_FRICTIONLESS, *_about(form, request, rows)]
+            numbers = _numbers(rows)
+            warnings = [_FRICTIONLESS, *_about(form, request, rows)]
             warnings += lifted
             if not runs:
                 warnings.append(
@@ -270,7 +275,10 @@ class MuJoCo(Engine):
         )
 
     def _chosen(
-        self, request: ExportRequest, mobility: float, contacts: int
+        self,
+        request: ExportRequest,
+        mobility: float,
+        contacts: int,
     ) -> tuple[str, PairRows]:
         """Return the form and its rows; a callback has no rows."""
         why = _not_in_rows(request.law)
@@ -325,16 +333,17 @@ def _raise_exponent(request: ExportRequest) -> tuple[ExportRequest, tuple[str, .
 
     Rows have n ≥ 1; without this a small statistical error of n would turn contacts into callbacks.
     """
-    law, motion = request.law, request.motion
+    law = request.law
+    motion = request.motion
     if law.n >= 1.0 or request.form in ("callback", "kelvin-voigt"):
         return request, ()
     p = 1.0 if law.p == law.n else law.p
-    near = fit_with_exponents(law, motion, 1.0, p)
-    off = force_error(motion.force_by(near), motion.force_by(law), motion.judged)
+    with_exponents = fit_with_exponents(law, motion, 1.0, p)
+    off = force_error(motion.force_by(with_exponents), motion.force_by(law), motion.judged)
     if off > _NEARLY_ONE:
         return request, ()
-    words = f"exponent {law.n:.4g} is exported as 1: the force changes by {percent(off)}"
-    return replace(request, law=near), (words,)
+    text = f"exponent {law.n:.4g} is exported as 1: the force changes by {percent(off)}"
+    return replace(request, law=with_exponents), (text,)
 
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
@@ -361,33 +370,35 @@ def _numbers(rows: PairRows) -> dict[str, float]:
 
 def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     """Return the warnings of a form."""
-    words = [
+    phrases = [
         f"the parameters are for an effective mass of {1.0 / rows.mobility:.4g} kg (the inverse of "
         "body_invweight0 of both bodies): export again for another body"
     ]
     if form == "kelvin-voigt":
-        return words
-    law, motion = request.law, request.motion
+        return phrases
+    law = request.law
+    motion = request.motion
     widths = (row.solimp[2] + row.inset for row in rows.rows if row.solimp[0] < row.solimp[1])
     if widest := min(widths, default=0.0):
-        words.append(
+        phrases.append(
             f"at depths of more than {length(widest, 3)} the force does not follow the law"
         )
-    force, pushed = motion.force_by(law), rows.added_mass(motion.penetration) * motion.acceleration
+    force = motion.force_by(law)
+    pushed = rows.added_mass(motion.penetration) * motion.acceleration
     heavy = force_error(force + pushed, force, motion.judged)
     if heavy > _HEAVY:
-        words.append(
+        phrases.append(
             f"the mass that the contacts add changes the force by {percent(heavy)} on this motion: "
             "a lighter body, a slower motion or --form callback reduces it"
         )
     if form == "pair" and law.B:
-        words += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
+        phrases += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
     if shallow := _shallow(law, rows, motion.deepest):
-        words.append(
+        phrases.append(
             f"at depths of less than {length(shallow, 2)} the force at rest is off by more than "
             f"{100 * _OFF:.0f} %"
         )
-    return words
+    return phrases
 
 
 def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:

@@ -27,7 +27,8 @@ from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
 #: MuJoCo's limits of an impedance (mjMINIMP, mjMAXIMP).
-LEAST, MOST = 1e-4, 0.9999
+LEAST = 1e-4
+MOST = 0.9999
 # Ratio of a width to the deepest sample.
 _ROOM = 1.02
 #: A row's (d₀, d_w, width, midpoint, power).
@@ -43,7 +44,8 @@ def impedance(depth: Floats | float, *solimp: Floats | float) -> Floats:
     """
     low, high, width, midpoint, power = solimp
     z = np.clip(np.asarray(depth, dtype=np.float64) / width, 0.0, 1.0)
-    m, p = np.asarray(midpoint, dtype=np.float64), np.asarray(power, dtype=np.float64)
+    m = np.asarray(midpoint, dtype=np.float64)
+    p = np.asarray(power, dtype=np.float64)
     rising = z**p * m ** (1.0 - p)
     falling = 1.0 - (1.0 - z) ** p * (1.0 - m) ** (1.0 - p)
     y = np.where(z <= m, rising, falling)
@@ -85,13 +87,18 @@ class PairRow:
 
     def springs_and_dampers(self, penetration: Floats, mobility: float) -> tuple[Floats, Floats]:
         """Return the force at rest [N] and ∂f/∂v [N·s/m]."""
-        d, high = self.reach(penetration), self.solimp[1]
+        d = self.reach(penetration)
+        high = self.solimp[1]
         inside = np.maximum(np.asarray(penetration) - self.inset, 0.0)
         mass = d / ((1.0 - d) * mobility * high)
         return mass * d / high * self.spring * inside, mass * self.damper
 
     def force(
-        self, penetration: Floats, velocity: Floats, acceleration: Floats, mobility: float
+        self,
+        penetration: Floats,
+        velocity: Floats,
+        acceleration: Floats,
+        mobility: float,
     ) -> Floats:
         """Return the force of the row, N, at least −adhesion."""
         spring, damper = self.springs_and_dampers(penetration, mobility)
@@ -146,7 +153,12 @@ _EVENNESS = 0.25
 
 
 def power_of_depth(
-    depths: Floats, target: Floats, high: float, *, spring: bool, low: bool
+    depths: Floats,
+    target: Floats,
+    high: float,
+    *,
+    spring: bool,
+    low: bool,
 ) -> tuple[Solimp, float, float]:
     """Return solimp and inset [m] that fit a power of depth, and the factor to the target.
 
@@ -171,7 +183,12 @@ def power_of_depth(
         ratio, midpoint, power, width, inset = (column[:, None] for column in tried.T)
         inside = np.maximum(depths - inset * deepest, 0.0)
         d = impedance(
-            inside, np.maximum(ratio * high, LEAST), high, width * deepest, midpoint, power
+            inside,
+            np.maximum(ratio * high, LEAST),
+            high,
+            width * deepest,
+            midpoint,
+            power,
         )
         d = np.where(inside > 0.0, d, 0.0)
         shape = d / (1.0 - d) * (d * inside if spring else 1.0)
@@ -187,11 +204,15 @@ def power_of_depth(
 
 
 # Size of the evolution: larger ones found no better rows. The fixed seed makes runs reproducible.
-_POPULATION, _GENERATIONS, _SEED = 64, 80, 20121
+_POPULATION = 64
+_GENERATIONS = 80
+_SEED = 20121
 
 
 def _search_globally(
-    judge: Callable[[Floats], tuple[Floats, Floats]], lowest: Floats, highest: Floats
+    judge: Callable[[Floats], tuple[Floats, Floats]],
+    lowest: Floats,
+    highest: Floats,
 ) -> Floats:
     """Return the candidate of least misfit, by differential evolution around the best."""
     random = np.random.default_rng(_SEED)
@@ -233,11 +254,15 @@ _SETS = [list(each) for size in range(1, 5) for each in combinations(range(4), s
 
 
 def two_contacts(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mobility: float,
+    contacts: int,
 ) -> PairRows:
     """Return two rows that never pull, nearest to F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
     search = _prepare_search(law, motion, 1.0 / mobility)
-    best, deepest = _search_globally(search.judge, _LOWEST_PAIR, _HIGHEST_PAIR), search.deepest
+    best = _search_globally(search.judge, _LOWEST_PAIR, _HIGHEST_PAIR)
+    deepest = search.deepest
     strengths = search.judge(best[None])[1][0]
     share = mobility / contacts
     made = []
@@ -288,7 +313,8 @@ class _Search:
         target = self.force * self.weight
         squares = np.einsum("ijk,ilk->ijl", weighted, weighted)
         along = weighted @ target
-        best, least = np.zeros(along.shape), np.zeros(len(along))
+        best = np.zeros(along.shape)
+        least = np.zeros(len(along))
         for chosen in _SETS:
             part = squares[:, chosen][:, :, chosen] + 1e-10 * np.eye(len(chosen))
             some = np.linalg.solve(part, along[:, chosen][:, :, None])[:, :, 0]
@@ -306,7 +332,8 @@ def _prepare_search(law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: flo
     firm = np.flatnonzero(motion.judged)
     firm = firm[np.argsort(motion.penetration[firm], kind="stable")]
     some = firm[np.linspace(0, firm.size - 1, _SAMPLES[0]).astype(int)]
-    parts, counts = [np.stack([motion.penetration[some], motion.velocity[some]])], [1.0]
+    parts = [np.stack([motion.penetration[some], motion.velocity[some]])]
+    counts = [1.0]
     deepest = _ROOM * motion.deepest
     for part, count in zip(*_COUNTS, strict=True):
         impact = _impact(law, drop_to(law, mass, part * deepest))
@@ -355,13 +382,15 @@ def drop_restitution(rows: PairRows, drop: Drop, step: float) -> float:
     depths = np.linspace(0.0, 1.5 * drop.depth, _TABLE + 1)
     spacing = 1.5 * drop.depth / _TABLE
     depths[0] = 1e-6 * depths[1]
-    tables, n = [], rows.contacts
+    tables = []
+    n = rows.contacts
     for row in rows.rows:
         spring, damper = row.springs_and_dampers(depths, rows.mobility)
         mass = row.added_mass(depths, rows.mobility)
         tables.append([*((n * each).tolist() for each in (spring, damper, mass)), n * row.adhesion])
     # At first touch MuJoCo has no contact yet: the first step is free flight.
-    x, v = step * drop.speed, drop.speed
+    x = step * drop.speed
+    v = drop.speed
     for _ in range(MOST_STEPS):
         place = min(x / spacing, _TABLE - 1.0)
         k = int(place)
@@ -422,7 +451,10 @@ def depths_that_count(motion: ProbeMotion) -> Floats:
 
 
 def single(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mobility: float,
+    contacts: int,
 ) -> PairRows:
     """Return one row for the nearest Kelvin–Voigt law: S = K (1 − d) Â, D = B (1 − d) Â."""
     nearest = kelvin_voigt(law, motion)
@@ -439,18 +471,25 @@ def single(
 
 
 def pair(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mobility: float, contacts: int
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mobility: float,
+    contacts: int,
 ) -> PairRows:
     """Return a spring and a damper that can pull: F = K xⁿ + B xᵖ v, n ≥ 1, p ≥ 0."""
-    depths, share = depths_that_count(motion), mobility / contacts
+    depths = depths_that_count(motion)
+    share = mobility / contacts
     # While the law pushes, its damper pulls less than its spring pushes; on the motion it may pull
     # more. With more adhesion than both the pair would pull without need.
-    x, v = motion.penetration[motion.judged], motion.velocity[motion.judged]
+    x = motion.penetration[motion.judged]
+    v = motion.velocity[motion.judged]
     drag = law.B * x**law.p * -v
     strongest = max(float(drag.max()), law.K * float(depths[-1]) ** law.n)
     adhesion = float(f"{_ADHESION * strongest / contacts:.2g}")
     if law.n == 1.0:
-        solimp, inset, scale = _level(depths), 0.0, law.K * (1.0 - LEAST) / LEAST**2
+        solimp = _level(depths)
+        inset = 0.0
+        scale = law.K * (1.0 - LEAST) / LEAST**2
     else:
         target = law.K * depths**law.n
         solimp, inset, scale = power_of_depth(depths, target, SPRING_HIGH, spring=True, low=True)
@@ -460,7 +499,8 @@ def pair(
     if law.p == 0.0:
         shapes = [(_level(depths), 0.0, law.B * (1.0 - LEAST) / LEAST)]
     else:
-        target, low = law.B * depths**law.p, law.p < 1.0
+        target = law.B * depths**law.p
+        low = law.p < 1.0
         shapes = [
             power_of_depth(depths, target, high, spring=False, low=low) for high in DAMPER_HIGHS
         ]
@@ -478,7 +518,9 @@ def _level(depths: Floats) -> Solimp:
 
 
 def misfit_to(
-    law: GeneralisedHuntCrossley, motion: ProbeMotion, mass: float
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    mass: float,
 ) -> Callable[[PairRows], float]:
     """Return a function for the error of rows: of force, %, plus a fifth of that of restitution."""
     drops = [drop_to(law, mass, part * motion.deepest) for part in _DROPS]

@@ -9,19 +9,18 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
 
-from palpate.errors import InvalidParameterError, RecordingError
+from palpate.errors import InvalidParameterError, RecordingError, require_mujoco
 from palpate.exports.engine import make_refusals, make_warnings
-from palpate.exports.exporting import STATEMENT, InAnEngine
+from palpate.exports.exporting import STATEMENT
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.fitting import PairRow
 from palpate.exports.texts import digits, template, xml_comment
 from palpate.findings import Finding
-from palpate.lab.rig import require_mujoco
 from palpate.validation import Floats
 
 #: Names of the coincident surfaces in the user's model, one per row.
@@ -49,7 +48,8 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
     Surfaces are massless and static, and collide only through the pairs.
     """
     # Round to a picometre to remove rounding errors.
-    position, normal = _numbers(np.round(place.position, 12).tolist()), _numbers(place.normal)
+    position = _numbers(np.round(place.position, 12).tolist())
+    normal = _numbers(place.normal)
     turned = "" if place.normal == (0.0, 0.0, 1.0) else f' zaxis="{normal}"'
     surfaces = (
         f'    <geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
@@ -111,9 +111,12 @@ class PressableModel:
         self.mujoco = mujoco = engine_here()
         # Inverse dynamics in continuous time, whatever the model's integrator.
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
-        self.model, self.data, self.place = model, mujoco.MjData(model), place
+        self.model = model
+        self.data = mujoco.MjData(model)
+        self.place = place
         names = {model.geom(k).name: k for k in range(model.ngeom)}
-        self.tip, self.pads = names[geom], [names[pad] for pad in PADS if pad in names]
+        self.tip = names[geom]
+        self.pads = [names[pad] for pad in PADS if pad in names]
         model.geom_sameframe[self.pads] = 0  # else MuJoCo does not move them
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
@@ -153,12 +156,13 @@ class PressableModel:
     def contacts(self, pad: int) -> list[int]:
         """Return the indices of the contacts between a surface and the tip."""
         both = {pad, self.tip}
-        found = self.data.contact
-        return [k for k in range(self.data.ncon) if set(found.geom[k].tolist()) == both]
+        contact = self.data.contact
+        return [k for k in range(self.data.ncon) if set(contact.geom[k].tolist()) == both]
 
     def force(self) -> float:
         """Return the force of the surfaces, N, from MuJoCo's contacts."""
-        felt, total = np.zeros(6), 0.0
+        felt = np.zeros(6)
+        total = 0.0
         for pad in self.pads:
             for k in self.contacts(pad):
                 self.mujoco.mj_contactForce(self.model, self.data, k, felt)
@@ -182,7 +186,9 @@ class PressableModel:
         """
         out = self.along()
         force = np.zeros(len(motion))
-        x, v, a = motion.penetration, motion.velocity, motion.acceleration
+        x = motion.penetration
+        v = motion.velocity
+        a = motion.acceleration
         for k in range(len(motion)):
             self.sink(float(x[k]))
             self.data.qvel[:] = -v[k] * out
@@ -255,7 +261,7 @@ class Robot:
     def scene(self, notes: Sequence[str]) -> str:
         """Return a scene that includes the model by its path, and the fragment in this folder."""
         whole = self.path.absolute()
-        meshes, textures = (str(whole.parent / each) for each in self.asset_folders)
+        meshes, textures = (str(whole.parent / asset_folder) for asset_folder in self.asset_folders)
         folders = {"meshdir": meshes, "texturedir": textures}
         include = ElementTree.Element("include", file=str(whole))
         parts = (include, ElementTree.Element("compiler", folders))
@@ -304,7 +310,8 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     if not _touches(first, kind):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
-    mass, contacts = first.mass(), max(1, *counts) if len(counts) == 1 else 1
+    mass = first.mass()
+    contacts = max(1, *counts) if len(counts) == 1 else 1
     # With springs and dampers disabled MuJoCo disables every passive force.
     both = int(mujoco.mjtDisableBit.mjDSBL_SPRING) | int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
     passive = int(model.opt.disableflags) & both != both
@@ -340,7 +347,8 @@ def _names(spec: Any) -> list[str]:
 
 def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
-    mujoco, spec = engine_here(), _spec(path)
+    mujoco = engine_here()
+    spec = _spec(path)
     if geom not in [each.name for each in spec.geoms]:
         names = _names(spec)
         raise InvalidParameterError(
@@ -375,11 +383,17 @@ def _touches(pressable: PressableModel, kind: str) -> bool:
 
     Return False if the geom can move against no surface.
     """
-    centre, line = np.array(pressable.data.geom_xpos[pressable.tip]), np.zeros(6)
+    centre = np.array(pressable.data.geom_xpos[pressable.tip])
+    line = np.zeros(6)
     for normal in _normals(kind, pressable.data.geom_xmat[pressable.tip].reshape(3, 3)):
         pressable.face(centre - _FAR * normal, normal)
         gap = pressable.mujoco.mj_geomDistance(
-            pressable.model, pressable.data, pressable.pads[0], pressable.tip, 2.0 * _FAR, line
+            pressable.model,
+            pressable.data,
+            pressable.pads[0],
+            pressable.tip,
+            2.0 * _FAR,
+            line,
         )
         pressable.face(centre + (gap - _FAR) * normal, normal)
         out = pressable.along()
@@ -406,7 +420,11 @@ def _turn(normal: Floats) -> Floats:
 
 
 def _warnings(
-    kind: str, geom: str, counts: set[int], mass: float, mobility: float
+    kind: str,
+    geom: str,
+    counts: set[int],
+    mass: float,
+    mobility: float,
 ) -> Iterator[str]:
     if kind == "CAPSULE" and counts == {1}:
         yield (
@@ -448,7 +466,7 @@ def _refusals(mujoco: Any, model: Any, kind: str, geom: str, counts: set[int]) -
 # An exported MuJoCo scene, read from its file as a material of the laboratory.
 
 
-class Scene(InAnEngine):
+class Scene:
     """A material of the laboratory: the contact of ``scene.xml``, simulated state by state.
 
     Parameters
@@ -464,13 +482,47 @@ class Scene(InAnEngine):
 
     def __init__(self, path: str | Path) -> None:
         path = Path(path)
-        name = f"{path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
+        self.name = f"{path.parent.name or 'a'} scene of MuJoCo".removeprefix(".")
+        self._model = _read(path)
         try:
             law = json.loads(path.with_name(STATEMENT[0]).read_bytes())["exported_law"]
-            truth = {**law, "engine": "mujoco"}
+            self._truth = {**law, "engine": "mujoco"}
         except (OSError, ValueError, LookupError, TypeError):  # no statement in the scene's folder
-            truth = {"kind": "a scene of MuJoCo", "file": path.name}
-        super().__init__(name, _read(path).along_motion, truth)
+            self._truth = {"kind": "a scene of MuJoCo", "file": path.name}
+
+    def describe(self) -> dict[str, Any]:
+        """Return the exported law, SI, and the engine."""
+        return self._truth
+
+    def touch(self) -> NoReturn:
+        """Raise: an engine's contact force depends on the probe's acceleration.
+
+        Raises
+        ------
+        InvalidParameterError
+            Always.
+        """
+        raise InvalidParameterError(
+            f"{self.name} needs a probe with prescribed motion, --probe ideal: the "
+            "engine's contact force depends on the acceleration"
+        )
+
+    def force(
+        self,
+        time: Floats,
+        lateral_position: Floats,
+        penetration: Floats,
+        velocity: Floats,
+    ) -> Floats:
+        """Return the engine's force [N] along a whole motion, shape (k,); 0 out of contact."""
+        force = np.zeros_like(time)
+        below = np.flatnonzero(penetration > 0.0)
+        if below.size:
+            acceleration = np.gradient(velocity, time)
+            t, x, v, a = (each[below] for each in (time, penetration, velocity, acceleration))
+            inside = ProbeMotion(t, x, v, a, np.ones(below.size, dtype=bool))
+            force[below] = self._model.along_motion(inside)
+        return force
 
 
 def _read(path: Path) -> PressableModel:
@@ -483,7 +535,6 @@ def _read(path: Path) -> PressableModel:
     pads = [pad for pad in PADS if pad in names]
     if TIP not in names or not pads or model.npair != len(pads):
         raise RecordingError(
-            f"{path}: not a scene of palpate export with pairs of {TIP} and {PADS[0]}; for a "
-            "callback use palpate.exports.SimulatedContact in Python"
+            f"{path}: not a scene of palpate export with pairs of {TIP} and {PADS[0]}"
         )
     return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())))

@@ -24,10 +24,10 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol
 
 from palpate.errors import InvalidParameterError
-from palpate.estimators import estimator_named
 from palpate.live.choices import CHOICES, NUMBERS, SWITCHES, LiveCommand, chosen, default_settings
 from palpate.live.page.watch import CHANNELS, MOST_ROWS, History, Watch
-from palpate.reports.html import DRAWINGS, STYLE
+from palpate.method.estimators import estimator_named
+from palpate.output.reports import html
 from palpate.validation import number_in, shown
 
 ABORT = "palpate.abort"  # key in a connection's scope: aborts it
@@ -286,7 +286,8 @@ class Allowance:
     """Limits the rate of commands: a burst of 20, then ten per second."""
 
     def __init__(self) -> None:
-        self._left, self._filled = float(MOST_COMMANDS), time.monotonic()
+        self._left = float(MOST_COMMANDS)
+        self._filled = time.monotonic()
 
     def spend(self) -> None:
         """Use one command.
@@ -311,7 +312,7 @@ STATIC = Path(__file__).parent / "static"
 
 def style_sheet() -> str:
     """Return the style sheet, with the light and dark colours of the figures as variables."""
-    return STYLE + DRAWINGS + (STATIC / "live.css").read_text(encoding="utf-8")
+    return html.STYLE + html.DRAWINGS + (STATIC / "live.css").read_text(encoding="utf-8")
 
 
 # The server: one page, and a WebSocket to each browser.
@@ -352,9 +353,12 @@ class Server:
     """
 
     def __init__(self, watch: Watch, send: Callable[[LiveCommand], None]) -> None:
-        self.watch, self._send = watch, send
+        self.watch = watch
+        self._send = send
         self.served = Served()
-        self._text, self._version, self._over = "{}", 0, False
+        self._text = "{}"
+        self._version = 0
+        self._over = False
         self._allowance = Allowance()
         known = {"channels": CHANNELS, "methods": default_settings(), "choices": CHOICES}
         self._hello = json.dumps({"kind": "hello", **known})
@@ -388,7 +392,8 @@ class Server:
                 if self.served.browsers or last:
                     page = self.watch.page(asdict(self.served), ended=last)
                     self._text = json.dumps({"kind": "page", **page})
-                    self._version, self._over = self._version + 1, last
+                    self._version = self._version + 1
+                    self._over = last
             self._tick.set()
             self._tick = asyncio.Event()
             if last:
@@ -470,14 +475,21 @@ class Server:
         first = max(client.next, history.oldest)
         until = min(first + MOST_ROWS * client.every, history.total)
         frame = history.frame(
-            first, until, every=client.every, dropped=client.skipped, void=client.void
+            first,
+            until,
+            every=client.every,
+            dropped=client.skipped,
+            void=client.void,
         )
-        client.next, client.skipped, client.void = until, 0, False
+        client.next = until
+        client.skipped = 0
+        client.void = False
         return frame
 
     async def _receive_all(self, client: Client) -> None:
         with suppress(WebSocketDisconnect, RuntimeError):
-            began, count = time.monotonic(), 0
+            began = time.monotonic()
+            count = 0
             while True:
                 message = await client.socket.receive()
                 if message["type"] == "websocket.disconnect":
@@ -486,7 +498,8 @@ class Server:
                 self._answer(client, message.get("text") or message.get("bytes") or "")
                 if count >= MOST_REQUESTS // 10:
                     await asyncio.sleep(max(began + 0.1 - time.monotonic(), 0.0))
-                    began, count = time.monotonic(), 0
+                    began = time.monotonic()
+                    count = 0
 
     def _answer(self, client: Client, text: str | bytes) -> None:
         """Execute a request, or count it and answer why not."""
@@ -521,4 +534,6 @@ class Server:
 
     def _start_again(self, client: Client) -> None:
         history = self.watch.history
-        client.next, client.until, client.void = history.oldest, history.total, True
+        client.next = history.oldest
+        client.until = history.total
+        client.void = True

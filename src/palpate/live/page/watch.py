@@ -47,9 +47,11 @@ def compute_channels(rows: Floats, law: type[ForceLaw] | None) -> NDArray[np.flo
     ``law`` is the estimator's force law, if it is known.
     """
     found = np.full((len(CHANNELS), len(rows)), np.nan)
-    found[0:4], found[4:8] = rows[:, _AS_THEY_ARE].T, rows[:, _RESPONSE].T
+    found[0:4] = rows[:, _AS_THEY_ARE].T
+    found[4:8] = rows[:, _RESPONSE].T
     parameters, errors, _ = unpack_parameters(rows, MOST_PARAMETERS)
-    found[_NUMBERS], found[_ERRORS] = parameters.T, errors.T
+    found[_NUMBERS] = parameters.T
+    found[_ERRORS] = errors.T
     if law is GeneralisedHuntCrossley:  # parameters that its law lacks are not drawn
         found[_NUMBERS][found[_ERRORS] == 0.0] = np.nan
     found[-3:] = rows[:, _LAST].T
@@ -66,7 +68,8 @@ MOST_ROWS = 2000
 #: rows before.
 HEADER = struct.Struct("<IIdII")
 # Rows kept, as in the browser: 10 s at 6.5 kHz, less from a faster source.
-_LEAST_KEPT, _MOST_KEPT = 1000, 1 << 16
+_LEAST_KEPT = 1000
+_MOST_KEPT = 1 << 16
 _MOST_GENERATIONS = 50  # more than anybody resets in ten seconds
 _BACKWARD = 1.0  # s: a larger step back means that the clock was set; a smaller one is jitter
 
@@ -123,7 +126,8 @@ class History:
         self._generations = [*self._generations[-_MOST_GENERATIONS:], generation]
         if not same_depth:  # rows for another depth are not shown
             self._rows[:, _RESPONSE] = np.nan
-        self._law, self._depth = law, depth
+        self._law = law
+        self._depth = depth
         return True
 
     def add(self, rows: Floats, delay: float) -> None:
@@ -149,7 +153,9 @@ class History:
         back = np.flatnonzero((steps < -_BACKWARD) & np.isfinite(times))
         self.total += len(rows)
         if len(back):
-            rows, times, before = rows[back[-1] :], times[back[-1] :], -math.inf
+            rows = rows[back[-1] :]
+            times = times[back[-1] :]
+            before = -math.inf
             self._end, self.begins = 0, self.total - len(rows)
         times = np.maximum.accumulate(np.concatenate([[before], times]))[1:]
         if not np.isfinite(times[0]):  # no row has a time yet
@@ -158,7 +164,8 @@ class History:
             self._rows[: self._most] = self._rows[self._end - self._most : self._end]
             self._end = self._most
         new = self._rows[self._end : self._end + len(rows)]
-        new[:, : len(COLUMNS)], new[:, _RESPONSE] = rows, self.response
+        new[:, : len(COLUMNS)] = rows
+        new[:, _RESPONSE] = self.response
         new[:, PLACE["time"]] = times
         self._end += len(rows)
 
@@ -171,13 +178,14 @@ class History:
         offset = self._end - self.total
         first = first + (-first) % every
         rows = self._rows[offset + first : offset + until : every]
-        found, wrote = compute_channels(rows, self._law), column(rows, "method")
+        channels = compute_channels(rows, self._law)
+        wrote = column(rows, "method")
         # Rows of an estimator of another law show only the channels that need no law.
         void_rows = ~np.isin(wrote, self._generations)
         void_rows[1:] |= wrote[1:] != wrote[:-1]  # no line between two estimators
-        found[4:-3, void_rows] = np.nan
+        channels[4:-3, void_rows] = np.nan
         head = HEADER.pack(every, len(rows), first, dropped, void)
-        return head + column(rows, "time").tobytes() + found.tobytes()
+        return head + column(rows, "time").tobytes() + channels.tobytes()
 
 
 # A run as the page shows it: the ring's rows, the statuses, and what follows from them.
@@ -203,7 +211,8 @@ class Watch:
     """
 
     def __init__(self, run: Watching) -> None:
-        self.run, self.loop = run, run.status()
+        self.run = run
+        self.loop = run.status()
         self.history = History(self.loop["sample_time"])
         self.recast = 0
         self.depth = math.nan
@@ -213,7 +222,8 @@ class Watch:
         # Number of the estimator that detected the last change, and its law.
         self._changed_in = math.nan
         self._changed_law: type[ForceLaw] | None = None
-        self._sign, self._moved = (-1, -1), time.monotonic()
+        self._sign = (-1, -1)
+        self._moved = time.monotonic()
         self._verdict: LiveVerdict | None = None
         self._by_verdict: Numbers = {}
         self._noticed = 0  # changes of the material
@@ -222,11 +232,11 @@ class Watch:
         """Read the rows that the loop wrote since the last call."""
         rows = self.run.take()
         if len(rows):
-            first = self.history.total
+            total = self.history.total
             self.history.response = self._response(rows[-1:])
             self.history.add(rows, float(self.loop.get("delay") or 0.0))
             self._shown.see(rows)
-            self._note_changes(rows, first)
+            self._note_changes(rows, total)
 
     def look(self) -> None:
         """Read the statuses and choose the depth, a few times a second."""
@@ -235,7 +245,8 @@ class Watch:
         # Differs as soon as the loop has written anything.
         sign = self.run.shared_json.version, self.run.reader.samples.count
         if sign != self._sign:
-            self._sign, self._moved = sign, time.monotonic()
+            self._sign = sign
+            self._moved = time.monotonic()
         self.depth = or_nan(self.loop.get("depth") or self._shown.value)
         if self.history.show(self._law, self.depth, float(self.loop["generation"])):
             self.recast += 1
@@ -271,7 +282,8 @@ class Watch:
         """Return stiffness and damping at the depth, each with its error, from the newest row."""
         # The status reports a change of material only a little later.
         late = self.loop.get("counts", {}).get("changes", 0) < self._noticed
-        law, found = self._law, dict[str, tuple[float, float]]()
+        law = self._law
+        found = {}
         if law is not None and self._knows(float(column(row, "method")[0])) and not late:
             found = self._by_verdict if law.relaxes else read_numbers(row, law, self.depth)
         return np.ravel([found.get(name, _UNKNOWN) for name in ("stiffness", "damping")])
@@ -304,7 +316,8 @@ class Watch:
 
     def _where_diagnosed(self, row: Floats, diagnosis: Mapping[str, Any]) -> dict[str, Any]:
         """Return the present stiffness and damping at the depth and frequency of the diagnosis."""
-        depth, law = diagnosis["working_depths"][0]["depth"], self._law
+        depth = diagnosis["working_depths"][0]["depth"]
+        law = self._law
         if self._verdict:
             return self._verdict.at(depth, or_nan(diagnosis["frequency"])).numbers()
         return {} if law is None or law.relaxes else read_numbers(row, law, depth)
@@ -328,13 +341,16 @@ class Watch:
 
     def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
         """Return the page's text, with the server's counts, and the estimate, ready for JSON."""
-        now: dict[str, Any] = {}
-        row, force = self.run.reader.now(), math.nan
+        now = {}
+        row = self.run.reader.now()
+        force = math.nan
         if len(row):
             force = float(column(row, "force")[0])
             if self._knows(float(column(row, "method")[0])):
                 now = {**self._row_numbers(row, self._law), "curve": self._curve(row)}
-        verdict, kept, others = self._verdict, self.history.rows(), self.run.others()
+        verdict = self._verdict
+        kept = self.history.rows()
+        others = self.run.others()
         diagnosis = others.get("diagnosis") or {}
         if now and diagnosis.get("numbers") and not why_undiagnosed(diagnosis, self.loop):
             now |= self._where_diagnosed(row, diagnosis)
@@ -354,7 +370,7 @@ class Watch:
             "ended": ended,
             "depth": {"value": self.depth, "chosen": chosen, "frequency": frequency},
             "now": now,
-            "changes": [{**each, "words": describe_change(each)} for each in self.changes],
+            "changes": [{**change, "words": describe_change(change)} for change in self.changes],
             "page": {**served, "dropped": self.run.dropped},
         }
         last = float(column(kept, "time")[-1]) if len(kept) else math.nan

@@ -1,5 +1,0 @@
-"""Channels of a recording: which is which, in which unit, on which clock, in which frame."""
-
-from palpate.channels.roles import Columns as Columns
-from palpate.channels.roles import Roles as Roles
-from palpate.channels.roles import choose_roles as choose_roles

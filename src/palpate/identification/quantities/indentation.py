@@ -1,0 +1,538 @@
+"""Young's modulus from the approach of a force curve, for a tip of known shape.
+
+The tip comes through free air, where the force follows a line, and presses into the sample:
+
+    F(x) = F₀ + s x + K max(x − d, 0)ᵐ,    E = (1 − ν²) K/g
+
+with the tip's exponent m and factor g (:mod:`palpate.identification.quantities.elastic_modulus`).
+The position x
+is that of the tip: the height of the cantilever's base plus its deflection F/k. The whole-curve fit
+(:func:`palpate.fit_curves`) finds the contact point d; Gauss–Newton steps then minimise
+Σ w² (F − F(x))² over K, d, F₀ and s.
+
+Near the contact point roughness, a soft layer and long-range forces add to the law. Samples closer
+to it than a third of the indentation count less: w rises from 0 at d to 1. The change of E by these
+weights is one of its systematic errors; nanite has weights of this form within a micrometre.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from palpate.digits import format_quantity, rough_percent, with_error
+from palpate.errors import InvalidParameterError, RecordingError
+from palpate.findings import Check, Finding, Mark, worst
+from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity
+from palpate.identification.quantities.elastic_modulus import (
+    INCOMPRESSIBLE,
+    NEXT_SHAPE,
+    ElasticModulus,
+    FlatPunch,
+    Tip,
+    error_mark,
+)
+from palpate.input.channels import Columns
+from palpate.input.preparation import prepare
+from palpate.input.recordings import Recording
+from palpate.method.contact import Contact
+from palpate.method.estimators.batch_fit import fit_curves
+from palpate.validation import Floats
+
+POSITION = "tip position"
+FORCE = "force"
+SEGMENT = "segment"
+# Part of the indentation, next to the contact point, in which samples count less.
+ZONE = 1.0 / 3.0
+# Lighter part of the indentation that is fitted by itself: up to half the force under a sphere.
+LIGHT = 0.63
+# Largest numbers of means of consecutive samples: in the search, in air and nearer afterwards.
+_SEARCHED = 2048
+_AIR = 96
+_NEAR = 192
+_STEPS = 20
+_SEARCH_STEPS = 10
+_REFIT_STEPS = 3
+_TOGETHER = 12  # means in a block of residuals
+_FEWEST = 10  # samples in contact, and in air
+_SURE = 3.0  # standard errors, or standard deviations of the noise
+_LEAST_PULL = 0.02  # of the peak force
+_BLURRED = "check the tip for a particle; look for a layer on the sample or a rough surface"
+_UNEVEN = "check the shape of the tip, and whether the sample is uniform and thick enough"
+_STRAIGHT = "let the instrument settle before the approach, or start it nearer to the sample"
+_ADHESION = "measure in a liquid, or coat the tip, so that it does not stick"
+_DEEP = "press less deep, or use a larger tip"
+
+
+@dataclass(frozen=True, slots=True)
+class Indentation:
+    """The fit of a force curve's approach, SI.
+
+    Attributes
+    ----------
+    modulus : ElasticModulus
+        Young's modulus, with its mark.
+    K : Quantity
+        K, N/mᵐ.
+    contact_point : Quantity
+        d, m, in the coordinate of the penetration, which is minus the position of the tip.
+    baseline : tuple of float
+        F₀ at d, N, and s, N/m.
+    depth, largest_depth : float
+        Median and largest depth in contact, m.
+    residual : float
+        Root mean square of the residual in contact, N.
+    samples, taken : int
+        Number of samples of the approach, and of those in contact.
+    findings : tuple of Finding
+        Problems of the curve and of its fit.
+    """
+
+    modulus: ElasticModulus
+    K: Quantity
+    contact_point: Quantity
+    baseline: tuple[float, float]
+    depth: float
+    largest_depth: float
+    residual: float
+    samples: int
+    taken: int
+    findings: tuple[Finding, ...]
+
+
+def is_force_curve(channels: Mapping[str, Any]) -> bool:
+    """Whether the channels are those of a force curve: the position of the tip and the force."""
+    return POSITION in channels and FORCE in channels
+
+
+def find_force_curve(contact: Contact) -> Recording | None:
+    """Return the force curve from which a contact was made; None if it is from another source."""
+    recording = None if contact.prepared is None else contact.prepared.recording
+    if recording is None or recording.source != contact.source:
+        return None
+    return recording if is_force_curve(recording.channels) else None
+
+
+def refuse_options(names: Iterable[str]) -> None:
+    """Raise for options of the preparation: the tip alone decides how a force curve is read."""
+    if given := ", ".join(sorted({*names} - {"strict"})):
+        raise InvalidParameterError(
+            f"--tip finds baseline, contact point and exponent of a force curve: drop the options "
+            f"for {given}"
+        )
+
+
+def fit_force_curve(
+    recording: Recording,
+    tip: Tip,
+    poisson_ratio: float | None = None,
+) -> Indentation:
+    """Fit the approach of a recorded force curve; see :func:`fit_approach`."""
+    channels = recording.channels
+    signals = -np.asarray(channels[POSITION]), np.asarray(channels[FORCE]), channels.get(SEGMENT)
+    return fit_approach(*signals, tip, poisson_ratio, source=recording.source)
+
+
+def prepare_force_curve(recording: Recording, found: Indentation) -> Contact:
+    """Return a force curve as a contact: the force above the baseline, over the depth.
+
+    An approach alone is timeless: at one speed damping does not differ from stiffness.
+    """
+    names = Columns(penetration="penetration", force="force above the baseline")
+    depth = -np.asarray(recording.channels[POSITION]) - found.contact_point.value
+    level, slope = found.baseline
+    force = np.asarray(recording.channels[FORCE]) - level - slope * depth
+    channels = {**recording.channels, names.penetration: depth, names.force: force}
+    units = {**recording.units, names.penetration: "m", names.force: "N"}
+    clocks = {name: "time" for name in channels if name != "time" and "time" in channels}
+    curve = replace(recording, channels=channels, units=units, clocks=clocks)
+    contact = prepare(curve, columns=names, no_time=found.samples == len(depth))
+    of_modulus = Check.MODULUS, Check.TIP_SHAPE
+    findings = (each for each in found.findings if each.check not in of_modulus)
+    return replace(
+        contact,
+        surface_deviation=found.contact_point.whole_error,
+        findings=(*contact.findings, *findings),
+    )
+
+
+def fit_approach(
+    penetration: Floats,
+    force: Floats,
+    segment: Any,
+    tip: Tip,
+    poisson_ratio: float | None = None,
+    *,
+    source: str = "",
+) -> Indentation:
+    """Fit the approach of a force curve: a line as baseline, and the exponent of the tip.
+
+    Parameters
+    ----------
+    penetration, force : numpy.ndarray, shape (k,)
+        m, positive into the sample, and N.
+    segment : numpy.ndarray, shape (k,), or None
+        The first label is the approach. With None or one label it ends at the deepest sample.
+    tip : Tip
+        The tip of the probe.
+    poisson_ratio : float, optional
+        ν of the material. Default: 0.5, assumed.
+    source : str
+        Name of the curve, for errors.
+
+    Raises
+    ------
+    RecordingError
+        There are fewer than 40 samples, or none in contact.
+    """
+    where = f"{source}: " if source else ""
+    approach, retract = _split(penetration, force, segment)
+    if (count := approach.shape[1]) < 4 * _FEWEST:
+        raise RecordingError(f"{where}the approach has {count} samples; it needs {4 * _FEWEST}")
+    try:
+        with np.errstate(all="ignore"):
+            fit = _ApproachFit(approach, retract, tip)
+            return fit.result(poisson_ratio)
+    except np.linalg.LinAlgError:
+        raise RecordingError(
+            f"{where}the approach has no contact in which the force rises; check that the tip "
+            "touches, and the signs of height and force"
+        ) from None
+
+
+def _split(penetration: Floats, force: Floats, segment: Any) -> tuple[Floats, Floats]:
+    """Return penetration and force of the approach and of the rest, finite samples only."""
+    both = np.array([penetration, force], dtype=np.float64)
+    finite = np.isfinite(both[0]) & np.isfinite(both[1])
+    labels = np.zeros(1) if segment is None or not len(segment) else np.asarray(segment)
+    end = int(np.argmax(labels != labels[0]))
+    if not end and finite.any():
+        end = int(np.nanargmax(both[0])) + 1
+    if not finite.all():
+        both = both[:, finite]
+        end = int(np.count_nonzero(finite[:end]))
+    return both[:, :end], both[:, end:]
+
+
+def _starts(first: int, end: int, most: int) -> Any:
+    """Return the starts of at most so many blocks of about equal length."""
+    count = min(end - first, most)
+    return first + np.arange(count) * (end - first) // max(count, 1)
+
+
+def _means(values: Floats, starts: Any) -> tuple[Floats, Floats]:
+    """Return the means of the samples from each start to the next, and their numbers."""
+    counts: Floats = np.diff(starts, append=values.shape[-1]).astype(np.float64)
+    return np.add.reduceat(values, starts, axis=-1) / counts, counts
+
+
+def _search(approach: Floats, exponent: float) -> tuple[float, float, float]:
+    """Return K, d and F₀ of the whole-curve fit.
+
+    A tip that moves 60 µm through the air may indent by only 0.1 µm, less than a step of the fit's
+    grid of surfaces: the fit is then repeated with the last part of the way.
+
+    Raises
+    ------
+    LinAlgError
+        The force does not rise.
+    """
+    (x, force), _ = _means(approach, _starts(0, approach.shape[1], _SEARCHED))
+    low = float(x.min())
+    high = float(x.max())
+    for part in (1.0, 0.15):
+        used = x >= high - part * (high - low)
+        ends = max(low, high - part * (high - low)), high + (high - low) / 79.0
+        signals = x[used], np.zeros(np.count_nonzero(used)), force[used]
+        fit = fit_curves(*signals, surface="estimate", surface_range=ends, exponent=exponent)
+        stiffness, surface, offset = (float(each[0]) for each in (fit.K, fit.surface, fit.offset))
+        if stiffness > 0.0 and surface < float(approach[0].max()) and math.isfinite(offset):
+            return stiffness, surface, offset
+    raise np.linalg.LinAlgError
+
+
+class _SystematicPart(NamedTuple):
+    """A relative error of the modulus, its cause as a clause, and the next step."""
+
+    size: float
+    reason: str
+    remedy: str
+
+
+class _ApproachFit:
+    """Least squares of an approach, in units of its indentation and of its peak force."""
+
+    def __init__(self, approach: Floats, retract: Floats, tip: Tip) -> None:
+        self.tip = tip
+        self.approach = approach
+        self.retract = retract
+        position, force = approach
+        stiffness, self.zero, offset = _search(approach, tip.exponent)
+        self.scale = float(position.max()) - self.zero
+        self.peak = stiffness * self.scale**tip.exponent
+        far = np.flatnonzero(position < self.zero - self.scale)
+        near = int(far[-1]) + 1 if far.size else 0
+        starts = _starts(0, near, _AIR), _starts(near, position.size, _NEAR)
+        (x, y), self.counts = _means(approach, np.concatenate(starts))
+        self.x = (x - self.zero) / self.scale
+        self.y = y / self.peak
+        self.length = max(1.0, -float(self.x.min()))
+        begin = np.array([1.0, 0.0, offset / self.peak, 0.0])
+        self.solution, self.errors = self.minimise(begin, steps=_STEPS)
+        if not self.solution[0] > 0.0:
+            raise np.linalg.LinAlgError
+        self.unweighted = self.minimise(self.solution, zone=0.0)
+        self.bent = self.minimise(self.solution, extra="bend")
+        depth = (position - self.zero) / self.scale - self.solution[1]
+        self.inside = depth > 0.0
+        self.depths = self.scale * depth[self.inside]
+        self.air = int(np.argmax(depth > -ZONE))
+        jumps = np.diff(force[: max(self.air, _FEWEST)])
+        self.noise = float(np.sqrt(0.5 * np.mean(jumps**2)))
+
+    def minimise(
+        self,
+        begin: Floats,
+        *,
+        steps: int = _REFIT_STEPS,
+        zone: float = ZONE,
+        deepest: float = math.inf,
+        extra: Literal["bend", "jump", "exponent"] | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Return K, d, F₀, s and an extra parameter, if any, with standard errors.
+
+        Not by :func:`~palpate.method.estimators.least_squares.least_squares`: the weight of a
+        sample depends on its distance to the contact point, which is fitted.
+
+        Parameters
+        ----------
+        begin : numpy.ndarray
+            K, d, F₀ and s to begin with.
+        steps : int
+            Largest number of Gauss–Newton steps.
+        zone : float
+            Part of the indentation in which samples count less.
+        deepest : float
+            Largest depth used, over the indentation.
+        extra : str, optional
+            Fit also the bend of the baseline, a parabola; a jump of the force at the contact point;
+            or the difference of the exponent to that of the tip.
+        """
+        m = self.tip.exponent
+        used = self.x - begin[1] <= deepest
+        x = self.x[used]
+        y = self.y[used]
+        counts = self.counts[used]
+        solution = np.append(begin, [0.0] * (extra is not None))
+        columns = np.ones((solution.size, x.size))
+        columns[3] = x / self.length
+        if extra == "bend":
+            columns[4] = columns[3] ** 2
+        linear = slice(2, 4 if extra == "exponent" else None)
+        for _ in range(steps):
+            depth = x - solution[1]
+            weight = counts
+            if zone:
+                width = zone * (1.0 - solution[1])
+                weight = counts * np.minimum(np.abs(depth) / width, 1.0) ** 2
+            touching = depth > 0.0
+            inside = np.where(touching, depth, 1.0)  # log 1 = 0
+            if extra == "exponent":
+                m = self.tip.exponent + solution[4]
+                columns[4] = solution[0] * inside**m * np.log(inside)
+            slope = inside ** (m - 1.0) * touching
+            columns[0] = depth * slope
+            columns[1] = -m * solution[0] * slope
+            if extra == "jump":
+                columns[4] = touching
+            rest = y - solution[0] * columns[0] - solution[linear] @ columns[linear]
+            weighted = columns * weight
+            inverse = np.linalg.inv(weighted @ columns.T)
+            change = inverse @ (weighted @ rest)
+            most = 0.3 * (1.0 - solution[1])
+            change[1] = min(max(change[1], -most), most)
+            if extra == "exponent":
+                change[4] = min(max(change[4], -0.3), 0.3)
+            solution = solution + change
+            if abs(change[1]) < 1e-3 * most and (extra != "exponent" or abs(change[4]) < 0.01):
+                break
+        # Neighbouring residuals have common causes: the sums of the scores of blocks vary.
+        free = depth < -ZONE
+        scores = weighted * rest
+        variance = counts[free] @ rest[free] ** 2 / max(np.count_nonzero(free) - 2, 1)
+        noise = variance * (weighted * (weight / counts)) @ columns.T
+        sums = np.add.reduceat(scores, np.arange(0, x.size, _TOGETHER), axis=1)
+        spread = np.maximum(np.diag(inverse @ noise @ inverse), ((inverse @ sums) ** 2).sum(axis=1))
+        return solution, np.sqrt(spread)
+
+    def stiffness_change(self, other: tuple[Floats, Floats]) -> float:
+        """Return the relative change of K in another fit."""
+        return float(other[0][0] / self.solution[0] - 1.0)
+
+    @cached_property
+    def pull_off(self) -> float:
+        """The largest pull of the sample during the retract, N; 0 if it is not certain."""
+        if self.retract.shape[1] < 4 * _FEWEST:
+            return 0.0
+        (x, y), _ = _means(self.retract, _starts(0, self.retract.shape[1], _AIR + _NEAR))
+        depth = (x - self.zero) / self.scale
+        force = y / self.peak - self.solution[3] * depth / self.length
+        free = depth < -1.0
+        if np.count_nonzero(free) < _FEWEST or free.all():
+            return 0.0
+        nearest = force[free][: _NEAR // 4]
+        pull = float(np.median(nearest) - force[~free].min())
+        least = max(_LEAST_PULL, _SURE * float(nearest.std()))
+        return self.peak * pull if pull > least else 0.0
+
+    @cached_property
+    def pulled_in(self) -> tuple[float, float]:
+        """A pull that begins at the contact point, N, and the change of K with it; else zeros.
+
+        After a pull-off one standard error is enough, since adhesion raises the K of a sphere by up
+        to 20 % (``benchmarks.fleets.force_curves``). Under a flat punch (m = 1) a jump is a shift
+        of the contact point: the two columns are the same, and no jump is fitted.
+        """
+        flat = self.tip.exponent == 1.0
+        if flat or (not self.pull_off and self.retract.size):
+            return 0.0, 0.0
+        solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="jump")
+        if not solution[-1] < -(1.0 if self.pull_off else _SURE) * errors[-1]:
+            return 0.0, 0.0
+        return -self.peak * float(solution[-1]), self.stiffness_change((solution, errors))
+
+    def check_exponent(self) -> Iterator[Finding]:
+        """Check that the force grows with depth as under this tip.
+
+        Under any tip it grows at least as under a flat punch.
+        """
+        expected = self.tip.exponent
+        with suppress(np.linalg.LinAlgError):
+            solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="exponent")
+            difference = float(solution[4])
+            error = float(errors[4])
+            power = with_error(expected + difference, error)
+            if max(NEXT_SHAPE, _SURE * error) < abs(difference):
+                text = f"the force grows with depth to the power {power}, but under a "
+                text += f"{self.tip.kind} it has the power {expected:g}"
+                impossible = expected + difference + _SURE * error < FlatPunch.exponent
+                mark: Mark = "do-not-trust" if impossible else "with-care"
+                yield Check.TIP_SHAPE.finding(text, _UNEVEN, mark=mark)
+
+    def systematic_parts(self, depth: float) -> list[_SystematicPart]:
+        """Return the systematic errors of the modulus at a depth, the largest first."""
+        uneven = abs(self.stiffness_change(self.minimise(self.solution, deepest=LIGHT)))
+        pull, by_pull = self.pulled_in
+        ball = self.tip.departure(depth)
+        parts = (
+            (abs(self.stiffness_change(self.unweighted)), "the contact point is blurred", _BLURRED),
+            (0.5 * uneven, f"light and deep touch differ by {rough_percent(uneven)}", _UNEVEN),
+            (abs(self.stiffness_change(self.bent)), "the baseline bends", _STRAIGHT),
+            (abs(by_pull), f"adhesion begins with {format_quantity(pull, 'N')}", _ADHESION),
+            (ball, f"the tip sinks in by {rough_percent(10.0 * ball)} of its radius", _DEEP),
+        )
+        return sorted((_SystematicPart(*part) for part in parts), key=lambda part: -part.size)
+
+    def result(self, poisson_ratio: float | None) -> Indentation:
+        """Return the modulus with its errors, its mark and the findings."""
+        tip = self.tip
+        (k, point, level, slope) = self.solution
+        depth = float(np.median(self.depths))
+        parts = self.systematic_parts(depth)
+        systematic = math.hypot(*(part.size for part in parts))
+        unit = self.peak / self.scale**tip.exponent
+        stiffness = Quantity(unit * k, unit * self.errors[0], unit * k * systematic)
+        moved = self.unweighted[0][1] - point
+        errors = self.scale * self.errors[1], self.scale * abs(moved)
+        contact_point = Quantity(self.zero + self.scale * point, *errors)
+        slope *= self.peak / (self.scale * self.length)
+        baseline = self.peak * level + slope * self.scale * point, slope
+        refused = None
+        if not tip.holds(depth):
+            deep = format_quantity(depth, "m")
+            refused = f"the working depth, {deep}, is larger than the {tip.kind} allows"
+        relative = float(self.errors[0] / k)
+        findings = [*self.check_curve(), *_check_modulus(relative, parts, refused)]
+        findings += self.check_exponent()
+        mark = worst(*(each.stiffness for each in findings))
+        reasons = [each.message for each in findings if each.stiffness == mark != "trust"]
+        ratio = INCOMPRESSIBLE if poisson_ratio is None else poisson_ratio
+        exponent = Quantity(tip.exponent, 0.0, 0.0)
+        known = (tip, ratio, exponent, poisson_ratio is None, refused)
+        value = UNKNOWN if refused else stiffness.scaled((1.0 - ratio**2) / tip.factor)
+        remarks = (*reasons[:1], *tip.limitations(depth))
+        modulus = ElasticModulus(value, *known, remarks, mark)
+        fitted = baseline[0] + slope * self.depths + stiffness.value * self.depths**tip.exponent
+        residual = float(np.sqrt(np.mean((self.approach[1, self.inside] - fitted) ** 2)))
+        largest = self.scale * (1.0 - point)
+        samples = self.inside.size
+        counts = samples, self.depths.size, tuple(findings)
+        return Indentation(
+            modulus,
+            stiffness,
+            contact_point,
+            baseline,
+            depth,
+            largest,
+            residual,
+            *counts,
+        )
+
+    def check_curve(self) -> Iterator[Finding]:
+        """Check the contact point, the indentation, the baseline, and look for adhesion."""
+        contact = self.depths.size
+        air = self.air
+        depth = self.scale * (1.0 - self.solution[1])
+        error = self.scale * self.errors[1]
+        if contact < _FEWEST or air < _FEWEST or self.x[0] > -1.0:
+            text = f"at an edge of the approach: {air} samples in air, {contact} in contact"
+            remedy = "start farther above the sample, or record more samples in contact"
+            yield Check.CONTACT_POINT.finding(
+                f"the contact point lies {text}",
+                remedy,
+                mark="do-not-trust",
+            )
+        force = self.peak * self.solution[0] * (1.0 - self.solution[1]) ** self.tip.exponent
+        if not (force > _SURE * self.noise and depth > _SURE * error):
+            deep = with_error(1e9 * depth, 1e9 * error, unit="nm")
+            size = with_error(1e9 * force, 1e9 * self.noise, unit="nN")
+            text = f"the indentation is below three times its noise: {deep}, {size}"
+            remedy = "press harder, or average several curves of one place"
+            yield Check.INDENTATION.finding(text, remedy, mark="do-not-trust")
+        bent, errors = self.bent
+        bend = 0.25 * self.peak * float(abs(bent[4]))
+        z = float(abs(bent[4] / errors[4]))
+        if z > _SURE and bend > self.noise:
+            moves = 100.0 * self.stiffness_change(self.bent), math.nan
+            text = f"the baseline bends by {format_quantity(bend, 'N')}"
+            yield Check.BASELINE.finding(text, _STRAIGHT, z, moves_percent=moves)
+        if self.pull_off or self.pulled_in[0]:
+            pull, by_pull = self.pulled_in
+            largest = format_quantity(max(self.pull_off, pull), "N")
+            text = f"the sample adheres: it pulls the tip with {largest}"
+            if pull:
+                text += f", and with {format_quantity(pull, 'N')} already on approach"
+            moves = 100.0 * by_pull, math.nan
+            yield Check.PULL_OFF.finding(text, _ADHESION, moves_percent=moves)
+
+
+def _check_modulus(
+    relative: float,
+    parts: Sequence[_SystematicPart],
+    refused: str | None,
+) -> Iterator[Finding]:
+    """Report a modulus that is refused, or whose error bar is too wide to trust."""
+    error = math.hypot(relative, *(part.size for part in parts))
+    if refused is not None:
+        yield Check.MODULUS.finding(f"no modulus: {refused}", mark="do-not-trust")
+    elif (mark := error_mark(error)) != "trust":
+        _, cause, remedy = parts[0]
+        if parts[0].size < relative:
+            cause = "the force scatters"
+            remedy = "average several curves of one place"
+        text = f"Young's modulus is known to ± {rough_percent(error)}, since {cause}"
+        yield Check.MODULUS.finding(text, remedy, mark=mark)

@@ -1,0 +1,1 @@
+"""The input: recordings, their channels, the tool on the sensor, and the contact made from them."""
