@@ -24,6 +24,7 @@ from palpate.output.results import view
 if TYPE_CHECKING:
     import pandas
     import xarray
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from numpy.typing import ArrayLike
 
@@ -85,11 +86,18 @@ class Identification(Identified):
         """Return verdict, numbers, 95 % intervals, correlations and findings, as text."""
         return view.summary(self)
 
-    def plot(self, *, dark: bool = False, width: float | None = None) -> "Figure":
-        """Draw the result with :func:`palpate.output.figures.draw`."""
+    def plot(
+        self,
+        panels: Sequence[str] | None = None,
+        *,
+        ax: "Axes | Sequence[Axes] | None" = None,
+        dark: bool = False,
+        width: float | None = None,
+    ) -> "Figure":
+        """Draw the result with :func:`palpate.figures.draw`."""
         from palpate.output.figures import draw
 
-        return draw(self, dark=dark, width=width)
+        return draw(self, panels, ax=ax, dark=dark, width=width)
 
     def to_pandas(self) -> "pandas.DataFrame":
         """Return every sample, and the estimate after it, as a frame indexed by time.

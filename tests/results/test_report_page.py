@@ -15,7 +15,7 @@ from robots import table_of, travelling
 
 import palpate
 from palpate.identification import identified
-from palpate.output.figures import identified as drawn
+from palpate.output import figures
 from palpate.output.figures.field import draw_field
 from palpate.output.figures.style import as_svg, choose_look
 from palpate.output.reports.html import DRAWINGS, STYLE
@@ -117,10 +117,10 @@ def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
     text = page(places, HERE)
     words = Reading(text).words
     counts = next(view.short_answer(places, ())).lines[0].text
-    order = (counts, drawn.PLACES_CAPTION, "force–penetration loop", "Identified values")
+    order = (counts, figures.caption(places), "Identified values", "All panels", "For a paper")
     found = [words.index(each) for each in order]
     assert found == sorted(found)
-    assert 'id="map-drawing"' in text
+    assert 'id="figure-drawing"' in text
     assert 'class="tiles"' not in text  # values of all places as one material mean nothing
     # Of the places first; what one law gives for all of them comes last, and heads nothing.
     values = words[words.index("Identified values") :]
@@ -128,10 +128,12 @@ def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
 
 
 def test_the_map_shows_stiffness_error_and_verdict(places):
-    figure = drawn.draw_places(places)
+    figure = figures.draw(places)
     panels = [axes for axes in figure.axes if axes.get_title(loc="left")]
     along_normal = np.argmax(np.abs(places.segments[0].place.normal.vector))
     across = np.delete(np.arange(3), along_normal)
+    spread = np.ptp([part.place.position[across] for part in places.segments], axis=0)
+    across = across[np.argsort(-spread, kind="stable")]
     kinds = {part.diagnosis.verdict.overall.replace("-", " ") for part in places.segments}
     bars = figure.axes[2:]
     for axes, bar, name in zip(panels, bars, ("value", "whole_error"), strict=True):

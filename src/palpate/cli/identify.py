@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 from cyclopts import Parameter
 
 from palpate.cli.options import (
+    OUTPUT,
     FigureOptions,
     MethodOptions,
     QuantityOptions,
@@ -17,10 +18,12 @@ from palpate.cli.options import (
 from palpate.cli.printing import (
     AsJson,
     bar,
+    print_caption,
     print_diagnosis,
     print_hold_out,
     print_identifications,
     print_json,
+    print_panels,
 )
 from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
@@ -45,6 +48,7 @@ def identify(
     output: ResultFolder | None = None,
     as_json: AsJson = False,
     drawing: FigureOptions = FigureOptions(),
+    panels: Annotated[str | None, Parameter(group=OUTPUT, metavar="PANELS")] = None,
     judging: VerdictOptions = VerdictOptions(),
     deriving: QuantityOptions = QuantityOptions(),
     reading: ReadingOptions = ReadingOptions(),
@@ -73,15 +77,22 @@ def identify(
         Predict the second half from the first, and compare with plain Hunt–Crossley.
     output
         Write report, numbers, trace and options to this folder.
+    panels
+        Panels of the figure, such as loop,residual, or all; help lists them.
     as_json
         Print one JSON object instead of text.
     """
+    if panels == "help":
+        print_panels()
+        return 0
     from palpate.findings import Check
     from palpate.identifying import identify as run
 
     query = deriving.query
     depth = judging.depth
     drawing.check()
+    if panels is not None and drawing.figure is None:
+        raise InvalidParameterError("--panels needs a figure: pass --figure FILE too")
     destination = None
     if output is not None:  # once it is known that it can be written there
         from palpate.output.reports.identification import Destination
@@ -103,7 +114,8 @@ def identify(
     if hold_out:
         result = result.hold_out()
     result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
-    drawing.save("palpate.output.figures.draw", result)
+    names = None if panels is None else [name.strip() for name in panels.split(",")]
+    drawing.save("palpate.output.figures.draw", result, names)
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
         options |= {**judging.options, **deriving.options, **reading.options}
@@ -111,6 +123,8 @@ def identify(
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
+    if drawing.is_plain and not as_json:
+        print_caption(result, names)
     for finding in result.findings if hold_out and not as_json else ():
         if finding.check == Check.HOLD_OUT:
             print_hold_out(finding)

@@ -146,7 +146,7 @@ class FigureOptions:
         self._metres()
         check_figure(self.figure)
 
-    def save(self, draw: str, what: Any) -> None:
+    def save(self, draw: str, what: Any, *more: Any) -> None:
         """Draw with a function such as ``palpate.output.figures.draw``, if requested."""
         if self.figure is not None:
             from palpate.output.figures import save
@@ -154,10 +154,19 @@ class FigureOptions:
             module, _, name = draw.rpartition(".")
             rendered = getattr(import_module(module), name)(
                 what,
+                *more,
                 dark=self.dark,
                 width=self._metres(),
             )
             save(rendered, self.figure)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the figure is so narrow that its caption stands beside it."""
+        from palpate.output.figures.identified import PLAIN
+
+        width = None if self.figure is None else self._metres()
+        return width is not None and width <= PLAIN
 
     def _metres(self) -> float | None:
         from palpate.output.figures.style import NARROWEST, WIDEST

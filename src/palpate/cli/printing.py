@@ -262,6 +262,24 @@ def print_identifications(
         say_path(console, f"report: {folder / 'report.html'}")
 
 
+def print_panels() -> None:
+    """Print the names of the panels of a figure, with what each shows."""
+    from palpate.output.figures import PANELS
+    from palpate.output.figures.identified import SEVERAL
+
+    console = Terminal()
+    shown = {name: panel.words for name, panel in PANELS.items()} | SEVERAL
+    for name, text in shown.items():
+        say(console, f"{name:<11} {text}")
+
+
+def print_caption(result: "Identification", panels: Sequence[str] | None) -> None:
+    """Print the caption that a journal sets below a figure."""
+    from palpate.output.figures import caption
+
+    say(Terminal(), f"caption: {caption(result, panels)}")
+
+
 def print_diagnosis(result: "Identification") -> None:
     """Print the verdict, its numbers, and every finding with its remedy."""
     from palpate.output.results import view

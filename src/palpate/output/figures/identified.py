@@ -148,12 +148,13 @@ PANELS = {
         shows=_travels,
     ),
 }
-#: Each parameter of the law, by its symbol, or all by this name.
+#: Names for several panels, beside which each parameter has one by its symbol.
 PARAMETERS = "parameters"
 ALL = "all"
-PARAMETER_WORDS = (
-    "each estimated parameter over time, and its result; also by its symbol, such as K"
-)
+SEVERAL = {
+    PARAMETERS: "each estimated parameter over time, and its result; one by its symbol, such as K",
+    ALL: "every panel",
+}
 _DEFAULT = ("force", "loop", "numbers")
 _SEGMENTED = ("force", "loop", "stiffness", "damping")
 _TRAVELLED = ("map", "map-error")
@@ -161,8 +162,8 @@ _TRAVELLED = ("map", "map-error")
 _LEGEND_LINE = 4.0
 # Height of a row of a wide figure, inches.
 _ROW = 2.5
-# Up to this width a figure has no title and no caption: a journal sets them below it.
-_PLAIN = 0.1001
+#: Up to this width a figure has no title and no caption: a journal sets them below it.
+PLAIN = 0.1001
 
 
 @log_stage("figure")
@@ -233,7 +234,7 @@ def draw(
         if look.narrow:
             _stack_in_time(axes, chosen)
             figure.align_ylabels(axes)
-        if look.width <= _PLAIN:
+        if look.width <= PLAIN:
             letters = [f"({chr(ord('a') + place)})" for place in range(len(axes))]
             for each, letter in zip(axes, letters if len(axes) > 1 else [""], strict=True):
                 head(each, letter)
@@ -317,7 +318,7 @@ def _parameter_panel(symbol: str) -> Panel:
 def _height(chosen: Sequence[Panel], names: int, look: Look) -> float:
     """Return the height of a figure with some names in its legends, inches at full width."""
     if look.narrow:
-        titles = 0.0 if look.width <= _PLAIN else 36.0
+        titles = 0.0 if look.width <= PLAIN else 36.0
         panels = sum(panel.height + _LEGEND_LINE * names for panel in chosen)
         return (panels + titles) * 1e-3 / INCH / look.scale
     rows = -(-len(chosen) // _columns(len(chosen)))

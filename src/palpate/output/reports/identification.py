@@ -113,17 +113,19 @@ def page(
         f"<h1>{escape(name)}</h1>",
         *(_verdicts_of_parts(result) if result.segments else _tiles(result)),
         "</header>",
-        *html.section("figure", "Measurement and model", _figures(result, travels)),
+        *html.section("figure", "Measurement and model", _figures(result)),
         "</div>",
         *html.section("numbers", "Identified values", html.render_sections(values)),
         *html.section("law", "Model selection", _which_law(result, others)),
         *html.section("following", "Derived quantities", html.render_sections([follows])),
+        *html.section("courses", "All panels", _courses(result)),
         *html.section("residuals", "Residuals", _residuals(result)),
         *html.section("findings", "Findings", html.render_sections([findings])),
         *html.section("parts", beside_title, html.render_sections(beside)),
         *html.section("comparison", "Other models and methods", html.render_sections(methods)),
         *html.section("contact", "Data preparation", html.render_sections(prepared)),
         *html.section("again", "How to reproduce this result", _again(circumstances)),
+        *html.section("paper", "For a paper", _for_a_paper(result)),
         "</main>",
     ]
     return html.document(f"{name}: identification", REPORT_STYLE, parts)
@@ -179,17 +181,24 @@ def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str
     yield from drawing("oscillations", lambda: figures.draw_oscillations(shown), words)
 
 
-def _figures(result: Identified, travels: bool) -> Iterator[str]:
-    from palpate.output.figures import draw, identified
+def _figures(result: Identified) -> Iterator[str]:
+    """Yield the usual figure: of a probe that travels it is the map."""
+    from palpate.output.figures import caption, draw
 
-    if travels:
-        caption = identified.PLACES_CAPTION
-        yield from drawing("map", lambda: identified.draw_places(result), caption)
-    text = (
-        "Measured and predicted force, the force–penetration loop, and the parameters of the "
-        "contact model during the estimation, with their error bands."
-    )
-    yield from drawing("figure", lambda: draw(result), text)
+    yield from drawing("figure", lambda: draw(result), caption(result))
+
+
+def _courses(result: Identified) -> Iterator[str]:
+    """Yield every other panel: how the estimates settled."""
+    from palpate.output.figures import ALL, caption, draw
+
+    yield from drawing("panels", lambda: draw(result, [ALL]), caption(result, [ALL]))
+
+
+def _for_a_paper(result: Identified) -> Iterator[str]:
+    from palpate.output.figures import CITATION, methods_sentence
+
+    yield f"<p>{escape(methods_sentence(result))}</p><p>{escape(CITATION)}</p>"
 
 
 def _residuals(result: Identified) -> Iterator[str]:
