@@ -6,7 +6,8 @@ import numpy as np
 from cases import THREE_SINES, Floats
 from scipy.optimize import least_squares
 
-from palpate import Contact, ContactEstimator, HuntCrossley, design, lab
+from palpate import Contact, ContactEstimator, HuntCrossley, lab
+from palpate.lab import design
 
 SAMPLE_TIME = lab.Sensors().sample_time
 NOISE = lab.Sensors().force_noise  # N
