@@ -55,7 +55,7 @@ def test_a_page_shows_numbers_then_pictures_then_tables(report, ball):
     words = Reading(report).words
     order = (
         *(each.value for each in view.number_lines(ball)),
-        "force–penetration loop",
+        "force over penetration",
         "correlation",
         "palpate identify",
     )
@@ -117,7 +117,13 @@ def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
     text = page(places, HERE)
     words = Reading(text).words
     counts = next(view.short_answer(places, ())).lines[0].text
-    order = (counts, figures.caption(places), "Identified values", "All panels", "For a paper")
+    order = (
+        counts,
+        figures.caption(places),
+        "Identified values",
+        "Estimates over time",
+        "For a paper",
+    )
     found = [words.index(each) for each in order]
     assert found == sorted(found)
     assert 'id="figure-drawing"' in text
@@ -182,7 +188,7 @@ def test_a_report_diagnoses_and_draws_once_per_method(run, tmp_path, monkeypatch
     words = ["--law", law] if law else []
     assert run("identify", EXAMPLES / "ball.csv", "-o", tmp_path / "out", *words)[0] == 0
     assert done["diagnose_parts"] == len(palpate.ESTIMATORS)
-    assert done["draw MixedModeRenderer"] == 2
+    assert done["draw MixedModeRenderer"] == 3
 
 
 def test_only_a_drawing_wider_than_the_phone_scrolls():

@@ -8,9 +8,9 @@ drawing(look, height) as figure:``. Other figures are in :mod:`palpate.lab.desig
 from palpate.output.figures.field import ERRORS as ERRORS
 from palpate.output.figures.field import VALUES as VALUES
 from palpate.output.figures.field import draw_field as draw_field
-from palpate.output.figures.identified import ALL as ALL
 from palpate.output.figures.identified import CITATION as CITATION
 from palpate.output.figures.identified import PANELS as PANELS
+from palpate.output.figures.identified import PARAMETERS as PARAMETERS
 from palpate.output.figures.identified import caption as caption
 from palpate.output.figures.identified import draw as draw
 from palpate.output.figures.identified import draw_comparison as draw_comparison

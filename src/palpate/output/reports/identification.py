@@ -118,7 +118,7 @@ def page(
         *html.section("numbers", "Identified values", html.render_sections(values)),
         *html.section("law", "Model selection", _which_law(result, others)),
         *html.section("following", "Derived quantities", html.render_sections([follows])),
-        *html.section("courses", "All panels", _courses(result)),
+        *html.section("courses", "Estimates over time", _courses(result)),
         *html.section("residuals", "Residuals", _residuals(result)),
         *html.section("findings", "Findings", html.render_sections([findings])),
         *html.section("parts", beside_title, html.render_sections(beside)),
@@ -189,10 +189,12 @@ def _figures(result: Identified) -> Iterator[str]:
 
 
 def _courses(result: Identified) -> Iterator[str]:
-    """Yield every other panel: how the estimates settled."""
-    from palpate.output.figures import ALL, caption, draw
+    """Yield how each estimate settled, and what else there is to see of this law."""
+    from palpate.output.figures import PANELS, PARAMETERS, caption, draw
 
-    yield from drawing("panels", lambda: draw(result, [ALL]), caption(result, [ALL]))
+    optional = ("stiffness", "damping", "speed", "relaxation")
+    names = [name for name in optional if PANELS[name].shows(result)] + [PARAMETERS]
+    yield from drawing("panels", lambda: draw(result, names), caption(result, names))
 
 
 def _for_a_paper(result: Identified) -> Iterator[str]:
