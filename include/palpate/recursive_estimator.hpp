@@ -223,9 +223,10 @@ class Recursion {
       return method_.response(units_, depth, frequency);
     } else if constexpr (requires { method_.latest_fit(units_); }) {
       const Fit<Law> latest = method_.latest_fit(units_);
-      return detail::law_response(latest, std::max(depth - latest.surface.value, shallowest));
+      return detail::law_response(latest, std::max(depth - latest.surface.value, shallowest),
+                                  velocity_);
     } else {
-      return detail::law_response(fit ? *fit : this->fit(), depth);
+      return detail::law_response(fit ? *fit : this->fit(), depth, velocity_);
     }
   }
 
