@@ -169,9 +169,8 @@ class ContactWatch {
   void compare(double force, double predicted, double variance) noexcept {
     const double error = force - predicted;
     // The covariance of neighbouring errors: white noise has none, but for a tenth of its variance
-    // that 512 samples leave at random. The errors of a fit that has not converged do not count.
-    const float later = std::max(static_cast<float>(count_) - unconverged, 0.0F);
-    const float gain = later > 0.0F ? std::max(1.0F / later, misfit_gain) : 0.0F;
+    // that 512 samples leave at random.
+    const float gain = std::max(1.0F / static_cast<float>(count_), misfit_gain);
     const float rest = short_of(error), of_noise = short_of(0.1 * variance);
     misfit_ += gain * (rest * last_error_ - of_noise - misfit_);
     last_error_ = rest;
@@ -302,7 +301,6 @@ class ContactWatch {
   static constexpr std::uint16_t repeats = 20;
   static constexpr std::uint16_t slow_air = 4096;
   static constexpr float misfit_gain = 1.0F / 512.0F;
-  static constexpr float unconverged = 128.0F;             // samples at the start of a contact
   static constexpr double largest_stiffness_error = 0.15;  // of the value
   static constexpr double largest_damping_error = 0.3;
   static constexpr double smallest = 1e-300;
