@@ -75,7 +75,7 @@ double variance_along(const Vector<Size>& a, const Matrix<Size>& covariance) noe
 // A law of one's own: differences of its force. How its parameters share their errors with K′ and
 // B′ is not known here, so the variances are as large as they can be, and the numbers never usable.
 template <class Law>
-LawResponse law_response(const Fit<Law>& fit, double x) noexcept {
+LawResponse law_response(const Fit<Law>& fit, double x, double) noexcept {
   const double step = 1e-4 * x, slow = 1e-4;  // m; m/s
   const double stiffness = fit.law.force(x + step, 0.0) - fit.law.force(x - step, 0.0);
   const double damping = fit.law.force(x, slow) - fit.law.force(x, -slow);
@@ -90,13 +90,13 @@ LawResponse law_response(const Fit<Law>& fit, double x) noexcept {
           fit.offset.variance};
 }
 
-inline LawResponse law_response(const Fit<KelvinVoigt>& fit, double) noexcept {
+inline LawResponse law_response(const Fit<KelvinVoigt>& fit, double, double) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
   return {law.K, covariance[0][0], law.B,          covariance[1][1], 1.0,
           0.0,   offset.value,     offset.variance};
 }
 
-inline LawResponse law_response(const Fit<ExtendedKelvinVoigt>& fit, double x) noexcept {
+inline LawResponse law_response(const Fit<ExtendedKelvinVoigt>& fit, double x, double) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
   return {law.K1 + 2.0 * law.K2 * x,
           variance_along({1.0, 2.0 * x, 0.0}, covariance),
@@ -108,13 +108,28 @@ inline LawResponse law_response(const Fit<ExtendedKelvinVoigt>& fit, double x) n
           offset.variance};
 }
 
-inline LawResponse law_response(const Fit<HuntCrossley>& fit, double x) noexcept {
+// In a first stroke stiffness and damping share the force. The ratio v B/K of soft materials, about
+// 0.25 ± 0.15, tells them apart, unless the law contradicts it.
+inline LawResponse law_response(const Fit<HuntCrossley>& fit, double x, double v) noexcept {
   const auto& [law, covariance, offset, surface, flags] = fit;
   const double n = law.n, depth = std::log(x), power = bounded_exp(n * depth);
   const double stiffness = saturate(n * law.K * power / x);
   const double damping = saturate(law.B * power);
-  return {stiffness,
-          variance_along({n * power / x, 0.0, stiffness * (1.0 / n + depth)}, covariance),
+  const Vector<3> to_stiffness{n * power / x, 0.0, stiffness * (1.0 / n + depth)};
+  double value = stiffness, variance = variance_along(to_stiffness, covariance);
+  constexpr double usual = 0.25, deviation = 0.15, most = 0.15;
+  const double ratio = std::abs(v) * law.B / law.K;
+  const Vector<3> to_ratio{-ratio / law.K, std::abs(v) / law.K, 0.0};
+  const double total = variance_along(to_ratio, covariance) + deviation * deviation;
+  const double shared = dot(to_stiffness, multiply(covariance, to_ratio)) / stiffness;
+  const double change = shared / total * (usual - ratio);
+  if (law.K > 0.0 && std::abs(change) < most) {
+    value = stiffness * std::exp(change);
+    const double relative = variance / (stiffness * stiffness) - shared * shared / total;
+    variance = bounded_variance(std::max(relative, 0.0) * value * value);
+  }
+  return {value,
+          variance,
           damping,
           variance_along({0.0, power, damping * depth}, covariance),
           n,
@@ -154,9 +169,8 @@ class ContactWatch {
   void compare(double force, double predicted, double variance) noexcept {
     const double error = force - predicted;
     // The covariance of neighbouring errors: white noise has none, but for a tenth of its variance
-    // that 512 samples leave at random. The errors of a fit that has not converged do not count.
-    const float later = std::max(static_cast<float>(count_) - unconverged, 0.0F);
-    const float gain = later > 0.0F ? std::max(1.0F / later, misfit_gain) : 0.0F;
+    // that 512 samples leave at random.
+    const float gain = std::max(1.0F / static_cast<float>(count_), misfit_gain);
     const float rest = short_of(error), of_noise = short_of(0.1 * variance);
     misfit_ += gain * (rest * last_error_ - of_noise - misfit_);
     last_error_ = rest;
@@ -287,7 +301,6 @@ class ContactWatch {
   static constexpr std::uint16_t repeats = 20;
   static constexpr std::uint16_t slow_air = 4096;
   static constexpr float misfit_gain = 1.0F / 512.0F;
-  static constexpr float unconverged = 128.0F;             // samples at the start of a contact
   static constexpr double largest_stiffness_error = 0.15;  // of the value
   static constexpr double largest_damping_error = 0.3;
   static constexpr double smallest = 1e-300;

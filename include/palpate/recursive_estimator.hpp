@@ -219,13 +219,16 @@ class Recursion {
   detail::LawResponse law_response(double depth, double frequency,
                                    const Fit<Law>* fit = nullptr) const noexcept {
     depth = std::max(depth, shallowest);
+    // After a change the old law tells more than what is usual.
+    const double velocity = restarts_ == 0 ? velocity_ : 0.0;
     if constexpr (requires { method_.response(units_, depth, frequency); }) {
       return method_.response(units_, depth, frequency);
     } else if constexpr (requires { method_.latest_fit(units_); }) {
       const Fit<Law> latest = method_.latest_fit(units_);
-      return detail::law_response(latest, std::max(depth - latest.surface.value, shallowest));
+      return detail::law_response(latest, std::max(depth - latest.surface.value, shallowest),
+                                  velocity);
     } else {
-      return detail::law_response(fit ? *fit : this->fit(), depth);
+      return detail::law_response(fit ? *fit : this->fit(), depth, velocity);
     }
   }
 

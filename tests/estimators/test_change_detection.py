@@ -34,9 +34,9 @@ from palpate import (
     SingleStageRLS,
     Status,
     VariableProjection,
-    design,
     identify,
 )
+from palpate.lab import design
 
 SWITCH = 3000  # sample
 STIFFER_BALL = HuntCrossley(K=2200.0, B=2200.0, n=1.0)

@@ -31,10 +31,10 @@ from palpate import (
     HuntCrossley,
     KelvinVoigt,
     VariableProjection,
-    design,
     identify,
     prepare,
 )
+from palpate.lab import design
 from palpate.lab.design import Motion as Planned
 
 DATA = Path(os.environ.get("PALPATE_DATA", Path(__file__).parents[3] / "shared" / "data"))

@@ -29,8 +29,8 @@ from palpate import (
     Scale,
     Status,
     VariableProjection,
-    design,
 )
+from palpate.lab import design
 from palpate.lab.design.precision import cramer_rao_bound
 
 LAWS_TRIED = 20

@@ -405,8 +405,8 @@ def test_vectors_are_recorded_as_they_came(tmp_path):
     run(source, None, [Recorder(path)], preparation=preparation)
     recording = palpate.open_recording(path)
     # What has to be said to identify it again.
-    assert "flip=['force']" in recording.notes["palpate.input.preparation"]
-    assert "direction=[0, 0, -1]" in recording.notes["palpate.input.preparation"]
+    assert "flip=['force']" in recording.notes["palpate.preparation"]
+    assert "direction=[0, 0, -1]" in recording.notes["palpate.preparation"]
     found = np.column_stack([recording.numbers(f"/input.position.{axis}") for axis in "xyz"])
     np.testing.assert_array_equal(found, positions)
 
