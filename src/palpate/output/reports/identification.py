@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from functools import partial
 from html import escape
 from importlib import import_module
 from pathlib import Path
@@ -71,6 +72,11 @@ class Circumstances:
     options: str
     files: tuple[str, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
+
+
+# Figures as wide as a journal's column fit a phone, and their captions stand below them; a page that
+# is wider enlarges them.
+_COLUMN = 0.1
 
 
 def page(
@@ -157,8 +163,7 @@ def _tiles(result: Identified) -> Iterator[str]:
 
 def _which_law(result: Identified, others: Sequence[Identified]) -> Iterator[str]:
     """Yield the selected law, and K′ and B′ of the model and of the selected one."""
-    if words := view.describe_model_selection(result):
-        yield f"<p>{escape(words)}</p>"
+    words = view.describe_model_selection(result)
     chosen = (
         ()
         if result.estimator.chooses_law
@@ -185,7 +190,7 @@ def _figures(result: Identified) -> Iterator[str]:
     """Yield the usual figure: of a probe that travels it is the map."""
     from palpate.output.figures import caption, draw
 
-    yield from drawing("figure", lambda: draw(result), caption(result))
+    yield from drawing("figure", lambda: draw(result, width=_COLUMN), caption(result))
 
 
 def _courses(result: Identified) -> Iterator[str]:
@@ -194,7 +199,8 @@ def _courses(result: Identified) -> Iterator[str]:
 
     optional = ("stiffness", "damping", "speed", "relaxation")
     names = [name for name in optional if PANELS[name].shows(result)] + [PARAMETERS]
-    yield from drawing("panels", lambda: draw(result, names), caption(result, names))
+    shown = partial(draw, result, names, width=_COLUMN)
+    yield from drawing("panels", shown, caption(result, names))
 
 
 def _for_a_paper(result: Identified) -> Iterator[str]:
