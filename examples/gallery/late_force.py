@@ -20,7 +20,10 @@ signals = {"time": time, "penetration": depth, "force": late}
 delay = palpate.skew(palpate.prepare(**signals)).delay
 print(f"the force is {1e3 * delay.value:.2f} ± {1e3 * delay.whole_error:.2f} ms late")
 figure, panels = plt.subplots(1, 2, figsize=(3.46, 2.0), layout="constrained", sharey=True)
-for axes, seconds, name in zip(panels, (0.0, delay.value), ("as recorded", "delay removed"), strict=True):
+for axes, seconds, name in zip(
+    panels, (0.0, delay.value), ("as recorded", "delay removed"), strict=True
+):
     result = palpate.identify(palpate.prepare(**signals, delay=seconds))
     figures.draw(result, ["loop"], ax=axes)
     axes.set_title(name)
+panels[0].get_legend().remove()

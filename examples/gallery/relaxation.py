@@ -1,6 +1,7 @@
-"""A material that relaxes: its force decays while the probe rests, which no law without memory follows.
+"""A material that relaxes: no law without memory follows its force.
 
-palpate selects the law by itself, and states two stiffnesses: at once, and relaxed.
+palpate selects the law by itself. What plain Hunt–Crossley leaves of the force is drawn beside what
+the selected law leaves.
 """
 
 import palpate
@@ -10,5 +11,5 @@ touch = lab.Bench(lab.TISSUE, lab.THREE_SINES, lab.IdealProbe()).run(seed=1).con
 relaxing = palpate.identify(touch)
 plain = palpate.identify(touch, "variable-projection")
 print(relaxing)
-named = {"Hunt–Crossley": plain, "with relaxation": relaxing}
+named = {"plain Hunt–Crossley": plain, "with relaxation": relaxing}
 figure = figures.draw(named, ["residual"], width=88e-3)

@@ -1,7 +1,7 @@
-"""In the loop: when may a controller act on the estimate?
+"""In the loop: a controller acts on the estimate where it is usable, and holds where not.
 
-After two seconds the material below the probe becomes harder. The stiffness is drawn where it is usable;
-the gap after the change is where a controller holds or backs off.
+After seven seconds the material becomes harder. The stiffness at the present depth is drawn where
+it is usable; the gap after the change is where a controller holds or backs off.
 """
 
 import matplotlib.pyplot as plt
@@ -23,4 +23,4 @@ for k in range(len(contact)):
 
 figure, axes = plt.subplots(figsize=(3.46, 2.2), layout="constrained")
 axes.plot(contact.time, 1e-3 * usable)
-axes.set(xlabel="time [s]", ylabel="usable stiffness K′ [kN/m]")
+axes.set(xlabel="time [s]", ylabel="usable stiffness [kN/m]")

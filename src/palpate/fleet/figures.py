@@ -242,14 +242,30 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
     """
     look = figures.choose_look(dark=dark, width=width)
     line = len(found.axes) == 1
-    height = (7.5 if line else 9.5) if look.narrow else (4.2 if line else 4.8)
+    height = (7.5 if look.narrow else 4.2) if line else _plane_height(found, look)
     with figures.drawing(look, height) as figure:
         panels = figure.subplots(*((2, 1) if look.narrow else (1, 2)))
         for axes, what in zip(panels, ("value", "error"), strict=True):
             unit = figures.choose_scale(_usual(getattr(found, what)), found.unit)
             (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
-        figures.set_titles(figure, look, [found.summary], lines=6)
+        if look.width > figures.PLAIN:
+            figures.set_titles(figure, look, found.lines[:1], lines=2 if look.narrow else 1)
     return figure
+
+
+def _plane_height(found: Map, look: figures.Look) -> float:
+    """Return the height of two maps to scale with their colour bars, inches at full width."""
+    sides = np.ptp(found.places, axis=0)
+    ratio = float(np.clip(sides[1] / max(sides[0], 1e-30), 0.3, 1.6)) if _to_scale(found) else 0.8
+    width = look.inches / look.scale
+    return 2.0 * (0.55 * width * ratio + 0.9) if look.narrow else 0.33 * width * ratio + 1.4
+
+
+def _to_scale(found: Map) -> bool:
+    """Return whether both coordinates are lengths, and the map no strip."""
+    sides = np.ptp(found.places, axis=0)
+    metres = found.units[0] == found.units[1] == "m"
+    return bool(metres and max(sides) < _LONGEST * min(sides))
 
 
 def _usual(values: Floats, percentile: float = _USUAL) -> float:
@@ -324,8 +340,7 @@ def _draw_plane(
     label = unit.label(name)
     figures.draw_field(axes, places, values, ~found.mistrusted, label, look, colours=colours)
     _mark(axes, x, y, np.isfinite(values), found, look)
-    sides = np.ptp(x), np.ptp(y)
-    if found.units[0] == found.units[1] == "m" and max(sides) < _LONGEST * min(sides):
+    if _to_scale(found):
         axes.set_aspect("equal", adjustable="box")
     axes.grid(False)
     labels = [f"{axis} [{along.unit}]" if along.unit else axis for axis in found.axes]

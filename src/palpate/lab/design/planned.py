@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from textwrap import fill
 from typing import Any
 
 from palpate.digits import rounded
@@ -53,6 +54,19 @@ class Design(PlannedMeasurement, Plain):
     def __repr__(self) -> str:
         better = "" if self.better is None else f"\n better: {self.better}"
         return f"<Design for {self.law}\n planned: {self.planned}{better}\n {self.reason}>"
+
+    def __str__(self) -> str:
+        """Return the guess, the precision of each motion, and the reason, one line each."""
+        parts = zip(self.law.symbols, self.law.parameters, self.law.units, strict=True)
+        numbers = [f"{name} = {rounded(float(value), 4)} {unit}" for name, value, unit in parts]
+        guess = "  ".join(map(str.rstrip, numbers))
+        rows = [("guess", guess), ("planned", self.planned.describe(self.law.symbols))]
+        if self.better is not None:
+            rows.append(("better", self.better.describe(self.law.symbols)))
+        rows.append(("why", self.reason))
+        return "\n".join(
+            fill(f"{name:<9}{words}", 100, subsequent_indent=" " * 9) for name, words in rows
+        )
 
     @property
     def chosen(self) -> tuple[str, PredictedPrecision]:

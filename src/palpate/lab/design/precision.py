@@ -497,6 +497,12 @@ class PredictedPrecision:
         errors = ", ".join(map(percent, self.expected_errors[-1]))
         return f"<PredictedPrecision after {self.durations[-1]:g} s: K, B, n to {errors}>"
 
+    def describe(self, symbols: Sequence[str]) -> str:
+        """Return the relative standard error of each parameter after the longest duration."""
+        pairs = zip(symbols, map(percent, self.expected_errors[-1]), strict=True)
+        errors = "  ".join(f"{symbol} ± {error}" for symbol, error in pairs)
+        return f"{errors}  after {self.durations[-1]:g} s"
+
     @property
     def leaves_contact(self) -> bool:
         """Whether the probe reaches the surface or leaves it within the longest duration."""

@@ -41,7 +41,16 @@ def draw_strips(recording: Recording, surveyed: Survey, *, dark: bool = False) -
         matplotlib is not installed.
     """
     theme = DARK if dark else LIGHT
-    varying = {c.name for c in surveyed.channels if c.known and c.minimum < c.maximum}
+    # A clock is the abscissa of others: over itself it is a line.
+    clocks = {clock.name for clock in surveyed.clocks}
+    varying = {
+        channel.name
+        for channel in surveyed.channels
+        if channel.known
+        and channel.minimum < channel.maximum
+        and channel.name not in clocks
+        and recording.units.get(channel.name) != "ns"
+    }
     strips = [
         (clock, name) for clock in surveyed.clocks for name in clock.channels if name in varying
     ]
@@ -86,7 +95,7 @@ def _draw_strip(
     )
     unit = recording.units.get(name, "")
     axes.set_title(name, loc="left", fontsize=9, pad=2.0, parse_math=False)
-    axes.set_ylabel(f"[{unit}]" if unit else "[?]", parse_math=False)
+    axes.set_ylabel(f"[{unit}]" if unit else "", parse_math=False)
     axes.locator_params(axis="y", nbins=3)
     axes.margins(x=0.01, y=0.1)
 

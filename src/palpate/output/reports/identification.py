@@ -74,8 +74,8 @@ class Circumstances:
     versions: Mapping[str, str] = field(default_factory=dict)
 
 
-# Figures as wide as a journal's column fit a phone, and their captions stand below them; a page that
-# is wider enlarges them.
+# Figures as wide as a journal's column fit a phone, with their captions below them; a wider page
+# enlarges them.
 _COLUMN = 0.1
 
 
