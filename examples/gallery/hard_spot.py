@@ -3,6 +3,7 @@
 import numpy as np
 
 import palpate
+from palpate.fleet.figures import draw_map
 from palpate.fleet.maps import map_of
 
 x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(0, 40e-3, 21), np.linspace(0, 28e-3, 15)))
@@ -16,4 +17,4 @@ force += np.random.default_rng(1).normal(0.0, 0.05, force.shape)
 
 places = {"x": x, "y": y, "z": 0.0 * x}
 table = palpate.identify_many(penetration=depth, force=force, time=time, places=places)
-figure = map_of(table, ("x", "y"), depth=5e-3).draw(width=88e-3)
+figure = draw_map(map_of(table, ("x", "y"), depth=5e-3), width=88e-3)

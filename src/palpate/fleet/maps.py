@@ -7,7 +7,7 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +19,6 @@ from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
 from palpate.validation import Floats, number_in, shown
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 #: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")
@@ -538,27 +535,6 @@ class Map:
     def summary(self) -> str:
         """The lines joined into one."""
         return "; ".join(self.lines)
-
-    def draw(self, *, dark: bool = False, width: float | None = None) -> "Figure":
-        """Draw the values over position, and next to them their standard errors.
-
-        Parameters
-        ----------
-        dark : bool
-            Draw for a dark background. Default: False.
-        width : float, optional
-            Printed width, m, in [0.06, 0.4]. Default: 11 inches.
-
-        Raises
-        ------
-        InvalidParameterError
-            The width is outside its range.
-        MissingExtraError
-            matplotlib is not installed.
-        """
-        from palpate.fleet.figures import draw_map
-
-        return draw_map(self, dark=dark, width=width)
 
     @property
     def _remarks(self) -> list[str]:
