@@ -1,6 +1,6 @@
 """The contents of a recording in numbers: clocks with rates and gaps, channels with ranges."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -114,9 +114,11 @@ def survey(recording: Recording) -> Survey:
     recording : Recording
         From :func:`palpate.input.recordings.open_recording`.
     """
+    candidates = named_clocks(recording)
     members: dict[tuple[str, int], list[str]] = {}
     for name, values in recording.channels.items():
-        members.setdefault((channel_clock(recording, name), len(values)), []).append(name)
+        clock = channel_clock(recording, name, candidates)
+        members.setdefault((clock, len(values)), []).append(name)
     # A time column is on its own clock; it does not count as one of the clock's channels.
     clocks = [
         _clock(recording, clock, count, (n for n in names if n != clock))
@@ -126,10 +128,23 @@ def survey(recording: Recording) -> Survey:
     return Survey(tuple(clocks), channels)
 
 
-def channel_clock(recording: Recording, name: str) -> str:
+def named_clocks(recording: Recording) -> list[tuple[int, int, str]]:
+    """Return the columns of a table whose names suggest times, with rank and place."""
+    return [
+        (rank, k, clock)
+        for k, (clock, values) in enumerate(recording.channels.items())
+        if (rank := clock_rank(clock)) is not None
+        and values.dtype.kind in "fiu"
+        and clock not in recording.clocks
+    ]
+
+
+def channel_clock(
+    recording: Recording, name: str, candidates: Sequence[tuple[int, int, str]]
+) -> str:
     """Return the name of the channel with the times of a channel; empty without one.
 
-    In a table, whose columns name no clock, it is the column whose name suggests times.
+    In a table, whose columns name no clock, it is one of the candidates of :func:`named_clocks`.
     """
     if clock := recording.clocks.get(name):
         return clock
@@ -138,11 +153,8 @@ def channel_clock(recording: Recording, name: str) -> str:
     count = len(recording.channels[name])
     ranked = [
         (rank, k, clock)
-        for k, (clock, values) in enumerate(recording.channels.items())
-        if (rank := clock_rank(clock)) is not None
-        and len(values) == count
-        and values.dtype.kind in "fiu"
-        and clock not in recording.clocks
+        for rank, k, clock in candidates
+        if len(recording.channels[clock]) == count
         # Both are in one group, or the times are in a group above.
         and name.startswith(clock[: max(clock.rfind("/"), clock.rfind(".")) + 1])
     ]
