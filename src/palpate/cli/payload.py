@@ -19,6 +19,7 @@ from palpate.cli.options import (
     si_parameter,
 )
 from palpate.cli.printing import (
+    STYLES,
     AsJson,
     Cell,
     Terminal,
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 _READ = cyclopts.Parameter(group=READ)
 _UNKNOWN_TORQUE = 10.0  # N·m: standard error of the bias without a torque
-_STYLES = {"trust": "green", "with-care": "yellow", "do-not-trust": "red"}
 
 
 @cyclopts.Parameter(name="*")
@@ -202,15 +202,14 @@ def _print(log: Path, found: "Payload") -> None:
     console = Terminal()
     say_path(console, log.name, "bold")
     cells: list[list[Cell]] = [
-        [f"  {name}", words, Text(spoken(mark) if mark else "", _STYLES.get(mark, ""))]
-        for name, words, mark in rows
+        [f"  {name}", words, Text(spoken(mark), STYLES.get(mark, ""))] for name, words, mark in rows
     ]
     print_table(console, ["", "", ""], cells)
     say(console, f"  {verdict_on(found)}", "bold")
     shown = found.findings if is_verbose() else found.findings[:1]
     for each in shown:
         # The remedies are options of identify.
-        say(console, f"  {each.message}", _STYLES.get(each.severity, "dim"))
+        say(console, f"  {each.message}", STYLES[each.severity])
     if len(shown) < len(found.findings):
         say(console, f"  {len(found.findings) - 1} more with -v", "dim")
     if found.mark != "trust":
