@@ -309,8 +309,10 @@ def register(law: Law) -> Law:
     return law
 
 
-def law_from(description: dict[str, Any]) -> ForceLaw:
+def law_from(description: dict[str, Any], spell: Callable[[str], str] = str) -> ForceLaw:
     """Return the law from a :meth:`ForceLaw.description`.
+
+    ``spell`` gives the name of a parameter in the error.
 
     Raises
     ------
@@ -324,9 +326,9 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
-        words = f"law {kind!r} takes exactly {', '.join(needed)}"
+        words = f"law {kind!r} takes exactly {', '.join(map(spell, needed))}"
         if law.optional:
-            words += f", and optionally {', '.join(law.optional)}"
+            words += f", and optionally {', '.join(map(spell, law.optional))}"
         raise InvalidParameterError(words)
     return law.from_dict(given)
 
