@@ -199,24 +199,25 @@ def compute_oscillation(
 
 def compute_relaxed_stiffness(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
-    there = _evaluate_depth(result, depth)
-    if not result.law.relaxes:
-        return there.stiffness
-    found = _evaluate(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
-    return Quantity(*found, 0.0)
+    return _limit_stiffness(result, depth, GeneralisedHuntCrossley.relaxed)
 
 
 def compute_instantaneous_stiffness(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x before any relaxation, N/m, at a depth [m]; default: the working depth."""
-    there = _evaluate_depth(result, depth)
+    return _limit_stiffness(result, depth, GeneralisedHuntCrossley.instantaneous)
+
+
+def _limit_stiffness(
+    result: Derivable,
+    depth: float | None,
+    limit: Callable[[GeneralisedHuntCrossley], GeneralisedHuntCrossley],
+) -> Quantity:
+    """∂F/∂x at a depth by the law in a limit of the time, with its error."""
+    at_depth = _evaluate_depth(result, depth)
     if not result.law.relaxes:
-        return there.stiffness
-    found = _evaluate(
-        result,
-        there.depth,
-        lambda law, at: float(law.instantaneous().stiffness_at(at)),
-    )
-    return Quantity(*found, 0.0)
+        return at_depth.stiffness
+    value, error = _evaluate(result, at_depth.depth, lambda law, x: limit(law).stiffness_at(x))
+    return Quantity(value, error, 0.0)
 
 
 def compute_stiffness_after(result: Derivable, time: float, depth: float | None = None) -> Quantity:

@@ -28,6 +28,12 @@ class Tip:
     kind: ClassVar[str]
     #: m in F = E* g xᵐ.
     exponent: ClassVar[float]
+    #: Upper limit of its size.
+    _largest: ClassVar[float]
+
+    def __post_init__(self) -> None:
+        [size] = fields(self)  # type: ignore[arg-type]  # every subclass is a dataclass
+        check_field(self, size.name, 0.0, self._largest, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -72,9 +78,7 @@ class Sphere(Tip):
     radius: float
     kind: ClassVar[str] = "sphere"
     exponent: ClassVar[float] = 1.5
-
-    def __post_init__(self) -> None:
-        check_field(self, "radius", 0.0, 1.0, open_low=True)
+    _largest: ClassVar[float] = 1.0
 
     @property
     def factor(self) -> float:
@@ -109,9 +113,7 @@ class FlatPunch(Tip):
     radius: float
     kind: ClassVar[str] = "punch"
     exponent: ClassVar[float] = 1.0
-
-    def __post_init__(self) -> None:
-        check_field(self, "radius", 0.0, 1.0, open_low=True)
+    _largest: ClassVar[float] = 1.0
 
     @property
     def factor(self) -> float:
@@ -138,9 +140,7 @@ class Cone(Tip):
     half_angle: float
     kind: ClassVar[str] = "cone"
     exponent: ClassVar[float] = 2.0
-
-    def __post_init__(self) -> None:
-        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
+    _largest: ClassVar[float] = 1.57
 
     @property
     def factor(self) -> float:
@@ -172,9 +172,7 @@ class Pyramid(Tip):
     half_angle: float
     kind: ClassVar[str] = "pyramid"
     exponent: ClassVar[float] = 2.0
-
-    def __post_init__(self) -> None:
-        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
+    _largest: ClassVar[float] = 1.57
 
     @property
     def factor(self) -> float:
