@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from palpate.digits import rounded
-from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.findings import MAY_CAP, Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
 from palpate.validation import Floats
@@ -537,7 +537,7 @@ def _mention_alternative(
 
 def _cause_finding(cause: MisfitHypothesis, *, at_noise_floor: bool) -> Finding:
     """Return the finding of a cause, with care unless the cause is negligible."""
-    uncertain = cause.check.may_cap and not (cause.negligible and at_noise_floor)
+    uncertain = cause.check in MAY_CAP and not (cause.negligible and at_noise_floor)
     return cause.check.finding(
         cause.sentence,
         cause.remedy,

@@ -264,9 +264,9 @@ def _prepare_one(recorded: Recording, settings: Preparation) -> Contact:
             if pressing:
                 contact = contact_from_penetration(recording, signals, settings)
             else:
-                from palpate.input.preparation.from_position import contact_from_position
+                from palpate.input.preparation.from_position import PositionRoute
 
-                contact = contact_from_position(recording, roles, signals, settings)
+                contact = PositionRoute(recording, roles, settings, signals).prepare()
         if settings.no_time:
             contact = drop_velocity(contact)
     for channel, steps in contact.provenance.items():
