@@ -50,3 +50,8 @@ def row_norms(vectors: Floats) -> Floats:
     """Length of each row."""
     lengths: Floats = np.linalg.norm(vectors, axis=-1)
     return lengths
+
+
+def rms(values: Floats) -> float:
+    """Square root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))

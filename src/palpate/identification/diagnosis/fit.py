@@ -18,6 +18,7 @@ from palpate.method.estimators.law_verdicts import ONE_WAY
 from palpate.method.estimators.least_squares import column_sizes, least_squares, robust_covariance
 from palpate.method.estimators.oscillation import Oscillation
 from palpate.method.estimators.viscoelastic import RelaxingEstimate
+from palpate.method.rows import count_true, rms
 from palpate.validation import Floats
 
 if TYPE_CHECKING:
@@ -275,7 +276,7 @@ def find_steady_speed(velocity: Floats) -> float:
     mean = float(velocity.mean()) if velocity.size >= PARTS else 0.0
     means = np.array([block.mean() for block in np.array_split(velocity, PARTS)]) if mean else mean
     steady = bool(np.all(np.abs(means - mean) <= STEADY * abs(mean)))
-    return mean if steady and abs(mean) > ONE_WAY * float(np.sqrt(np.mean(velocity**2))) else 0.0
+    return mean if steady and abs(mean) > ONE_WAY * rms(velocity) else 0.0
 
 
 def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
@@ -354,7 +355,7 @@ class Fit:
         self.free: NDArray[np.bool_] = (self.penetration < 0.0) & ~self.rejected
         # Counted at any penetration: a probe that rests 0.5 mm above the material has no samples
         # above a surface that is 0.7 mm off.
-        self.has_free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
+        self.has_free_air = count_true(self.outside) >= FEWEST_FREE
         x = self.penetration[self.inside]
         v = data.velocity[self.inside]
         ranks = (0.0, 50.0, DEEP, 100.0)
@@ -362,7 +363,7 @@ class Fit:
         self.range = (depths[0], depths[3])
         self.reference, self.deep = depths[1:3]
         self.depth = self.reference if depth is None else depth
-        self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
+        self.speed = rms(v) or 1.0
         #: Velocity at which stiffness and force hold, m/s: the motion's if it is one, else 0.
         self.steady_speed = 0.0 if given.estimate.law.relaxes else find_steady_speed(v)
         # At one speed all laws fit as well, and their spread says nothing of the slope.
@@ -384,7 +385,7 @@ class Fit:
     def _windows_in_contact(self) -> WindowedSamples:
         """Return windows over the samples in contact; an excluded outlier does not end a window."""
         kept = np.flatnonzero(~self.rejected)
-        most = max(int(np.count_nonzero(self.inside)) // 40, 1)
+        most = max(count_true(self.inside) // 40, 1)
         width = np.clip(self.period / WINDOWS_A_PERIOD / self.data.sample_time, 1, most)
         windows = windows_over(self.inside[kept], self.data.segment[kept], int(width))
         return replace(windows, samples=kept[windows.samples])

@@ -16,6 +16,7 @@ from palpate.identification.diagnosis.fit import (
 )
 from palpate.method.estimators.least_squares import column_sizes, robust_covariance
 from palpate.method.estimators.variable_projection import ConstrainedEstimate
+from palpate.method.rows import rms
 from palpate.validation import Floats
 
 # Chosen by hand.
@@ -52,7 +53,7 @@ def smooth_misfit(fit: Fit) -> float:
     x = mean(fit.x)
     v = mean(fit.v)
     place = (x - x.min()) / (float(np.ptp(x)) or 1.0) - 0.5
-    speed = v / (float(np.sqrt(np.mean(v**2))) or 1.0)
+    speed = v / (rms(v) or 1.0)
     powers = place[:, None] ** np.arange(5.0)
     by_speed = (speed, np.tanh(3.0 * speed), speed**2)
     columns = np.hstack([powers, *(each[:, None] * powers[:, :3] for each in by_speed)])

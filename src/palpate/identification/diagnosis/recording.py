@@ -25,6 +25,7 @@ from palpate.input.preparation.velocity import (
     window_samples,
 )
 from palpate.method.contact import Contact
+from palpate.method.rows import rms
 from palpate.validation import Floats
 
 
@@ -241,7 +242,7 @@ def check_spikes(data: Data) -> Finding | None:
     )
     force[places] = leaps > max(LARGE * data.peak_force, FAR * data.force_noise)
     speed = np.abs(data.velocity)
-    fast = speed > SLOW * np.sqrt(np.mean(speed**2))
+    fast = speed > SLOW * rms(speed)
     if np.mean(fast) < FEWEST_FAST:
         fast = np.ones_like(fast)
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
@@ -324,7 +325,7 @@ def check_penetration_unit(data: Data) -> Finding | None:
     depth = data.peak_penetration
     force = data.peak_force
     touched = data.penetration > 0.0
-    speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
+    speed = rms(data.velocity[touched]) if touched.any() else 0.0
     large = depth > DEEPEST or speed > FASTEST or force < SOFTEST * depth * depth
     size = f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N"
     suspicion = f"{size}: it may be in millimetres, or swapped with another column"

@@ -21,6 +21,7 @@ from palpate.identification.diagnosis.recording import FAR, Data
 from palpate.input.preparation.held import hold_length
 from palpate.input.preparation.resolution import find_dead_band
 from palpate.method.estimators.least_squares import mean_error
+from palpate.method.rows import rms
 from palpate.validation import Floats
 
 SHORTEST = 5  # samples
@@ -249,7 +250,7 @@ def check_impact(fit: Fit) -> Finding | None:
     squares = float(force @ force) * float(acceleration @ acceleration)
     if fit.data.contact.moving_mass is not None or not product < -math.sqrt(COLLINEAR * squares):
         return None
-    inside = math.sqrt(float(np.mean(fit.acceleration**2)))
+    inside = rms(fit.acceleration)
     outside = np.abs(fit.acceleration_at(fit.free))
     if outside.size >= FEWEST_FREE:
         free = float(np.median(outside)) < FLIGHT * inside

@@ -41,6 +41,7 @@ from palpate.input.preparation import prepare
 from palpate.input.recordings import Recording
 from palpate.method.contact import Contact
 from palpate.method.estimators.batch_fit import fit_curves
+from palpate.method.rows import count_true, rms
 from palpate.validation import Floats
 
 POSITION = "tip position"
@@ -214,7 +215,7 @@ def _split(penetration: Floats, force: Floats, segment: Any) -> tuple[Floats, Fl
         end = int(np.nanargmax(both[0])) + 1
     if not finite.all():
         both = both[:, finite]
-        end = int(np.count_nonzero(finite[:end]))
+        end = count_true(finite[:end])
     return both[:, :end], both[:, end:]
 
 
@@ -467,7 +468,7 @@ class _ApproachFit:
         remarks = (*reasons[:1], *tip.limitations(depth))
         modulus = ElasticModulus(value, *known, remarks, mark)
         fitted = baseline[0] + slope * self.depths + stiffness.value * self.depths**tip.exponent
-        residual = float(np.sqrt(np.mean((self.approach[1, self.inside] - fitted) ** 2)))
+        residual = rms(self.approach[1, self.inside] - fitted)
         largest = self.scale * (1.0 - point)
         samples = self.inside.size
         counts = samples, self.depths.size, tuple(findings)

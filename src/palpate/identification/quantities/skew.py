@@ -26,6 +26,7 @@ from palpate.input.preparation.delay import LIGHT, LONGEST_FOUND
 from palpate.input.preparation.preparing import Recorded, prepare
 from palpate.method.contact import Contact
 from palpate.method.estimators.least_squares import robust_covariance
+from palpate.method.rows import norm, rms
 from palpate.spelling import spell_advice
 from palpate.validation import Floats, Plain
 
@@ -141,7 +142,7 @@ def _combine(found: Sequence[Skew]) -> Skew:
     lossy = float(np.mean([each.delay.systematic for each in found]))
     delay = Quantity(
         float(values.mean()),
-        float(np.linalg.norm(statistical)) / len(found),
+        norm(statistical) / len(found),
         math.hypot(lossy, 0.5 * float(np.ptp(values))),
     )
     worst = max(found, key=lambda each: each.delay.whole_error)
@@ -239,7 +240,7 @@ class _Touch:
                 f"{FEWEST_STROKES} strokes each"
             )
         for each, fast in zip(strokes, quick.tolist(), strict=True):
-            self.stroke_speed[each] = math.sqrt(float(np.mean(velocity[each] ** 2)))
+            self.stroke_speed[each] = rms(velocity[each])
             self.quick[each] = fast
         peaks = [
             float(np.percentile(np.abs(velocity[each]), 90.0)) / self.stroke_speed[each.start]
@@ -270,7 +271,7 @@ class _Touch:
         weights /= weights.sum()
         delay = Quantity(
             float(weights @ delays),
-            float(np.linalg.norm(weights * fit.errors)),
+            norm(weights * fit.errors),
             float(weights @ lossy),
         )
         slow, quick = (

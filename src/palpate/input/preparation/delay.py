@@ -13,6 +13,7 @@ from palpate.input.preparation.settings import check_delay
 from palpate.input.preparation.velocity import find_spikes
 from palpate.method.contact import Contact, Delay, add_step
 from palpate.method.estimators.least_squares import robust_covariance
+from palpate.method.rows import rms
 from palpate.validation import Floats, Integers
 
 LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
@@ -132,7 +133,7 @@ def motion_period(contact: Contact) -> float:
     """Return the period of a sine of the same speed and travel in contact, s; 0 without motion."""
     x, v = contact.penetration, contact.velocity
     inside = (x > 0.0) & np.isfinite(v)
-    speed = math.sqrt(float(np.mean(v[inside] ** 2))) if inside.any() else 0.0
+    speed = rms(v[inside]) if inside.any() else 0.0
     return 2.0 * math.pi * float(np.std(x[inside])) / speed if speed > 0.0 else 0.0
 
 

@@ -11,7 +11,7 @@ from palpate.input.preparation.options import SurfaceRule
 from palpate.input.preparation.resolution import deviation_of_mean, noise_of
 from palpate.method.contact import add_step
 from palpate.method.estimators.least_squares import fit_surface_position, robust_covariance
-from palpate.method.rows import count_true, finite_rows, true_runs
+from palpate.method.rows import count_true, finite_rows, rms, true_runs
 from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ
@@ -203,7 +203,7 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
 def _fit_surface(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
     """Least squares of law, offset and surface; None if it ends far from its start."""
     depth = float(np.percentile(x, 99.0)) - start.position
-    speed = float(np.sqrt(np.mean(v**2)))
+    speed = rms(v)
     size = float(np.percentile(f, 99.0))
     if not (depth > 0.0 and speed > 0.0 and size > 0.0 and start.deviation):
         return None

@@ -12,7 +12,7 @@ from palpate._core import largest_of as largest_of
 from palpate._core import step_of as step_of
 from palpate.digits import format_quantity
 from palpate.method.contact import Contact, VelocityFilter
-from palpate.method.rows import norm, typical_step
+from palpate.method.rows import norm, rms, typical_step
 from palpate.validation import Floats, Mask, number_in
 
 Indices = NDArray[np.intp]
@@ -71,7 +71,7 @@ def noise_gain(used: VelocityFilter) -> float:
     if used.penalty is None:
         return norm(_slope_weights(used.samples, used.degree))
     turn = (np.arange(2048) + 0.5) * np.pi / 2048
-    return float(np.sqrt(np.mean((turn * filter_gain(used, turn)) ** 2)))
+    return rms(turn * filter_gain(used, turn))
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:

@@ -7,6 +7,7 @@ import numpy as np
 
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
+from palpate.method.rows import count_true
 from palpate.stages import log_stage
 from palpate.validation import Floats, Values
 
@@ -202,8 +203,8 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
         step=step * factor,
         gaps=gaps.size,
         largest_gap=float(gaps.max(initial=0.0)) * factor,
-        repeated=int(np.count_nonzero(steps == 0.0)),
-        backward=int(np.count_nonzero(steps < 0.0)),
+        repeated=count_true(steps == 0.0),
+        backward=count_true(steps < 0.0),
     )
 
 

@@ -17,6 +17,7 @@ import palpate._core as _core
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.law_verdicts import CANDIDATES, Candidate
 from palpate.method.estimators.viscoelastic import ViscoelasticContact, build_law, dynamic_response
+from palpate.method.rows import count_true
 from palpate.validation import Floats
 
 # A law fits equally well if its rms error is at most this multiple of the least.
@@ -198,7 +199,7 @@ class _Samples:
         if away > 5.0 * math.hypot(estimate.offset_standard_error, float(np.std(force[free]))):
             return np.zeros_like(taken)
         selected = np.zeros_like(taken)
-        selected[free[:: -(-free.size // max(int(np.count_nonzero(taken)), 1))]] = True
+        selected[free[:: -(-free.size // max(count_true(taken), 1))]] = True
         return selected
 
 

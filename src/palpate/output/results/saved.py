@@ -27,6 +27,7 @@ from palpate.input.recordings.recording import Recording
 from palpate.method.contact import Contact, Delay, VelocityFilter
 from palpate.method.estimators import LawVerdict
 from palpate.method.estimators.estimate import Trace
+from palpate.method.rows import count_true
 from palpate.validation import Floats, finite_or_none, or_nan, plain
 
 if TYPE_CHECKING:
@@ -217,8 +218,8 @@ def result_dict(result: "Identified") -> dict[str, Any]:
         "fit_rmse_percent": finite_or_none(result.fit_rmse_percent),
         "violated_fraction": finite_or_none(result.violated_fraction),
         "changes": result.changes.tolist(),
-        "contact_samples": int(np.count_nonzero(trace.taken)),
-        "rejected_samples": int(np.count_nonzero(trace.rejected)),
+        "contact_samples": count_true(trace.taken),
+        "rejected_samples": count_true(trace.rejected),
         "flags": list(result.flags),
     }
 

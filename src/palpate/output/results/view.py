@@ -14,8 +14,6 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import numpy as np
-
 from palpate.digits import (
     format_hertz,
     format_quantity,
@@ -33,6 +31,7 @@ from palpate.identification.quantities.derived import motion_band
 from palpate.input.preparation.touch import find_touches
 from palpate.input.recordings.recording import read_truth
 from palpate.method.estimators import VariableProjection
+from palpate.method.rows import count_true
 from palpate.output.results.parameters import (
     RELAXATION,
     felt_times,
@@ -358,7 +357,7 @@ def _describe_fit(result: "Identified") -> str:
     parts = []
     if result.method != "variable-projection" and not result.estimator.chooses_law:
         parts.append(f"method {result.method}")
-    if rejected := int(np.count_nonzero(result.trace.rejected)):
+    if rejected := count_true(result.trace.rejected):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
     settings = () if result.segments else _describe_settings(estimate)  # of one law for all parts
     for part in (*parts, *settings):
