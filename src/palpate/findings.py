@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum, Flag, StrEnum, auto
 from typing import Any, Literal, Self, TypeAlias
 
+from palpate._frozen import frozen
 from palpate.spelling import spell_advice
 from palpate.validation import Plain, or_nan
 
@@ -317,7 +317,7 @@ def spoken(mark: str) -> str:
     return mark.replace("-", " ")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Finding(Plain):
     """One message about a recording, its preparation or its identification.
 

@@ -1,7 +1,7 @@
 """The motion of a probe that an export replays, and what is asked of an export."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate import lab
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
@@ -21,7 +22,7 @@ MOST_SAMPLES = 20_000
 FIRM = 2e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ProbeMotion:
     """A motion of a probe, with penetration measured from the surface of the identified law.
 
@@ -136,7 +137,7 @@ class ProbeMotion:
         return places[:: -(-places.size // most)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ExportRequest:
     """A law to export to an engine, with the motion, body and options.
 

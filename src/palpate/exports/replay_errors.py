@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification.quantities.restitution import restitution
@@ -26,7 +26,7 @@ def force_error(force: Floats, reference: Floats, judged: NDArray[np.bool_]) -> 
     return 100.0 * math.sqrt(float(error @ error) / energy) if energy > 0.0 else math.nan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Drop:
     """An impact of a free, weightless body on the surface.
 

@@ -8,7 +8,7 @@ and forces at the end of the sensor's range.
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
@@ -48,7 +49,7 @@ from palpate.method.estimators.batch_fit import CurveFits, fit_curves
 from palpate.validation import Floats, number_in, real_array, whole_in
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Curves:
     """Contacts of equal length, one row each; NaN marks a missing sample.
 

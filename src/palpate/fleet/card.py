@@ -3,7 +3,6 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from html import escape
 from pathlib import Path, PurePosixPath
@@ -11,6 +10,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.errors import MissingExtraError
 from palpate.findings import spoken
@@ -30,7 +30,7 @@ _LARGE = 0.1
 _MARKS = ("trust", "with-care", "do-not-trust")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Card:
     """The text of a data card.
 

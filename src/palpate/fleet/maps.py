@@ -5,13 +5,13 @@ import math
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, spoken
@@ -32,7 +32,7 @@ Cell: TypeAlias = Mapping[str, str | None]
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Repeats:
     """Repeated contacts with one object, and whether they agree.
 
@@ -285,7 +285,7 @@ _SAME = 0.1  # standard deviation of the ratios, relative to their median
 _ONE_FREQUENCY = 1.5  # span below which a constant loss tangent looks like a constant delay
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RigLag:
     """The ratio of damping to stiffness, if it is the same for all files of a rig.
 
@@ -385,7 +385,7 @@ def _mask_numbers(text: str) -> str:
     return _NUMBER.sub("…", text)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Outlier:
     """A row with a value far from the others.
 
@@ -451,7 +451,7 @@ _OF_THE_CONTACT = "modulus", "exponent"  # of no single depth
 _COORDINATES = ("x", "y", "z", "index", "part")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Map:
     """Values over one or two coordinates.
 

@@ -6,14 +6,14 @@ contact does; a law does not. Laws from the literature are in :mod:`palpate.forc
 """
 
 import math
-from dataclasses import dataclass
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.generalised import GeneralisedHuntCrossley
 from palpate.validation import above_zero, not_below_zero, number, number_in
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EngineLaw:
     """The exponents of an engine's contact law.
 

@@ -6,13 +6,14 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.relaxation import steps_over_breaks
@@ -368,7 +369,7 @@ class CompiledLaw(ForceLaw):
         return sample_force
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class Spring(ForceLaw):
     """A power-law spring whose damping is unknown: the law of a curve without time.
 
@@ -411,7 +412,7 @@ class Spring(ForceLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class KelvinVoigt(CompiledLaw):
     """A linear spring and a linear damper in parallel.
 
@@ -455,7 +456,7 @@ class KelvinVoigt(CompiledLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class ExtendedKelvinVoigt(CompiledLaw):
     """A stiffening spring and a linear damper in parallel.
 
@@ -502,7 +503,7 @@ class ExtendedKelvinVoigt(CompiledLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class HuntCrossley(CompiledLaw):
     """A spring and a damper in parallel, both increasing with depth.
 

@@ -3,11 +3,11 @@
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.findings import MARKS, Check
 from palpate.identification.diagnosis import Quantity
@@ -19,7 +19,7 @@ from palpate.method.estimators.estimate import rmse_percent
 EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ranking:
     """Result of a comparison of methods.
 

@@ -3,13 +3,14 @@
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.method.rows import run_slices as run_slices
@@ -29,7 +30,7 @@ VELOCITY_NOTE = "velocity filter"
 _LABELS = "segment must be an array of one label per sample, such as [0, 0, 1]"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class VelocityFilter(Plain):
     """How a velocity was computed: the slope of a smoothing spline, or of windowed polynomials.
 
@@ -72,7 +73,7 @@ class VelocityFilter(Plain):
             return None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Delay:
     """The delay that was taken out of a force, all of it.
 
@@ -100,7 +101,7 @@ def add_step(made: dict[str, str], channel: str, step: str) -> None:
     made[channel] = f"{made[channel]}, {step}" if channel in made else step
 
 
-@dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
+@frozen(eq=False, init=False, repr=False)
 class Contact:
     """The input of identification, in SI units on one clock, and how it was obtained.
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.identification.diagnosis.outcome import ModelSelection
 from palpate.identification.diagnosis.recording import Data
@@ -111,7 +112,7 @@ LOWEST_FREE = 75.0  # percent of the samples above the surface
 FEWEST_WINDOWS = 3  # number of windows that do not overlap, for each interval of free air
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FreeAir:
     """Force in free air after subtracting the mean of each interval: noise, and slopes with motion.
 
@@ -177,7 +178,7 @@ EXPONENTS = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
 DEEP = 90.0  # percentile of the penetration that is reported as a second depth
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Units:
     """Units of penetration and velocity in which K and n of a power law are nearly uncorrelated."""
 
@@ -232,7 +233,7 @@ class Solution:
         return remainder
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FitInput:
     """The identification whose law is fitted again.
 
@@ -633,7 +634,7 @@ class Fit:
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MovedSamples:
     """Samples in local units with their windows, used in place of the fit's own samples."""
 
@@ -650,7 +651,7 @@ COLLINEAR = 1e-5
 SIGNIFICANT = 4.5
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AugmentedFit:
     """Result of a fit with one additional column.
 

@@ -1,11 +1,12 @@
 """Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.identification.diagnosis.causes import CARE
@@ -79,7 +80,7 @@ def smooth_misfit(fit: Fit) -> float:
 LESS_MISFIT, WELL_EXPLAINED = 0.85, 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DeeperHalf:
     """Predicted changes by identifying the deeper half alone, as ratios to the whole contact.
 

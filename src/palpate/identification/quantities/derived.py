@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import format_hertz, rounded
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from palpate.identification.quantities.specimen import CompressionModulus, Specimen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class QueryOptions:
     """The impact, tip or specimen, and oscillation for which derived numbers are computed.
 
@@ -135,7 +136,7 @@ class Derivable(Protocol):
 # Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SmallOscillation(Plain):
     """Dynamic stiffness K′ + iωB′ about a depth.
 

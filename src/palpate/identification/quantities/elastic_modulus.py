@@ -7,9 +7,10 @@ angewandte Mathematik* 92 (1882) 156–171.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, ClassVar
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, percent
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
@@ -62,7 +63,7 @@ class Tip:
         return {"kind": self.kind, **{each.name: getattr(self, each.name) for each in own}}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sphere(Tip):
     """A ball, or a tip with a round end: F = 4/3 E* √R x^(3/2) (Hertz 1882).
 
@@ -100,7 +101,7 @@ class Sphere(Tip):
         return depth < self.radius
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FlatPunch(Tip):
     """The flat end of a round rod: F = 2 E* R x (Sneddon 1965).
 
@@ -127,7 +128,7 @@ class FlatPunch(Tip):
         return [text] if part > SMALL_DEPTH else []
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Cone(Tip):
     """A cone: F = (2/π) E* tan α x² (Sneddon 1965).
 
@@ -157,7 +158,7 @@ class Cone(Tip):
         return [f"{text}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Pyramid(Tip):
     """A pyramid on a square: F = 0.7453 E* tan α x².
 
@@ -204,7 +205,7 @@ NEXT_SHAPE = 0.25
 CERTAIN = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ElasticModulus:
     """Young's modulus E, Pa, or why there is none.
 

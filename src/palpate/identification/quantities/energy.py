@@ -1,13 +1,13 @@
 """The energy that a material dissipates, and the passivity of the identified law."""
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
@@ -22,7 +22,7 @@ HYSTERESIS = 0.10
 SMALLEST_STROKE = 0.05
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Path:
     """A probe's motion in the material, sample by sample.
 
@@ -69,7 +69,7 @@ class Path:
         return total
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Loops:
     """Loops of a path, which begin and end at equal depth."""
 
@@ -223,7 +223,7 @@ def turning_points(values: Floats, least: float) -> NDArray[np.intp]:
 UNACCOUNTED = 0.10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class EnergyLoss:
     """Energy dissipated in the loops of a recording, J.
 
@@ -393,7 +393,7 @@ def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) 
 PULLS = 5.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Passivity(Plain):
     """Whether the law's force, and the recorded force, become negative in the recorded motion.
 

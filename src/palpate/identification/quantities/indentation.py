@@ -18,12 +18,13 @@ weights is one of its systematic errors; nanite has weights of this form within 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding, Mark, worst
@@ -69,7 +70,7 @@ _ADHESION = "measure in a liquid, or coat the tip, so that it does not stick"
 _DEEP = "press less deep, or use a larger tip"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Indentation:
     """The fit of a force curve's approach, SI.
 

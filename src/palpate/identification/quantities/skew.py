@@ -10,13 +10,13 @@ speeds: friction is fitted beside δ, δ is fitted at each speed, and both must 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Mark
@@ -59,7 +59,7 @@ NEAR_ENOUGH = 0.6  # of a sample; at half a sample the shift would go back and f
 SURE = 3.0  # standard errors from which a spring is excluded
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Skew(Plain):
     """How late the force is behind the position, from one or more touches of a spring.
 
@@ -159,7 +159,7 @@ def _combine(found: Sequence[Skew]) -> Skew:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Strokes:
     """Samples of the strokes, with the motion a whole number of samples earlier."""
 
@@ -171,7 +171,7 @@ class _Strokes:
     place: NDArray[np.intp]  # of the motion in the contact
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _SpringFit:
     """δ that a shift by whole samples leaves at both speeds, s, and what a spring would not do."""
 

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.findings import Check, Finding, Severity
 from palpate.input.recordings.units import unit_size
 from palpate.method.contact import SHORTEST_STEP, run_slices
@@ -26,7 +26,7 @@ MOST_UNTIMED = 0.25
 MOST_BACKWARD = 0.1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Rows:
     """Selection of samples by their time.
 

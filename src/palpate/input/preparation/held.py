@@ -1,11 +1,11 @@
 """A channel that is held: the same value again and again, at a fixed beat (sample and hold)."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
 from palpate.method.rows import count_true, typical_step
@@ -19,7 +19,7 @@ MOST_HELD = 20_000  # samples that are examined
 FEWEST_LEFT = 50  # samples in contact, above a tenth of the largest force
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FreshSamples:
     """The samples at which a held channel changes, each measured then.
 

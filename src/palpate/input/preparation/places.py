@@ -3,12 +3,13 @@
 import heapq
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -25,7 +26,7 @@ from palpate.stages import log_stage
 from palpate.validation import Floats, Mask, Values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Place:
     """One place on the material, and when the probe was there.
 
@@ -67,7 +68,7 @@ FARTHER = 4.001
 STRIDES = 4000  # most starts to try; in a longer recording, every k-th sample
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Stay:
     """An interval in which the probe stays at one place.
 

@@ -1,10 +1,10 @@
 """The surface of the material: where the force begins, or an assumption without free air."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
 from palpate.input.preparation.options import SurfaceRule
@@ -34,7 +34,7 @@ MOST_EXPONENT = 2.6
 GROWTHS = (1.0, 1.5, 2.0)  # exponents of the force: flat punch or foam, sphere, cone
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Surface:
     """The surface of the material.
 

@@ -1,10 +1,10 @@
 """The contents of a recording in numbers: clocks with rates and gaps, channels with ranges."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
 from palpate.method.rows import count_true
@@ -15,7 +15,7 @@ from palpate.validation import Floats, Values
 GAP = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ClockSurvey:
     """One clock and its channels.
 
@@ -66,7 +66,7 @@ class ClockSurvey:
         return self.stop - self.start
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ChannelSurvey:
     """One channel.
 
@@ -98,7 +98,7 @@ class ChannelSurvey:
     maximum: float = np.nan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Survey:
     """All clocks and channels of a recording."""
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.input.channels.frames import interpolate_columns, rotate
 from palpate.input.wrench.consensus import BLOCK
@@ -30,7 +31,7 @@ RETARE = 3.0
 RETARE_BLOCKS = 10.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PosedWrench:
     """A wrench and the pose of its flange, each on its own clock.
 

@@ -1,13 +1,14 @@
 """An estimator's current estimate, the trace of a replay, and the errors of that trace."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate._core import EstimateValue, Status
+from palpate._frozen import frozen
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding, NextStep, Remedy
@@ -279,7 +280,7 @@ class Estimate(EstimateValue):
 Traced: TypeAlias = Literal[False, "full"] | int | float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Trace:
     """Predicted force, status and estimate at each sample of a replay.
 

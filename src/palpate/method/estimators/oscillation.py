@@ -7,13 +7,13 @@ laws that fit equally well. The diagnosis adds the rest.
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.law_verdicts import CANDIDATES, Candidate
 from palpate.method.estimators.viscoelastic import ViscoelasticContact, build_law, dynamic_response
@@ -34,7 +34,7 @@ _SETTLED = 0.5
 _STEP = 1e-3  # step of the exponent for its derivative
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Oscillation:
     """Small oscillations by the selected law of an estimator and by the laws that fit as well.
 

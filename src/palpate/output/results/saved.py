@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
+from palpate._frozen import frozen
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.findings import MARKS, Finding, worst
@@ -274,7 +275,7 @@ RESULT = "result.json"
 TRACES = ("trace.parquet", "trace.csv")  # the second without pyarrow
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SavedResult:
     """A result that :meth:`Identification.save` or ``palpate identify -o`` wrote.
 
