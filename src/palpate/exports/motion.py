@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate import lab
 from palpate._frozen import frozen
@@ -14,7 +13,7 @@ from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.output.results.saved import SavedResult
-from palpate.validation import Floats
+from palpate.validation import Floats, Integers, Mask
 
 #: Most states at which an engine computes the force; slow engines have a lower limit.
 MOST_SAMPLES = 20_000
@@ -44,7 +43,7 @@ class ProbeMotion:
     penetration: Floats
     velocity: Floats
     acceleration: Floats
-    judged: NDArray[np.bool_]
+    judged: Mask
     starts: tuple[int, ...] = (0,)
     force: Floats | None = None
     source: str = "a motion"
@@ -131,7 +130,7 @@ class ProbeMotion:
         force = None if self.force is None else self.force[places]
         return replace(self, **kept, force=force, starts=(0,))
 
-    def firm_places(self, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
+    def firm_places(self, most: int = MOST_SAMPLES) -> Integers:
         """Return the indices of the samples that :meth:`firm` chooses."""
         places = np.flatnonzero(self.judged)
         return places[:: -(-places.size // most)]

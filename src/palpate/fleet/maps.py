@@ -9,7 +9,6 @@ from pathlib import PurePosixPath
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._frozen import frozen
 from palpate.digits import format_quantity, rounded, with_error
@@ -18,7 +17,7 @@ from palpate.findings import Check, spoken
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.validation import Floats, number_in, shown
+from palpate.validation import Floats, Mask, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")
@@ -147,11 +146,6 @@ def mark_by(finding: Cell, of: str) -> str:
 def problems_of(findings: Sequence[Cell] | None, of: str) -> list[Cell]:
     """Return the findings that lower the mark of a quantity."""
     return [finding for finding in findings or () if mark_by(finding, of) != "trust"]
-
-
-def is_problem(finding: Cell) -> bool:
-    """Whether a finding is more than a note."""
-    return finding["severity"] != "note"
 
 
 def describe_finding(finding: Cell) -> str:
@@ -496,7 +490,7 @@ class Map:
     frequencies: str
     rows: int
     shallow: int
-    mistrusted: NDArray[np.bool_]
+    mistrusted: Mask
     warnings: tuple[str, ...]
 
     @property
@@ -601,7 +595,7 @@ def map_of(
     mistrusted = mistrusted_of(results, of)
     if of != "damping":  # a damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
-    placed: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
+    placed: Mask = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
@@ -646,7 +640,7 @@ def describe_frequencies(results: Table, of: str) -> str:
     return f", {' to '.join(ends)} Hz"
 
 
-def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
+def mistrusted_of(results: Table, of: str) -> Mask:
     """Return a mask of the rows that the verdict, findings or flags do not trust."""
     verdict = f"verdict_{of if of in (*JUDGED, 'modulus') else 'stiffness'}"
     return np.array(
@@ -666,7 +660,7 @@ def _untrusted_by(of: str) -> tuple[Check, ...]:
     return Check.NEGATIVE_STIFFNESS, *own.get(of, ())
 
 
-def _warnings(results: Table, placed: NDArray[np.bool_], of: str) -> tuple[str, ...]:
+def _warnings(results: Table, placed: Mask, of: str) -> tuple[str, ...]:
     """Return the findings on a quantity and their numbers of places, the most severe first."""
     inside = results.filter(placed)
     kinds: Counter[tuple[str, str]] = Counter()

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.digits import percent, rounded
@@ -28,9 +27,9 @@ from palpate.method.estimators.estimate import (
     prediction_rmse_percent,
     violated_fraction,
 )
-from palpate.method.rows import count_true, rms
+from palpate.method.rows import count_true, median, rms
 from palpate.method.settings import ContactGate
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Integers, Mask
 
 NEGATIVE_STIFFNESS = Check.NEGATIVE_STIFFNESS.finding(
     "negative stiffness: in this law the force falls with depth",
@@ -85,7 +84,7 @@ def check_estimate(
 
 def check_fits(
     fits: CurveFits,
-    excluded: NDArray[np.int64],
+    excluded: Integers,
     creating_energy: Mask,
 ) -> list[list[Finding]]:
     """Return for each curve the findings that :func:`check_estimate` has of one estimate.
@@ -119,7 +118,7 @@ def check_fits(
 
 def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
     taken = trace.taken
-    depth = float(np.median(contact.penetration[taken])) - estimate.surface if taken.any() else 0.0
+    depth = median(contact.penetration[taken]) - estimate.surface if taken.any() else 0.0
     if not depth > 0.0:
         return False
     with np.errstate(all="ignore"):

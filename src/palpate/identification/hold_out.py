@@ -3,14 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import percent, rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.method.contact import Contact
 from palpate.method.rows import rms
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 # A law that predicts worse than this multiple of Hunt–Crossley's error is not to be trusted.
 WORSE = 1.1
@@ -20,7 +19,7 @@ Predict = Callable[[Contact, Contact], Floats]
 
 def check_prediction(
     contact: Contact,
-    taken: NDArray[np.bool_],
+    taken: Mask,
     law: Predict,
     plain: Predict,
 ) -> Finding:

@@ -8,14 +8,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
+from palpate.method.rows import median
 from palpate.method.rows import run_slices as run_slices
 from palpate.validation import (
     Floats,
+    Integers,
+    Mask,
     Plain,
     check_field,
     number,
@@ -159,7 +162,7 @@ class Contact:
     penetration: Floats
     velocity: Floats
     force: Floats
-    segment: NDArray[np.int64]
+    segment: Integers
     source: str
     provenance: Mapping[str, str]
     tare_deviation: float | None
@@ -225,7 +228,7 @@ class Contact:
     def sample_time(self) -> float:
         """Median time between samples within a segment, s."""
         steps = np.diff(self.time)[np.diff(self.segment) == 0]
-        return float(np.median(steps)) if steps.size else 1e-3
+        return median(steps) if steps.size else 1e-3
 
     @property
     def time_steps(self) -> Floats:
@@ -242,13 +245,13 @@ class Contact:
         text = f"{low:g} s to {high:g} s"
         return replace(self.taken(keep), provenance={**self.provenance, "window": text})
 
-    def taken(self, samples: "slice | NDArray[np.bool_]") -> "Contact":
+    def taken(self, samples: "slice | Mask") -> "Contact":
         """Return a contact of the selected samples, otherwise unchanged."""
         cut = ("time", "penetration", "velocity", "force", "segment")
         return replace(self, **{name: getattr(self, name)[samples] for name in cut})
 
 
-def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bool_]:
+def between(time: Floats, low: float, high: float, source: str) -> Mask:
     """Mask of the samples between two times, s; raise RecordingError if no sample is there."""
     keep = (time >= low) & (time <= high)
     if not keep.any():
@@ -259,7 +262,7 @@ def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bo
     return keep
 
 
-def number_runs(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
+def number_runs(segment: "ArrayLike | None", samples: int) -> Integers:
     """Consecutive numbers of the runs of equal labels; NaN labels count as equal."""
     if segment is None:
         return np.zeros(samples, dtype=np.int64)
@@ -275,7 +278,7 @@ def number_runs(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     return np.concatenate([np.zeros(min(samples, 1), dtype=np.int64), np.cumsum(other)])
 
 
-def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
+def _check_time(time: Floats, labels: Integers) -> None:
     """Reject times that are not finite or that increase by less than 1e-100 s in a segment."""
     with np.errstate(invalid="ignore", over="ignore"):  # NaN, infinite or huge times
         late = np.diff(time) >= SHORTEST_STEP

@@ -3,13 +3,10 @@
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 import palpate._core as _core
 from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, check_field, shown
+from palpate.validation import Floats, Mask, check_field, shown
 
 # The C++ headers define and explain each default.
 _FADING = _core.defaults["FadingForgetting"]
@@ -65,9 +62,9 @@ class ContactGate(_Numbers):
             )
         check_field(self, "minimum_penetration", 0.0, 1e100)
 
-    def makes(self, penetration: Floats, force: Floats) -> NDArray[np.bool_]:
+    def makes(self, penetration: Floats, force: Floats) -> Mask:
         """Whether each sample is deep and firm enough to begin contact."""
-        found: NDArray[np.bool_] = penetration > self.minimum_penetration
+        found: Mask = penetration > self.minimum_penetration
         return found & (force > self.make_force)
 
 

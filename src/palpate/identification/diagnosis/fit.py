@@ -4,10 +4,9 @@ import math
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._frozen import frozen
 from palpate.force_laws import ForceLaw, steps_over_breaks
@@ -19,8 +18,8 @@ from palpate.method.estimators.law_verdicts import ONE_WAY
 from palpate.method.estimators.least_squares import column_sizes, least_squares, robust_covariance
 from palpate.method.estimators.oscillation import Oscillation
 from palpate.method.estimators.viscoelastic import RelaxingEstimate
-from palpate.method.rows import count_true, rms
-from palpate.validation import Floats
+from palpate.method.rows import count_true, median, rms
+from palpate.validation import Floats, Indices, Integers, Mask, Values
 
 if TYPE_CHECKING:
     from palpate.identification.diagnosis.equivalent import EquivalentEstimate
@@ -48,11 +47,11 @@ class WindowedSamples:
         Indices into ``samples``, one column for each window; such sums are six times faster.
     """
 
-    samples: NDArray[np.intp]
-    places: NDArray[np.intp]
+    samples: Indices
+    places: Indices
 
     @classmethod
-    def from_indices(cls, index: NDArray[np.intp]) -> "WindowedSamples":
+    def from_indices(cls, index: Indices) -> "WindowedSamples":
         """Return windows from the samples of each, shape (width, rows)."""
         samples = np.unique(index)
         return cls(samples, np.searchsorted(samples, index))
@@ -88,9 +87,7 @@ class WindowedSamples:
         return WindowedSamples.from_indices(self.samples[self.places[:, ::every]])
 
 
-def windows_over(
-    inside: NDArray[np.bool_], segment: NDArray[np.int64], width: int
-) -> WindowedSamples:
+def windows_over(inside: Mask, segment: Integers, width: int) -> WindowedSamples:
     """Return windows of ``width`` samples, all of them inside, a third of a window apart.
 
     No window spans two segments.
@@ -335,7 +332,7 @@ class Fit:
         if estimate.law.relaxes:
             depths_taken = data.penetration[trace.taken[data.known]] - estimate.surface
             below = depths_taken[depths_taken > 0.0]
-            middle = float(np.median(below)) if below.size else 1.0
+            middle = median(below) if below.size else 1.0
             self._force = force_along(data, estimate) if force is None else force
             from palpate.identification.diagnosis.equivalent import equivalent_hunt_crossley
 
@@ -349,11 +346,11 @@ class Fit:
         names = estimate.law.names()
         self.fixed = [k for k, name in enumerate(names) if name in estimate.fixed]
         self.penetration = data.penetration - estimate.surface
-        self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
-        self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # excluded as outliers
-        self.outside: NDArray[np.bool_] = ~(self.inside | self.rejected)
+        self.inside: Mask = trace.taken[data.known] & (self.penetration > 0.0)
+        self.rejected: Mask = trace.rejected[data.known]  # excluded as outliers
+        self.outside: Mask = ~(self.inside | self.rejected)
         #: Samples above the surface according to the penetration.
-        self.free: NDArray[np.bool_] = (self.penetration < 0.0) & ~self.rejected
+        self.free: Mask = (self.penetration < 0.0) & ~self.rejected
         # Counted at any penetration: a probe that rests 0.5 mm above the material has no samples
         # above a surface that is 0.7 mm off.
         self.has_free_air = count_true(self.outside) >= FEWEST_FREE
@@ -587,7 +584,7 @@ class Fit:
         """Acceleration at the samples of the windows, m/s²."""
         return self.acceleration_at(self.windows.samples)
 
-    def acceleration_at(self, samples: NDArray[Any]) -> Floats:
+    def acceleration_at(self, samples: Values) -> Floats:
         """Acceleration at some samples of the recording, m/s²."""
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
         rate: Floats = np.gradient(self.data.velocity, time)[samples]

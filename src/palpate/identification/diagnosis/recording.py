@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import format_quantity, percent, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
@@ -25,8 +24,8 @@ from palpate.input.preparation.velocity import (
     window_samples,
 )
 from palpate.method.contact import Contact
-from palpate.method.rows import rms
-from palpate.validation import Floats
+from palpate.method.rows import median, rms
+from palpate.validation import Floats, Indices, Mask
 
 
 class Data:
@@ -41,7 +40,7 @@ class Data:
     def __init__(self, contact: Contact) -> None:
         self.contact = contact
         channels = contact.penetration, contact.velocity, contact.force
-        self.known: NDArray[np.bool_] = np.all(np.isfinite(channels), axis=0)
+        self.known: Mask = np.all(np.isfinite(channels), axis=0)
         self.time = contact.time[self.known]
         self.penetration = contact.penetration[self.known]
         self.velocity = contact.velocity[self.known]
@@ -212,7 +211,7 @@ def check_signs(data: Data) -> Finding | None:
     return Check.SIGNS.finding(sentence, Remedy(step), mark="do-not-trust")
 
 
-def _ranks(values: Floats) -> NDArray[np.intp]:
+def _ranks(values: Floats) -> Indices:
     return np.argsort(np.argsort(values, kind="stable"))
 
 
@@ -308,7 +307,7 @@ def _distance_to_parabola(time: Floats, x: Floats) -> float:
     normal = basis.transpose(0, 2, 1) @ basis + 1e-9 * np.eye(3)
     right = (basis * x[windows][:, :, None]).sum(axis=1)
     middle = np.linalg.solve(normal, right[:, :, None])[:, 0, 0]
-    return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
+    return median(np.abs(x[windows[:, WIDTH // 2]] - middle))
 
 
 DEEPEST = 0.25

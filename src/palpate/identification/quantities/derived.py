@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._frozen import frozen
 from palpate.digits import format_hertz, rounded
@@ -20,7 +19,7 @@ from palpate.method.estimators import ContactEstimator
 from palpate.method.estimators.estimate import Estimate, Trace
 from palpate.method.estimators.law_verdicts import band_about
 from palpate.method.estimators.oscillation import Oscillation
-from palpate.validation import Floats, Plain, instance, number, number_in
+from palpate.validation import Floats, Integers, Plain, instance, number, number_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -367,7 +366,7 @@ def build_path(result: Derivable) -> "Path":
     )
 
 
-def _segment_numbers(contact: Contact) -> NDArray[np.int64]:
+def _segment_numbers(contact: Contact) -> Integers:
     """Return each sample's segment number; segments end where the time jumps or goes back."""
     usual = np.empty(len(contact))  # time between samples, which may differ between segments
     for part in contact.segments():

@@ -42,7 +42,7 @@ from palpate.input.preparation import prepare
 from palpate.input.recordings import Recording
 from palpate.method.contact import Contact
 from palpate.method.estimators.batch_fit import fit_curves
-from palpate.method.rows import count_true, rms
+from palpate.method.rows import count_true, median, rms
 from palpate.validation import Floats
 
 POSITION = "tip position"
@@ -443,7 +443,7 @@ class _ApproachFit:
         """Return the modulus with its errors, its mark and the findings."""
         tip = self.tip
         (k, point, level, slope) = self.solution
-        depth = float(np.median(self.depths))
+        depth = median(self.depths)
         parts = self.systematic_parts(depth)
         systematic = math.hypot(*(part.size for part in parts))
         unit = self.peak / self.scale**tip.exponent

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._frozen import frozen
@@ -26,9 +25,9 @@ from palpate.input.preparation.delay import LIGHT, LONGEST_FOUND
 from palpate.input.preparation.preparing import Recorded, prepare
 from palpate.method.contact import Contact
 from palpate.method.estimators.least_squares import robust_covariance
-from palpate.method.rows import norm, rms
+from palpate.method.rows import median, norm, rms
 from palpate.spelling import spell_advice
-from palpate.validation import Floats, Plain
+from palpate.validation import Floats, Indices, Mask, Plain
 
 #: Loss factor that a steel spring with its mount may have; a spring alone has less than 1e-4.
 LOSS_FACTOR = 1e-3
@@ -166,9 +165,9 @@ class _Strokes:
     depth: Floats
     velocity: Floats
     force: Floats
-    quick: NDArray[np.bool_]
+    quick: Mask
     sign: Floats  # of the velocity, between −1 and 1
-    place: NDArray[np.intp]  # of the motion in the contact
+    place: Indices  # of the motion in the contact
 
 
 @frozen(eq=False)
@@ -192,7 +191,7 @@ class _Touch:
         inside = contact.penetration > 0.0
         if not inside.any():
             raise self.refusal("the probe never touches it")
-        self.shallowest = LIGHT * float(np.median(contact.penetration[inside]))
+        self.shallowest = LIGHT * median(contact.penetration[inside])
         used = contact.penetration > self.shallowest
         self.range = float(np.ptp(contact.penetration[used]))
         self.stroke_speed = np.full(len(contact), np.nan)  # m/s, rms; NaN outside strokes
@@ -230,7 +229,7 @@ class _Touch:
         omega = np.array([math.pi / (time[each.stop] - time[each.start]) for each in strokes])
         border = math.sqrt(float(omega.min() * omega.max()))
         quick = omega > border
-        slowly, quickly = (float(np.median(omega[each])) for each in (~quick, quick))
+        slowly, quickly = (median(omega[each]) for each in (~quick, quick))
         few = min(int(quick.sum()), int((~quick).sum())) < FEWEST_STROKES
         if few or quickly < 0.95 * LEAST_RATIO * slowly:
             speeds = [rounded(float(each) / math.tau, 2) for each in (omega.min(), omega.max())]

@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import with_error
 from palpate.errors import RecordingError
@@ -14,7 +13,7 @@ from palpate.input.preparation.velocity import find_spikes
 from palpate.method.contact import Contact, Delay, add_step
 from palpate.method.estimators.least_squares import robust_covariance
 from palpate.method.rows import rms
-from palpate.validation import Floats, Integers
+from palpate.validation import Floats, Indices, Integers
 
 LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
 SCANNED = 13  # shifts of a coarse scan
@@ -183,7 +182,7 @@ def _remove(values: Floats, columns: Floats) -> Floats:
     return residual
 
 
-def _means(values: Floats, at: NDArray[np.intp], segment: Integers, width: int) -> Floats:
+def _means(values: Floats, at: Indices, segment: Integers, width: int) -> Floats:
     """Means over windows of up to ``width`` consecutive rows within a segment."""
     width = min(width, max(len(at) // 40, 1))
     border = np.flatnonzero((np.diff(at) != 1) | (np.diff(segment) != 0)) + 1

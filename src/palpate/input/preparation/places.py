@@ -21,7 +21,7 @@ from palpate.input.preparation.surface import Surface, find_surface, report_assu
 from palpate.input.preparation.touch import exclude_load_transfer
 from palpate.input.preparation.velocity import describe_filter, estimate_velocities
 from palpate.method.contact import Contact, VelocityFilter, add_step
-from palpate.method.rows import count_true, norm, row_norms, run_slices, true_runs
+from palpate.method.rows import count_true, median, norm, row_norms, run_slices, true_runs
 from palpate.stages import log_stage
 from palpate.validation import Floats, Mask, Values
 
@@ -352,7 +352,7 @@ def _common_deviation(places: list[Place], settings: Preparation) -> float | Non
     deviations = [place.surface.deviation for place in places if place.surface.deviation]
     if settings.surface == "estimate" or len(deviations) < len(places):
         return None
-    return float(np.median(deviations))
+    return median(deviations)
 
 
 def _report_surfaces(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:

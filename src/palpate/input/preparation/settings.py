@@ -12,14 +12,7 @@ from palpate.input.preparation.options import Options, SurfaceRule
 from palpate.input.recordings.units import UNITS, unit_size
 from palpate.method.contact import Delay
 from palpate.method.settings import ForceFrame
-from palpate.validation import (
-    check_choice,
-    instance,
-    number_in,
-    pair_in,
-    shown,
-    vector_in,
-)
+from palpate.validation import check_choice, instance, number_in, pair_in, shown, vector_in
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s

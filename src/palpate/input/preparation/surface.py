@@ -11,7 +11,7 @@ from palpate.input.preparation.options import SurfaceRule
 from palpate.input.preparation.resolution import deviation_of_mean, noise_of
 from palpate.method.contact import add_step
 from palpate.method.estimators.least_squares import fit_surface_position, robust_covariance
-from palpate.method.rows import count_true, finite_rows, rms, true_runs
+from palpate.method.rows import count_true, finite_rows, median, rms, true_runs
 from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ
@@ -135,7 +135,7 @@ def _find_crossing(x: Floats, f: Floats, least: float) -> Surface | None:
         return None
     fraction = (least - f[entered]) / np.maximum(f[entered + 1] - f[entered], 1e-300)
     depths = x[entered] + np.clip(fraction, 0.0, 1.0) * (x[entered + 1] - x[entered])
-    position = float(np.median(depths))
+    position = median(depths)
     # The penetration at this force, from F ∝ x^1.5 through the deepest sample.
     deepest = float(np.percentile(x, 99.0))
     peak = float(np.percentile(f, 99.0))
@@ -178,7 +178,7 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
     order = np.argsort(x)
     low = order[: x.size // 2]
     high = order[-(x.size // 2) :]
-    slope = float(np.median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300)))
+    slope = median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300))
     offsets = root - slope * x
     distance = np.abs(offsets - np.median(offsets))
     close = distance <= FARTHEST * 1.4826 * np.median(distance)

@@ -7,7 +7,7 @@ import numpy as np
 from palpate._frozen import frozen
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
-from palpate.method.rows import count_true
+from palpate.method.rows import count_true, median
 from palpate.stages import log_stage
 from palpate.validation import Floats, Values
 
@@ -191,7 +191,7 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
     zero = float(values[finite][0]) * factor
     steps = np.diff(times)
     forward = steps[steps > 0.0]
-    step = float(np.median(forward)) if forward.size else np.nan
+    step = median(forward) if forward.size else np.nan
     gaps = forward[forward > GAP * step]
     return ClockSurvey(
         name,

@@ -10,7 +10,6 @@ import math
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._frozen import frozen
@@ -18,7 +17,7 @@ from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.law_verdicts import CANDIDATES, Candidate
 from palpate.method.estimators.viscoelastic import ViscoelasticContact, build_law, dynamic_response
 from palpate.method.rows import count_true
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 # A law fits equally well if its rms error is at most this multiple of the least.
 AS_WELL = 1.05
@@ -61,7 +60,7 @@ class Oscillation:
         velocity: Floats,
         force: Floats,
         time_steps: Floats,
-        taken: NDArray[np.bool_],
+        taken: Mask,
     ) -> "Oscillation | None":
         """Return the small oscillations from an estimator's samples; None without a verdict.
 
@@ -170,7 +169,7 @@ class _Samples:
         velocity: Floats,
         force: Floats,
         steps: Floats,
-        taken: NDArray[np.bool_],
+        taken: Mask,
     ) -> None:
         self.estimator = estimator
         self.steps = steps
@@ -186,8 +185,8 @@ class _Samples:
         self,
         penetration: Floats,
         force: Floats,
-        taken: NDArray[np.bool_],
-    ) -> NDArray[np.bool_]:
+        taken: Mask,
+    ) -> Mask:
         """Whether each sample is one of the selected free-air samples, at most as many as taken."""
         touched = np.maximum.accumulate(np.where(self.path > 0.0, self.clock, -np.inf))
         air = (penetration < 0.0) & (self.clock - touched > _SETTLED) & np.isfinite(force)

@@ -29,7 +29,7 @@ from palpate.method.contact import Contact, Delay, VelocityFilter
 from palpate.method.estimators import LawVerdict
 from palpate.method.estimators.estimate import Trace
 from palpate.method.rows import count_true
-from palpate.validation import Floats, finite_or_none, or_nan, plain
+from palpate.validation import Floats, Values, finite_or_none, or_nan, plain
 
 if TYPE_CHECKING:
     import pandas
@@ -55,7 +55,7 @@ _CONTACT = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
 FILE_NAMES = {name: f"{name}_{unit.replace('/', '_')}" for name, unit in _CONTACT.items()}
 
 
-def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+def trace_columns(result: "Identified") -> tuple[dict[str, Values], dict[str, str]]:
     """Return contact, predictions and the law after each sample as columns, and their units.
 
     Columns by name, of equal length: ``time``, ``penetration``, ``velocity``, ``force``,
@@ -66,7 +66,7 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
     contact = result.contact
     trace = result.trace
     law = result.law
-    columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
+    columns: dict[str, Values] = {name: getattr(contact, name) for name in _CONTACT}
     columns |= {
         "segment": contact.segment,
         "predicted_force": trace.predicted_force,

@@ -62,10 +62,6 @@ class Styled(NamedTuple):
         return f"{self.before}{self.text}{self.after}"
 
 
-def _mark_cell(mark: str) -> Styled:
-    return Styled(spoken(mark), mark)
-
-
 #: A cell of a table; it may have several lines.
 Cell: TypeAlias = str | Styled
 _NOTHING = {"", "–"}
@@ -675,7 +671,7 @@ def _both_marks(segment: "Identified") -> tuple[Cell, Cell]:
     """Return the marks of stiffness and damping; a dash for a damping without a value."""
     working_depth = segment.diagnosis.working_depth
     marks = working_depth.stiffness.mark, working_depth.damping.mark
-    first, second = ("–" if mark is None else _mark_cell(mark) for mark in marks)
+    first, second = ("–" if mark is None else Styled(spoken(mark), mark) for mark in marks)
     return first, second
 
 
