@@ -19,6 +19,7 @@ from palpate.cli.options import (
     Address,
     Depth,
     FigureOptions,
+    Flag,
     Folder,
     MethodOptions,
     ResultFolder,
@@ -66,7 +67,7 @@ class Running:
     "Number of processes on this machine (default: one per core)."
     scheduler: Address | None = None
     "Address of a Dask scheduler, such as tcp://10.0.0.7:8786 (default: processes on this machine)."
-    dashboard: Annotated[bool, Parameter(negative="")] = False
+    dashboard: Flag = False
     "Serve the Dask dashboard at http://127.0.0.1:8787, on this machine only."
 
 

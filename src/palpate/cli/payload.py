@@ -10,13 +10,12 @@ import cyclopts
 from palpate.cli.options import (
     OUTPUT,
     READ,
-    SIZES,
     Channel,
     Channels,
     FigureOptions,
+    MaxSize,
     Unit,
     parse_units,
-    si_parameter,
 )
 from palpate.cli.printing import (
     STYLES,
@@ -69,7 +68,7 @@ class LogOptions:
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
     "Use samples up to this time, s."
-    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None
+    max_size: MaxSize = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
 
     @property
