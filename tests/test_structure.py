@@ -13,7 +13,8 @@ HOME = Path(palpate.__file__).parent
 #: From the ground up. A package imports from those below it only, at the top of a file, inside a
 #: function and for type checking.
 FLOORS = (
-    "_core _frozen spelling _plugins _headers method input output", "errors", "validation digits writing stages",
+    "_core _frozen spelling _plugins _headers method input output", "errors",
+    "validation digits writing stages",
     "rows settings force_laws findings", "contact", "estimators", "recordings", "channels",
     "wrench", "preparation", "diagnosis", "quantities", "identification", "results", "figures",
     "reports", "identifying", "lab", "fleet exports", "_public", "palpate", "live", "cli",
