@@ -3,12 +3,11 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, TypeVar
-
-from cyclopts import Parameter
+from typing import TYPE_CHECKING, TypeVar
 
 from palpate.cli.options import (
     FigureOptions,
+    Flag,
     MethodOptions,
     QuantityOptions,
     ResultFolder,
@@ -40,8 +39,8 @@ def identify(
     /,
     *,
     choosing: MethodOptions = MethodOptions(),
-    changes: Annotated[bool, Parameter(negative="")] = False,
-    hold_out: Annotated[bool, Parameter(negative="")] = False,
+    changes: Flag = False,
+    hold_out: Flag = False,
     output: ResultFolder | None = None,
     as_json: AsJson = False,
     drawing: FigureOptions = FigureOptions(),

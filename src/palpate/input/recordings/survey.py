@@ -1,12 +1,13 @@
 """The contents of a recording in numbers: clocks with rates and gaps, channels with ranges."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
+from palpate.method.rows import count_true, median
 from palpate.stages import log_stage
 from palpate.validation import Floats, Values
 
@@ -14,7 +15,7 @@ from palpate.validation import Floats, Values
 GAP = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ClockSurvey:
     """One clock and its channels.
 
@@ -65,7 +66,7 @@ class ClockSurvey:
         return self.stop - self.start
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ChannelSurvey:
     """One channel.
 
@@ -97,7 +98,7 @@ class ChannelSurvey:
     maximum: float = np.nan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Survey:
     """All clocks and channels of a recording."""
 
@@ -202,7 +203,7 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
     zero = float(values[finite][0]) * factor
     steps = np.diff(times)
     forward = steps[steps > 0.0]
-    step = float(np.median(forward)) if forward.size else np.nan
+    step = median(forward) if forward.size else np.nan
     gaps = forward[forward > GAP * step]
     return ClockSurvey(
         name,
@@ -214,8 +215,8 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
         step=step * factor,
         gaps=gaps.size,
         largest_gap=float(gaps.max(initial=0.0)) * factor,
-        repeated=int(np.count_nonzero(steps == 0.0)),
-        backward=int(np.count_nonzero(steps < 0.0)),
+        repeated=count_true(steps == 0.0),
+        backward=count_true(steps < 0.0),
     )
 
 
