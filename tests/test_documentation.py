@@ -135,7 +135,7 @@ def test_the_snippets_of_readme_and_docs_have_types(tmp_path):
     for page in pages:
         lines = []
         for snippet in SNIPPETS[page]:
-            if snippet.language == "python":
+            if snippet.language == "python" and snippet.runs:
                 lines += [""] * (snippet.line - 1 - len(lines)) + snippet.text.splitlines()
         if lines:
             name = re.sub(r"\W", "_", str(page.relative_to(ROOT)))

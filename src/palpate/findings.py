@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import Enum, Flag, StrEnum, auto
 from typing import Any, Literal, Self, TypeAlias
 
+from palpate._frozen import frozen
 from palpate.spelling import spell_advice
 from palpate.validation import Plain, or_nan
 
@@ -270,16 +270,6 @@ class Check(StrEnum):
         check.holds = holds or Holds(0)
         return check
 
-    @property
-    def may_cap(self) -> bool:
-        """Whether it may lower a mark below the one that the error bars give."""
-        return CAPS in self.holds
-
-    @property
-    def holds_without_time(self) -> bool:
-        """Whether it concerns neither time nor damping."""
-        return TIMELESS in self.holds
-
     def finding(
         self,
         message: str,
@@ -312,9 +302,9 @@ class Check(StrEnum):
 
 CHECKS_BY_ID: Mapping[str, Check] = {check.value: check for check in Check}
 #: Checks whose findings may lower a mark below the one that the error bars give.
-MAY_CAP = frozenset(check for check in Check if check.may_cap)
+MAY_CAP = frozenset(check for check in Check if CAPS in check.holds)
 #: Checks that concern neither time nor damping.
-HOLD_WITHOUT_TIME = frozenset(check for check in Check if check.holds_without_time)
+HOLD_WITHOUT_TIME = frozenset(check for check in Check if TIMELESS in check.holds)
 
 
 def worst(*marks: Mark) -> Mark:
@@ -327,7 +317,7 @@ def spoken(mark: str) -> str:
     return mark.replace("-", " ")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Finding(Plain):
     """One message about a recording, its preparation or its identification.
 

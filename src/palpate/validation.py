@@ -13,6 +13,7 @@ from palpate.errors import InvalidParameterError
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
+Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Values = NDArray[Any]
 

@@ -2,12 +2,12 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from cyclopts import Group, Parameter
 
 from palpate.cli import complain
-from palpate.cli.options import UNTRUSTED, Depth, Duration, ResultFolder, quantities
+from palpate.cli.options import UNTRUSTED, Depth, Duration, Flag, ResultFolder, quantities
 from palpate.cli.printing import AsJson, Terminal, print_json, say, say_path
 from palpate.errors import ExportRefusedError
 
@@ -44,7 +44,7 @@ def export(
     *,
     to: str,
     output: ResultFolder | None = None,
-    allow: Annotated[bool, Parameter(negative="")] = False,
+    allow: Flag = False,
     replay: bool = True,
     as_json: AsJson = False,
     into: ExportOptions = ExportOptions(),

@@ -19,6 +19,7 @@ from palpate.cli.options import (
     Address,
     Depth,
     FigureOptions,
+    Flag,
     Folder,
     MethodOptions,
     ResultFolder,
@@ -27,7 +28,16 @@ from palpate.cli.options import (
     parse_material,
     quantity,
 )
-from palpate.cli.printing import AsJson, Terminal, bar, print_json, print_table, say, say_path
+from palpate.cli.printing import (
+    STYLES,
+    AsJson,
+    Terminal,
+    bar,
+    print_json,
+    print_table,
+    say,
+    say_path,
+)
 from palpate.cli.reading import ReadingOptions
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
@@ -38,7 +48,6 @@ if TYPE_CHECKING:
     from palpate.fleet.running import Fleet
     from palpate.fleet.tasks import Settings, Table
 
-
 Sources: TypeAlias = tuple[str, ...]
 
 
@@ -46,8 +55,7 @@ Sources: TypeAlias = tuple[str, ...]
 _MOST_ROWS = 30
 _MOST_REASONS = 3
 _FREE = "no contact"
-_STYLES = dict.fromkeys(("with-care", "flagged"), "yellow") | {"trust": "green", _FREE: "dim"}
-_STYLES |= dict.fromkeys(("failed", "do-not-trust"), "red")
+_ROW_STYLES = STYLES | {"flagged": "yellow", "failed": "red", _FREE: "dim"}
 
 
 @Parameter(name="*", group=Group("Workers", sort_key=1.6))
@@ -59,7 +67,7 @@ class Running:
     "Number of processes on this machine (default: one per core)."
     scheduler: Address | None = None
     "Address of a Dask scheduler, such as tcp://10.0.0.7:8786 (default: processes on this machine)."
-    dashboard: Annotated[bool, Parameter(negative="")] = False
+    dashboard: Flag = False
     "Serve the Dask dashboard at http://127.0.0.1:8787, on this machine only."
 
 
@@ -123,7 +131,7 @@ def fleet(
     settings = _settings(choosing, diagnosis, reading)
     settings = replace(settings, tip=shape, poisson_ratio=ratio)
     if report:
-        require_figures()
+        import_module("palpate.output.figures")  # raises without matplotlib
     try:
         inputs = (whole_recording(Path(disk_name(source.name))) for source in listed)
         with bar("identifying") as progress, protect(inputs):
@@ -183,11 +191,6 @@ def _settings(
         minimum_force=reading.min_force,
         max_size=reading.max_size,
     )
-
-
-def require_figures() -> None:
-    """Raise before the work starts if matplotlib is not installed."""
-    import_module("palpate.output.figures")
 
 
 def _print(found: "Fleet", page: Path | None, cards: list[Path], *, as_json: bool) -> None:
@@ -254,7 +257,7 @@ def _print_rows(console: Terminal, found: "Fleet") -> bool:
         {of: [marks[k] for k in touching] for of, marks in verdicts.items()},
     )
     for verdict, line in reasons[:_MOST_REASONS]:
-        say(console, line, _STYLES[verdict])
+        say(console, line, _ROW_STYLES[verdict])
     sources = {source or "" for source in table.column("source").to_pylist()}
     if "modulus" not in shown and any(each.lower().endswith(MAPS) for each in sources):
         say(console, "for Young's modulus of force curves pass --tip, such as sphere:radius=5um")
@@ -302,7 +305,7 @@ def _marks_of(verdicts: "Sequence[RowVerdict]", free: Sequence[bool]) -> list[Te
     from palpate.findings import spoken
 
     marks = (_FREE if none else mark for none, (mark, _, _) in zip(free, verdicts, strict=True))
-    return [Text(spoken(mark), _STYLES.get(mark, "")) for mark in marks]
+    return [Text(spoken(mark), _ROW_STYLES.get(mark, "")) for mark in marks]
 
 
 # The command ``palpate map``.

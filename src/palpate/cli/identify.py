@@ -10,6 +10,7 @@ from cyclopts import Parameter
 from palpate.cli.options import (
     OUTPUT,
     FigureOptions,
+    Flag,
     MethodOptions,
     QuantityOptions,
     ResultFolder,
@@ -43,8 +44,8 @@ def identify(
     /,
     *,
     choosing: MethodOptions = MethodOptions(),
-    changes: Annotated[bool, Parameter(negative="")] = False,
-    hold_out: Annotated[bool, Parameter(negative="")] = False,
+    changes: Flag = False,
+    hold_out: Flag = False,
     output: ResultFolder | None = None,
     as_json: AsJson = False,
     drawing: FigureOptions = FigureOptions(),

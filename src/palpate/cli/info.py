@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from palpate.cli.options import READ, SIZES, Dark, FigureFile, si_parameter
+from palpate.cli.options import Dark, FigureFile, MaxSize
 from palpate.cli.printing import AsJson, Terminal, open_with_progress, print_json, say_path
 
 
@@ -19,7 +19,7 @@ def info(
     episode: int | None = None,
     sheet: str | None = None,
     header_row: int | None = None,
-    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None,
+    max_size: MaxSize = None,
     figure: FigureFile = None,
     dark: Dark = False,
     as_json: AsJson = False,

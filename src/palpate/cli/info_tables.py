@@ -152,8 +152,9 @@ def as_dict(
 ) -> dict[str, Any]:
     """Return the contents of a recording as JSON types, with the episodes of a data set."""
     uses, refusal = explain_roles(recording)
+    of_set = {} if data is None else {"name": data.name, "rate": data.rate, "lengths": data.lengths}
     return {
-        **({} if data is None else {"data_set": _data_set_dict(data)}),
+        **({"data_set": of_set} if of_set else {}),
         "schema_version": SCHEMA_VERSION,
         "file": str(file),
         "types": dict(recording.types),
@@ -169,10 +170,6 @@ def as_dict(
         "omissions": list(recording.omissions),
         "losses": list(recording.losses),
     }
-
-
-def _data_set_dict(data: DataSet) -> dict[str, Any]:
-    return {"name": data.name, "rate": data.rate, "lengths": data.lengths}
 
 
 def _clock_dict(clock: ClockSurvey) -> dict[str, Any]:

@@ -1,6 +1,5 @@
 """The command ``palpate lab``."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
@@ -130,36 +129,26 @@ def _material(name: str, numbers: dict[str, list[float]]) -> "Material":
 
     lists = {key.replace("-", "_"): value for key, value in numbers.items()}
     if several := [key for key in lists if key not in LISTS and len(lists[key]) > 1]:
-        raise InvalidParameterError(f"{_options(several[:1])} takes one number")
+        raise InvalidParameterError(f"{_option(several[0])} takes one number")
     given = {key: value if key in LISTS else value[0] for key, value in lists.items()}
     if name in MATERIALS:
-        if given:
+        for parameter in given:
             raise InvalidParameterError(
-                f"{_options([*given][:1])} has no effect on {name}, whose parameters are fixed: "
+                f"{_option(parameter)} has no effect on {name}, whose parameters are fixed: "
                 "use a force law instead, such as hunt-crossley"
             )
         return MATERIALS[name]
-    if _is_scene(name):
+    if Path(name).suffix == ".xml":
         from palpate.exports.mujoco.robot import Scene
 
         return Scene(name)
     if name not in FORCE_LAWS:
         check_choice("MATERIAL", name, [*MATERIALS, *FORCE_LAWS])
-    law = FORCE_LAWS[name]
-    needed = [each for each in law.names() if each not in law.optional]
-    if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
-        text = f"law '{name}' takes exactly {_options(needed)}"
-        text += f", and optionally {_options(law.optional)}" if law.optional else ""
-        raise InvalidParameterError(text)
-    return Homogeneous(law_from({"kind": name, **given}), name)
+    return Homogeneous(law_from({"kind": name, **given}, _option), name)
 
 
-def _is_scene(name: str) -> bool:
-    return Path(name).suffix == ".xml"
-
-
-def _options(names: Iterable[str]) -> str:
-    return ", ".join(f"--{name.replace('_', '-')}" for name in names)
+def _option(name: str) -> str:
+    return f"--{name.replace('_', '-')}"
 
 
 def _trajectory(name: str) -> "Trajectory":

@@ -16,6 +16,7 @@ from palpate.cli.options import (
     Depth,
     Direction,
     Duration,
+    Flag,
     Law,
     Method,
     MethodOptions,
@@ -157,7 +158,7 @@ class PageOptions:
     "Address to listen on; one that other machines reach requires a token, printed at the start."
     port: int = 8765
     "Port to listen on; 0 for a free one."
-    open: Annotated[bool, Parameter(negative="")] = False
+    open: Flag = False
     "Open the page in a browser."
 
 
@@ -166,7 +167,7 @@ class PageOptions:
 class Looping:
     """Options of the real-time loop."""
 
-    realtime: Annotated[bool, Parameter(negative="")] = False
+    realtime: Flag = False
     "Request a fixed priority and locked memory; warn if the system refuses."
     seconds: float | None = None
     "Stop after this time, s."

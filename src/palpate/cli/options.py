@@ -38,6 +38,8 @@ Direction: TypeAlias = Annotated[str, Parameter(metavar="DIRECTION")]
 Shape: TypeAlias = Annotated[str | None, Parameter(metavar="SHAPE")]
 Folder: TypeAlias = Annotated[Path, Parameter(metavar="FOLDER")]
 Address: TypeAlias = Annotated[str, Parameter(metavar="ADDRESS")]
+#: An option without a value, off by default.
+Flag: TypeAlias = Annotated[bool, Parameter(negative="")]
 
 FigureFile: TypeAlias = Annotated[Path | None, Parameter(group=OUTPUT, metavar="FILE")]
 Dark: TypeAlias = Annotated[bool, Parameter(group=OUTPUT, negative="")]
@@ -284,6 +286,9 @@ def si_parameter(channel: str | Mapping[str, float], metavar: str, group: Group)
         return numbers if get_origin(kind) is tuple else numbers[0]
 
     return Parameter(group=group, metavar=metavar, converter=convert)
+
+
+MaxSize: TypeAlias = Annotated[float | None, si_parameter(SIZES, "SIZE", READ)]
 
 
 def positive(

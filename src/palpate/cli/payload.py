@@ -10,15 +10,15 @@ import cyclopts
 from palpate.cli.options import (
     OUTPUT,
     READ,
-    SIZES,
     Channel,
     Channels,
     FigureOptions,
+    MaxSize,
     Unit,
     parse_units,
-    si_parameter,
 )
 from palpate.cli.printing import (
+    STYLES,
     AsJson,
     Cell,
     Terminal,
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 
 _READ = cyclopts.Parameter(group=READ)
 _UNKNOWN_TORQUE = 10.0  # N·m: standard error of the bias without a torque
-_STYLES = {"trust": "green", "with-care": "yellow", "do-not-trust": "red"}
 
 
 @cyclopts.Parameter(name="*")
@@ -69,7 +68,7 @@ class LogOptions:
     "Use samples from this time on, s."
     stop: Annotated[float | None, _READ] = None
     "Use samples up to this time, s."
-    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None
+    max_size: MaxSize = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
 
     @property
@@ -202,15 +201,14 @@ def _print(log: Path, found: "Payload") -> None:
     console = Terminal()
     say_path(console, log.name, "bold")
     cells: list[list[Cell]] = [
-        [f"  {name}", words, Text(spoken(mark) if mark else "", _STYLES.get(mark, ""))]
-        for name, words, mark in rows
+        [f"  {name}", words, Text(spoken(mark), STYLES.get(mark, ""))] for name, words, mark in rows
     ]
     print_table(console, ["", "", ""], cells)
     say(console, f"  {verdict_on(found)}", "bold")
     shown = found.findings if is_verbose() else found.findings[:1]
     for each in shown:
         # The remedies are options of identify.
-        say(console, f"  {each.message}", _STYLES.get(each.severity, "dim"))
+        say(console, f"  {each.message}", STYLES[each.severity])
     if len(shown) < len(found.findings):
         say(console, f"  {len(found.findings) - 1} more with -v", "dim")
     if found.mark != "trust":

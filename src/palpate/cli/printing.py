@@ -225,7 +225,8 @@ def bar(text: str) -> Iterator[Callable[..., None]]:
 
 # Identifications as text on a terminal, or as one JSON object.
 
-_STYLES = {
+#: Styles of marks, severities and tones.
+STYLES = {
     "trust": "green", "with-care": "yellow", "do-not-trust": "red", "note": "dim",
     "soft": "dim", "warning": "yellow", "strong": "bold",
 }  # fmt: skip
@@ -289,7 +290,7 @@ def print_diagnosis(result: "Identification") -> None:
 
 def print_hold_out(finding: "Finding") -> None:
     """Print how well the first half predicts the second."""
-    say(Terminal(), f"hold-out  {finding.message}", _STYLES[finding.stiffness])
+    say(Terminal(), f"hold-out  {finding.message}", STYLES[finding.stiffness])
 
 
 def _print(title: str, sections: "Iterable[ViewSection]") -> Terminal:
@@ -305,7 +306,7 @@ def _print(title: str, sections: "Iterable[ViewSection]") -> Terminal:
             prose = () if section.prose is None else [section.headings[section.prose]]
             print_table(console, section.headings, rows, prose=prose)
         for line in section.lines:
-            say(console, _format_line(line), _STYLES.get(line.tone, ""))
+            say(console, _format_line(line), STYLES.get(line.tone, ""))
     return console
 
 
@@ -317,7 +318,7 @@ def is_verbose() -> bool:
 def _cell(cell: "str | Styled") -> Cell:
     if isinstance(cell, str):
         return cell
-    return Text.assemble(cell.before, (cell.text, _STYLES[cell.mark]), cell.after)
+    return Text.assemble(cell.before, (cell.text, STYLES[cell.mark]), cell.after)
 
 
 def _format_line(line: "Line") -> Text:
@@ -325,7 +326,7 @@ def _format_line(line: "Line") -> Text:
 
     text = Text(f"{line.name}: " if line.name else "")
     if line.mark:
-        text.append(spoken(line.mark), f"bold {_STYLES[line.mark]}")
+        text.append(spoken(line.mark), f"bold {STYLES[line.mark]}")
         text.append(": " if line.text[:1].islower() else ". ")
     text.append("; ".join((line.text, *line.remarks)))
     return text.append(f" ({line.remedy})", "dim") if line.remedy else text

@@ -11,9 +11,9 @@ from palpate.cli.options import (
     KEPT,
     PREPARED,
     READ,
-    SIZES,
     Channel,
     Channels,
+    MaxSize,
     MethodOptions,
     Unit,
     parse_units,
@@ -93,7 +93,7 @@ class ReadingOptions:
     "Sheet of a spreadsheet: its name or its number from 1 (default: all that hold a table)."
     header_row: Annotated[int | None, _READ] = None
     "Line of the column names in a text (default: above the largest block of numbers)."
-    max_size: Annotated[float | None, si_parameter(SIZES, "SIZE", READ)] = None
+    max_size: MaxSize = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
     start: Annotated[float | None, _READ] = None
     "Use samples from this time on, s."

@@ -3,14 +3,21 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.cli.printing import AsJson, Cell, Terminal, print_json, print_table, say, say_path
+from palpate.cli.printing import (
+    STYLES,
+    AsJson,
+    Cell,
+    Terminal,
+    print_json,
+    print_table,
+    say,
+    say_path,
+)
 from palpate.cli.reading import Files, ReadingOptions
 from palpate.errors import InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.identification.quantities.skew import Skew
-
-_STYLES = {"trust": "green", "with-care": "yellow"}
 
 
 def skew(
@@ -64,7 +71,7 @@ def _print(files: tuple[Path, ...], found: "Skew") -> None:
         f"{describe_delay(each)} at {rounded(frequency, 2)} Hz"
         for each, frequency in zip(found.by_speed, found.frequencies, strict=True)
     )
-    mark = Text(spoken(found.mark), _STYLES[found.mark])
+    mark = Text(spoken(found.mark), STYLES[found.mark])
     rows: list[list[Cell]] = [
         ["skew", f"the force is {describe_delay(found.delay)}", mark],
         ["use", f"--delay {found.option}", ""],

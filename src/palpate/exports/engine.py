@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import ExportRefusedError
 from palpate.exports.motion import MOST_SAMPLES, ExportRequest, ProbeMotion
 from palpate.exports.replay_errors import Drop, restitution_by
@@ -18,7 +19,7 @@ from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats, check_choice
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Replayed:
     """The force of an engine along a motion.
 

@@ -2,10 +2,11 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from hashlib import sha256
 from pathlib import Path
 
+from palpate._frozen import frozen
 from palpate.errors import ExportRefusedError, InvalidParameterError
 from palpate.exports.engine import Engine, Fragment, engine_called
 from palpate.exports.motion import ExportRequest
@@ -24,7 +25,7 @@ from palpate.writing import (
 STATEMENT = ("statement.json", "statement.md")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Export:
     """A law in an engine's parameters, and the statement of its error.
 

@@ -1,19 +1,19 @@
 """The motion of a probe that an export replays, and what is asked of an export."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate import lab
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.output.results.saved import SavedResult
-from palpate.validation import Floats
+from palpate.validation import Floats, Integers, Mask
 
 #: Most states at which an engine computes the force; slow engines have a lower limit.
 MOST_SAMPLES = 20_000
@@ -21,7 +21,7 @@ MOST_SAMPLES = 20_000
 FIRM = 2e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ProbeMotion:
     """A motion of a probe, with penetration measured from the surface of the identified law.
 
@@ -43,7 +43,7 @@ class ProbeMotion:
     penetration: Floats
     velocity: Floats
     acceleration: Floats
-    judged: NDArray[np.bool_]
+    judged: Mask
     starts: tuple[int, ...] = (0,)
     force: Floats | None = None
     source: str = "a motion"
@@ -130,13 +130,13 @@ class ProbeMotion:
         force = None if self.force is None else self.force[places]
         return replace(self, **kept, force=force, starts=(0,))
 
-    def firm_places(self, most: int = MOST_SAMPLES) -> NDArray[np.int64]:
+    def firm_places(self, most: int = MOST_SAMPLES) -> Integers:
         """Return the indices of the samples that :meth:`firm` chooses."""
         places = np.flatnonzero(self.judged)
         return places[:: -(-places.size // most)]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ExportRequest:
     """A law to export to an engine, with the motion, body and options.
 

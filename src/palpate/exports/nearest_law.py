@@ -1,10 +1,10 @@
 """The nearest law of an engine's form, along a motion."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.replay_errors import force_error
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -101,7 +101,7 @@ def stable_step(law: GeneralisedHuntCrossley, mass: float, depth: float) -> floa
     return float((math.sqrt(c * c + 4.0 * k * mass) - c) / k)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Nearest:
     """A law K xⁿ + B xᵖ v exported in place of another.
 

@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification.quantities.restitution import restitution
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 # Steps per half period of the spring alone: restitution e is accurate to 10⁻⁶.
 _STEPS = 1000
@@ -18,7 +17,7 @@ _STEPS = 1000
 _LONGEST = 40
 
 
-def force_error(force: Floats, reference: Floats, judged: NDArray[np.bool_]) -> float:
+def force_error(force: Floats, reference: Floats, judged: Mask) -> float:
     """Return 100 rms(F − F_reference)/rms(F_reference) over the judged samples, %."""
     expected = reference[judged]
     error = expected - force[judged]
@@ -26,7 +25,7 @@ def force_error(force: Floats, reference: Floats, judged: NDArray[np.bool_]) -> 
     return 100.0 * math.sqrt(float(error @ error) / energy) if energy > 0.0 else math.nan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Drop:
     """An impact of a free, weightless body on the surface.
 

@@ -7,13 +7,14 @@ to export.
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from palpate._core import __version__
+from palpate._frozen import frozen
 from palpate.digits import format_hertz, parameter, rounded
 from palpate.errors import (
     ExportRefusedError,
@@ -44,7 +45,7 @@ from palpate.validation import Floats, finite_or_none, shown
 Exportable: TypeAlias = Identification | SavedResult | ForceLaw
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ExportedLaw:
     """A law to export, the motion on which its error is measured, and its verdict.
 
@@ -186,7 +187,7 @@ class ExportedLaw:
 # An engine's force and restitution compared with those of the law and of the measurement.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Compared:
     """The errors of an export, replayed if the engine is installed, else predicted.
 
@@ -328,7 +329,7 @@ _AS_PREDICTED = 1.0
 EXACT = 1e-3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Statement:
     """The origin of an exported law, the engine's error with it, warnings and refusals.
 

@@ -8,16 +8,17 @@ and forces at the end of the sensor's range.
 import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
@@ -45,10 +46,10 @@ from palpate.input.recordings.recording import Recording, printable
 from palpate.method.contact import Contact, VelocityFilter
 from palpate.method.estimators import ContactEstimator, VariableProjection
 from palpate.method.estimators.batch_fit import CurveFits, fit_curves
-from palpate.validation import Floats, number_in, real_array, whole_in
+from palpate.validation import Floats, Integers, Mask, number_in, real_array, whole_in
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Curves:
     """Contacts of equal length, one row each; NaN marks a missing sample.
 
@@ -75,7 +76,7 @@ class Curves:
     force: Floats
     velocity: Floats | None = None
     source: str = ""
-    index: NDArray[np.int64] | None = None
+    index: Integers | None = None
     places: dict[str, Floats] = field(default_factory=dict)
     filters: list[VelocityFilter] | None = None
 
@@ -144,7 +145,7 @@ def fit_and_reject(
     *,
     rejects: bool,
     threads: int,
-) -> tuple[CurveFits, Curves, NDArray[np.int64]]:
+) -> tuple[CurveFits, Curves, Integers]:
     """Fit curves with velocities; return fits, fitted curves, and numbers of excluded samples.
 
     Parameters
@@ -180,7 +181,7 @@ def fit_and_reject(
     return fits, replace(curves, force=force), np.count_nonzero(marks, axis=1)
 
 
-def _find_saturated_samples(curves: Curves, force: Floats, fits: CurveFits) -> NDArray[np.bool_]:
+def _find_saturated_samples(curves: Curves, force: Floats, fits: CurveFits) -> Mask:
     """Mark forces at the end of the sensor's range, where at least five equal the row's highest."""
     saturated = np.zeros(force.shape, dtype=np.bool_)
     with np.errstate(invalid="ignore"):
@@ -378,7 +379,7 @@ def _energy_creating_rows(
     curves: Curves,
     fits: CurveFits,
     columns: Mapping[str, Floats],
-) -> NDArray[np.bool_]:
+) -> Mask:
     """Mark the rows whose negative damping creates energy, as in :func:`palpate.identify`."""
     creating = np.zeros(len(curves), dtype=np.bool_)
     rows = np.flatnonzero(fits.B < 0.0)

@@ -3,14 +3,13 @@
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from html import escape
 from pathlib import Path, PurePosixPath
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.errors import MissingExtraError
 from palpate.findings import spoken
@@ -18,7 +17,7 @@ from palpate.fleet import maps
 from palpate.fleet.files import CARD, CARD_PAGE, read_manifest, read_results
 from palpate.fleet.rows import AT_DEPTH, touches_nothing
 from palpate.fleet.tasks import Table
-from palpate.validation import Floats
+from palpate.validation import Floats, Indices, Mask
 from palpate.writing import escape_markdown, write_text
 
 #: Most episodes that the card names.
@@ -30,7 +29,7 @@ _LARGE = 0.1
 _MARKS = ("trust", "with-care", "do-not-trust")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Card:
     """The text of a data card.
 
@@ -186,7 +185,7 @@ def _medians(values: Floats) -> list[float]:
     return [float(np.median(values[group])) for group in find_groups(values)]
 
 
-def find_groups(values: Floats) -> list[NDArray[np.bool_]]:
+def find_groups(values: Floats) -> list[Mask]:
     """Return the masks of two groups of values that are clearly apart, else one of all, finite.
 
     Two groups, with the distance d between their medians, are apart if the third of d in the middle
@@ -202,7 +201,7 @@ def find_groups(values: Floats) -> list[NDArray[np.bool_]]:
     high = 0.5 * (ordered[(below + count - 1) // 2] + ordered[(below + count) // 2])
     distance = high - low
 
-    def near(centre: Floats, reach: Floats) -> NDArray[np.intp]:
+    def near(centre: Floats, reach: Floats) -> Indices:
         first = np.searchsorted(ordered, centre - reach, side="left")
         return np.searchsorted(ordered, centre + reach, side="right") - first
 

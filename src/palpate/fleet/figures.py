@@ -3,13 +3,12 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.fleet.maps import JUDGED, Map, Repeats, describe_frequencies, numbers
 from palpate.fleet.rows import AT_DEPTH
 from palpate.fleet.tasks import Table
 from palpate.output import figures
-from palpate.validation import Floats
+from palpate.validation import Floats, Mask
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -305,7 +304,7 @@ def _mark(
     axes: "Axes",
     x: Floats,
     y: Floats,
-    known: NDArray[np.bool_],
+    known: Mask,
     found: Map,
     look: figures.Look,
     **missing: Any,

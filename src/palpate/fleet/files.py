@@ -8,13 +8,14 @@ import os
 import re
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from palpate._core import __version__
+from palpate._frozen import frozen
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
@@ -213,7 +214,7 @@ CARD_PAGE = "card.html"
 _PART = re.compile(r"part-(\d{8,})-(\d{8,})\.parquet$")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Results:
     """The folder of one fleet's results.
 

@@ -5,20 +5,19 @@ import math
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, spoken
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.validation import Floats, number_in, shown
+from palpate.validation import Floats, Mask, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")
@@ -32,7 +31,7 @@ Cell: TypeAlias = Mapping[str, str | None]
 _NUMBER = re.compile(r"[-+]?\d[\d.,]*(?:[eE][-+]?\d+)?")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Repeats:
     """Repeated contacts with one object, and whether they agree.
 
@@ -147,11 +146,6 @@ def mark_by(finding: Cell, of: str) -> str:
 def problems_of(findings: Sequence[Cell] | None, of: str) -> list[Cell]:
     """Return the findings that lower the mark of a quantity."""
     return [finding for finding in findings or () if mark_by(finding, of) != "trust"]
-
-
-def is_problem(finding: Cell) -> bool:
-    """Whether a finding is more than a note."""
-    return finding["severity"] != "note"
 
 
 def describe_finding(finding: Cell) -> str:
@@ -285,7 +279,7 @@ _SAME = 0.1  # standard deviation of the ratios, relative to their median
 _ONE_FREQUENCY = 1.5  # span below which a constant loss tangent looks like a constant delay
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RigLag:
     """The ratio of damping to stiffness, if it is the same for all files of a rig.
 
@@ -385,7 +379,7 @@ def _mask_numbers(text: str) -> str:
     return _NUMBER.sub("…", text)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Outlier:
     """A row with a value far from the others.
 
@@ -451,7 +445,7 @@ _OF_THE_CONTACT = "modulus", "exponent"  # of no single depth
 _COORDINATES = ("x", "y", "z", "index", "part")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Map:
     """Values over one or two coordinates.
 
@@ -496,7 +490,7 @@ class Map:
     frequencies: str
     rows: int
     shallow: int
-    mistrusted: NDArray[np.bool_]
+    mistrusted: Mask
     warnings: tuple[str, ...]
 
     @property
@@ -601,7 +595,7 @@ def map_of(
     mistrusted = mistrusted_of(results, of)
     if of != "damping":  # a damping near zero has an error as large as itself
         mistrusted |= error > np.abs(value)
-    placed: NDArray[np.bool_] = np.all(np.isfinite(places), axis=1)
+    placed: Mask = np.all(np.isfinite(places), axis=1)
     fields = [results.schema.field(name) for name in axes]
     units = tuple((field.metadata or {}).get(b"unit", b"").decode() for field in fields)
     deep = depths[placed & np.isfinite(depths)]
@@ -646,7 +640,7 @@ def describe_frequencies(results: Table, of: str) -> str:
     return f", {' to '.join(ends)} Hz"
 
 
-def mistrusted_of(results: Table, of: str) -> NDArray[np.bool_]:
+def mistrusted_of(results: Table, of: str) -> Mask:
     """Return a mask of the rows that the verdict, findings or flags do not trust."""
     verdict = f"verdict_{of if of in (*JUDGED, 'modulus') else 'stiffness'}"
     return np.array(
@@ -666,7 +660,7 @@ def _untrusted_by(of: str) -> tuple[Check, ...]:
     return Check.NEGATIVE_STIFFNESS, *own.get(of, ())
 
 
-def _warnings(results: Table, placed: NDArray[np.bool_], of: str) -> tuple[str, ...]:
+def _warnings(results: Table, placed: Mask, of: str) -> tuple[str, ...]:
     """Return the findings on a quantity and their numbers of places, the most severe first."""
     inside = results.filter(placed)
     kinds: Counter[tuple[str, str]] = Counter()

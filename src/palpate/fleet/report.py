@@ -66,7 +66,7 @@ def fleet_page(folder: Path) -> str:
     table = read_results(folder)
     times = maps.slowest(read_seconds(folder))
     flags, findings = (table.column(name).to_pylist() for name in ("flags", "findings"))
-    problems = [[f for f in row or () if maps.is_problem(f)] for row in findings]
+    problems = [[f for f in row or () if f["severity"] != "note"] for row in findings]
     flag_kinds = maps.kinds_of(flags, maps.describe_flag)
     problem_kinds = maps.kinds_of(problems, maps.describe_finding)
     reasons = [[escape(k), f"{n}", escape(name)] for k, n, name in maps.reasons_of(table)]

@@ -24,6 +24,7 @@ from palpate.method.estimators.estimate import Estimate
 from palpate.validation import Floats
 
 Row = dict[str, Any]
+_Column = tuple[str, Any, str, str]  # name, type, unit and meaning
 _FINDING = "severity", "check", "message", "remedy", "stiffness", "damping"
 #: Quantities at working depth and their units.
 AT_DEPTH = {"force": "N", "stiffness": "N/m", "damping": "N·s/m"}
@@ -38,6 +39,16 @@ def table_schema(settings: Settings) -> Any:
     numbers = pa.list_(number)
     found = pa.list_(pa.struct([(part, text) for part in _FINDING]))
     law = settings.law
+
+    def with_errors(name: str, unit: str, meaning: str, systematic: str = "") -> list[_Column]:
+        """Return the columns of a number and of its errors."""
+        columns = [
+            (name, number, unit, meaning),
+            (f"{name}_standard_error", number, unit, "statistical uncertainty"),
+            (f"{name}_systematic", number, unit, systematic),
+        ]
+        return columns if systematic else columns[:2]
+
     columns = [
         ("source", text, "", "the file, folder or array that the contact is from"),
         ("index", whole, "", "number of the contact in the source, from 0; null if single"),
@@ -47,58 +58,43 @@ def table_schema(settings: Settings) -> Any:
         ("fit", text, "", "recursion, whole-curve or approach; null after a failure"),
     ]
     for name, unit in zip(law.names(), law.units, strict=True):
-        columns.append((name, number, unit, f"{name} of the {law.kind} law"))
-        columns.append((f"{name}_standard_error", number, unit, f"standard error of the {name}"))
+        columns += with_errors(name, unit, f"{name} of the {law.kind} law")
     if law.relaxes:
         columns.append(("law", text, "", "the law with its relaxation times, as JSON"))
     columns += [
         ("law_name", text, "", "the law, such as hunt-crossley or half-space with relaxation"),
         ("covariance", numbers, "", "of the law's parameters, row by row, SI"),
-        ("offset", number, "N", "force out of contact; NaN if not estimated"),
-        ("offset_standard_error", number, "N", "standard error of the offset"),
-        ("surface", number, "m", "penetration at the surface; NaN if not estimated"),
-        ("surface_standard_error", number, "m", "standard error of the surface"),
+        *with_errors("offset", "N", "force out of contact; NaN if not estimated"),
+        *with_errors("surface", "m", "penetration at the surface; NaN if not estimated"),
         ("depth", number, "m", "working depth: median penetration below the surface"),
         ("largest_depth", number, "m", "largest penetration below the surface, in contact"),
         ("frequency", number, "rad/s", "of the motion; stiffness and damping at depth are for it"),
     ]
     for name, unit in AT_DEPTH.items():
         moved = "systematic uncertainty; NaN without a full diagnosis"
-        columns.append((name, number, unit, f"{name} at working depth"))
-        columns.append((f"{name}_standard_error", number, unit, "statistical uncertainty"))
-        columns.append((f"{name}_systematic", number, unit, moved))
+        columns += with_errors(name, unit, f"{name} at working depth", moved)
     if law.relaxes:
-        name = "relaxed_stiffness"
-        columns.append((name, number, "N/m", "after relaxation; NaN where nothing relaxes"))
-        columns.append((f"{name}_standard_error", number, "N/m", "statistical uncertainty"))
+        meaning = "after relaxation; NaN where nothing relaxes"
+        columns += with_errors("relaxed_stiffness", "N/m", meaning)
     if settings.tip is not None:
-        columns.append(("modulus", number, "Pa", "Young's modulus for the stated tip"))
-        columns.append(("modulus_standard_error", number, "Pa", "statistical uncertainty"))
-        columns.append(("modulus_systematic", number, "Pa", "systematic uncertainty"))
+        meaning = "Young's modulus for the stated tip"
+        columns += with_errors("modulus", "Pa", meaning, "systematic uncertainty")
         columns.append(("verdict_modulus", text, "", "trust, with-care or do-not-trust"))
     columns += [
         ("residual", number, "N", "standard deviation of the force minus the fitted force"),
         ("samples", whole, "", "number of samples of the contact"),
         ("rate", number, "Hz", "samples per second"),
-        (
-            "contact_fraction",
-            number,
-            "",
-            "samples in contact over all; NaN if no free air is known",
-        ),
+        ("contact_fraction", number, "", "samples in contact over all; NaN without free air"),
         ("largest_force", number, "N", "largest force in contact"),
-        ("force_delay", number, "s", "delay by which Hunt-Crossley fits best, of an episode"),
-        ("force_delay_standard_error", number, "s", "standard error of the delay"),
+        *with_errors("force_delay", "s", "delay by which Hunt-Crossley fits best, of an episode"),
         ("taken", whole, "", "number of samples used by the estimate"),
         ("flags", found, "", "warnings about the estimate"),
         ("checked", text, "", "which checks were requested: none, input or full"),
         ("findings", found, "", "problems of data and fit; null if nothing was checked"),
     ]
-    for name, words in (
-        ("verdict_stiffness", "trust, with-care or do-not-trust: the stiffness at working depth"),
-        ("verdict_damping", "the same for the damping at working depth"),
-    ):
-        columns.append((name, text, "", f"{words}; null without a full diagnosis"))
+    for name in ("stiffness", "damping"):
+        words = f"mark of the {name} at working depth; null without a full diagnosis"
+        columns.append((f"verdict_{name}", text, "", words))
     columns += [
         ("prepared", text, "", "how each channel was prepared, as JSON; null for arrays"),
         ("error", text, "", "why the row has no numbers; null if it has"),

@@ -6,7 +6,6 @@ import itertools
 import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import Any, Literal, TypeAlias, get_args
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from palpate import errors
 from palpate._core import __version__
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw
 from palpate.identification.quantities.derived import QueryOptions
@@ -60,7 +60,7 @@ _TASKS_A_WORKER = 16
 _SAMPLES = 2_000_000
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ContactSource:
     """A file, force map or array that holds contacts.
 
@@ -106,7 +106,7 @@ class ContactSource:
         return _READING + _READING_A_BYTE * size + contact + sample * samples
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Batch:
     """The contacts that one task identifies; their rows become one file of the results.
 
@@ -230,7 +230,7 @@ def default_diagnosis(sources: Sequence[ContactSource]) -> DiagnosisDepth:
 AUTO = "auto"
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+@frozen(kw_only=True)
 class Settings:
     """The settings that prepare and identify each contact.
 

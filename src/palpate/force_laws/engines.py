@@ -6,14 +6,14 @@ contact does; a law does not. Laws from the literature are in :mod:`palpate.forc
 """
 
 import math
-from dataclasses import dataclass
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.generalised import GeneralisedHuntCrossley
 from palpate.validation import above_zero, not_below_zero, number, number_in
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class EngineLaw:
     """The exponents of an engine's contact law.
 
@@ -66,6 +66,12 @@ def exact_in(law: GeneralisedHuntCrossley) -> tuple[EngineLaw, ...]:
     )
 
 
+def _from_dissipation(K: float, n: float, dissipation: float) -> GeneralisedHuntCrossley:
+    """Return F = K xⁿ (1 + d v), for a dissipation d ≥ 0, s/m."""
+    damping = K * not_below_zero("dissipation", dissipation)
+    return GeneralisedHuntCrossley(K=K, n=n, B=damping, p=n)
+
+
 def kelvin_voigt(*, K: float, B: float) -> GeneralisedHuntCrossley:
     """Return F = K x + B v.
 
@@ -93,13 +99,7 @@ def drake_point(*, stiffness: float, dissipation: float) -> GeneralisedHuntCross
     dissipation : float
         hunt_crossley_dissipation of the pair, s/m, ≥ 0.
     """
-    k = above_zero("stiffness", stiffness)
-    return GeneralisedHuntCrossley(
-        K=k,
-        n=1.0,
-        B=k * not_below_zero("dissipation", dissipation),
-        p=1.0,
-    )
+    return _from_dissipation(above_zero("stiffness", stiffness), 1.0, dissipation)
 
 
 def drake_sap(*, stiffness: float, relaxation_time: float) -> GeneralisedHuntCrossley:
@@ -146,12 +146,7 @@ def drake_hydroelastic(
     """
     pressure = above_zero("modulus", modulus) / above_zero("thickness", thickness)
     k = math.pi * pressure * above_zero("radius", radius)
-    return GeneralisedHuntCrossley(
-        K=k,
-        n=2.0,
-        B=k * not_below_zero("dissipation", dissipation),
-        p=2.0,
-    )
+    return _from_dissipation(k, 2.0, dissipation)
 
 
 def mujoco(
@@ -218,12 +213,8 @@ def simbody(*, modulus: float, radius: float, dissipation: float) -> Generalised
         c, s/m, ≥ 0.
     """
     k = _hertz(modulus, radius)
-    return GeneralisedHuntCrossley(
-        K=k,
-        n=1.5,
-        B=1.5 * k * not_below_zero("dissipation", dissipation),
-        p=1.5,
-    )
+    damping = 1.5 * k * not_below_zero("dissipation", dissipation)
+    return GeneralisedHuntCrossley(K=k, n=1.5, B=damping, p=1.5)
 
 
 def hertz_tsuji(

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any, ClassVar, Self, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.digits import format_time, with_error
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.laws import (
@@ -41,7 +42,7 @@ from palpate.validation import (
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class GeneralisedHuntCrossley(CompiledLaw):
     """A spring that stiffens with depth, a damper, and a part of the spring that relaxes.
 

@@ -6,19 +6,19 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.relaxation import steps_over_breaks
+from palpate.validation import Floats as Floats
 from palpate.validation import broadcast_contact, check_choice, number, shown, together
-
-Floats = NDArray[np.float64]
 
 
 class ForceLaw:
@@ -309,8 +309,10 @@ def register(law: Law) -> Law:
     return law
 
 
-def law_from(description: dict[str, Any]) -> ForceLaw:
+def law_from(description: dict[str, Any], spell: Callable[[str], str] = str) -> ForceLaw:
     """Return the law from a :meth:`ForceLaw.description`.
+
+    ``spell`` gives the name of a parameter in the error.
 
     Raises
     ------
@@ -324,9 +326,9 @@ def law_from(description: dict[str, Any]) -> ForceLaw:
     law = FORCE_LAWS[kind]
     needed = [name for name in law.names() if name not in law.optional]
     if not set(needed) <= set(given) <= {*law.names(), *law.optional}:
-        words = f"law {kind!r} takes exactly {', '.join(needed)}"
+        words = f"law {kind!r} takes exactly {', '.join(map(spell, needed))}"
         if law.optional:
-            words += f", and optionally {', '.join(law.optional)}"
+            words += f", and optionally {', '.join(map(spell, law.optional))}"
         raise InvalidParameterError(words)
     return law.from_dict(given)
 
@@ -366,7 +368,7 @@ class CompiledLaw(ForceLaw):
         return sample_force
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class Spring(ForceLaw):
     """A power-law spring whose damping is unknown: the law of a curve without time.
 
@@ -409,7 +411,7 @@ class Spring(ForceLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class KelvinVoigt(CompiledLaw):
     """A linear spring and a linear damper in parallel.
 
@@ -453,7 +455,7 @@ class KelvinVoigt(CompiledLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class ExtendedKelvinVoigt(CompiledLaw):
     """A stiffening spring and a linear damper in parallel.
 
@@ -500,7 +502,7 @@ class ExtendedKelvinVoigt(CompiledLaw):
 
 
 @register
-@dataclass(frozen=True, slots=True, kw_only=True)
+@frozen(kw_only=True)
 class HuntCrossley(CompiledLaw):
     """A spring and a damper in parallel, both increasing with depth.
 

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.validation import Floats, all_good, check_field, number, same_length, signal
 
@@ -54,7 +54,7 @@ class Relaxation:
         return dict(zip(FORMULA, self.spectrum, strict=True))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FlatSpectrum(Relaxation):
     """Flat relaxation spectrum: equal relaxation in each decade of time (Fung's box spectrum).
 
@@ -86,7 +86,7 @@ class FlatSpectrum(Relaxation):
         return 0.0, self.shortest, self.longest
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SingleRelaxation(Relaxation):
     """One relaxation time: a Maxwell branch parallel to the spring (the standard linear solid).
 
@@ -114,7 +114,7 @@ class SingleRelaxation(Relaxation):
         return 0.0, 0.0, self.time
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PowerLawRelaxation(Relaxation):
     """Power-law relaxation between a shortest and a longest time.
 
@@ -153,7 +153,7 @@ _ONE_GROUP = 0.95
 _ONE_TIME = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RelaxationSpectrum(Relaxation):
     """Relaxation times, each with a separate stiffness (Wiechert's model, a Prony series).
 
@@ -236,7 +236,7 @@ class RelaxationSpectrum(Relaxation):
         return dict(zip(LISTS, (list(self.times), list(self.stiffnesses)), strict=True))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RelaxationState:
     """Relaxation state of a material, immutable; :meth:`GeneralisedHuntCrossley.rest` makes one.
 

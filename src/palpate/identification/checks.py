@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate._core import Status
 from palpate.digits import percent, rounded
@@ -28,8 +27,9 @@ from palpate.method.estimators.estimate import (
     prediction_rmse_percent,
     violated_fraction,
 )
+from palpate.method.rows import count_true, median, rms
 from palpate.method.settings import ContactGate
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Integers, Mask
 
 NEGATIVE_STIFFNESS = Check.NEGATIVE_STIFFNESS.finding(
     "negative stiffness: in this law the force falls with depth",
@@ -69,13 +69,13 @@ def check_estimate(
         yield Check.PREDICTION.finding("less than 0.2 s of contact: no prediction error")
     if estimate.guarded:
         yield Check.GUARD.finding(f"the covariance was limited on {estimate.guarded} samples")
-    if left_out := int(np.count_nonzero(trace.rejected)):
-        taken = int(np.count_nonzero(trace.taken))
+    if left_out := count_true(trace.rejected):
+        taken = count_true(trace.taken)
         yield outlier_finding(left_out, left_out + taken)
     if (verdict := estimator.verdict()) is not None:
         yield from verdict.findings
     for refusal in (Status.NOT_FINITE, Status.INVALID_STEP, Status.OUT_OF_RANGE):
-        if count := int(np.count_nonzero(trace.status == refusal)):
+        if count := count_true(trace.status == refusal):
             text = refusal.name.lower().replace("_", " ")
             if refusal == Status.NOT_FINITE:
                 text += f": {not_finite(contact)}"
@@ -84,7 +84,7 @@ def check_estimate(
 
 def check_fits(
     fits: CurveFits,
-    excluded: NDArray[np.int64],
+    excluded: Integers,
     creating_energy: Mask,
 ) -> list[list[Finding]]:
     """Return for each curve the findings that :func:`check_estimate` has of one estimate.
@@ -118,12 +118,12 @@ def check_fits(
 
 def _creates_energy(contact: Contact, trace: Trace, estimate: Estimate) -> bool:
     taken = trace.taken
-    depth = float(np.median(contact.penetration[taken])) - estimate.surface if taken.any() else 0.0
+    depth = median(contact.penetration[taken]) - estimate.surface if taken.any() else 0.0
     if not depth > 0.0:
         return False
     with np.errstate(all="ignore"):
         (force, _, damping), errors = estimate.with_errors(lambda of: of.at_rest(depth))
-        speed = np.sqrt(np.mean(contact.velocity[taken] ** 2))
+        speed = rms(contact.velocity[taken])
         return bool(creates_energy(damping, errors[2], force, speed))
 
 
@@ -201,7 +201,7 @@ FEWEST_ABOVE = 20
 
 def check_approach(contact: Contact, trace: Trace, surface: float) -> None:
     """Raise if too few samples lie above an estimated surface: they show where the force begins."""
-    above = int(np.count_nonzero(contact.penetration[trace.taken] < surface))
+    above = count_true(contact.penetration[trace.taken] < surface)
     if above < FEWEST_ABOVE:
         raise RecordingError.of(contact.source, no_approach(above, len(contact), surface))
 

@@ -3,13 +3,13 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import percent, rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.method.contact import Contact
-from palpate.validation import Floats
+from palpate.method.rows import rms
+from palpate.validation import Floats, Mask
 
 # A law that predicts worse than this multiple of Hunt–Crossley's error is not to be trusted.
 WORSE = 1.1
@@ -19,7 +19,7 @@ Predict = Callable[[Contact, Contact], Floats]
 
 def check_prediction(
     contact: Contact,
-    taken: NDArray[np.bool_],
+    taken: Mask,
     law: Predict,
     plain: Predict,
 ) -> Finding:
@@ -46,11 +46,8 @@ def check_prediction(
     second = inside[inside.size // 2 :]
     first = contact.taken(slice(0, int(second[0])))
     force = contact.force[second]
-    size = float(np.sqrt(np.mean(force**2)))
-    errors = [
-        float(np.sqrt(np.mean((force - predict(first, contact)[second]) ** 2)))
-        for predict in (law, plain)
-    ]
+    size = rms(force)
+    errors = [rms(force - predict(first, contact)[second]) for predict in (law, plain)]
     ratio = errors[0] / errors[1] if errors[1] else 1.0
     parts = [percent(error / size) for error in errors]
     worse = ratio > WORSE

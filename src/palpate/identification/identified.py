@@ -68,6 +68,7 @@ from palpate.method.estimators.estimate import (
 )
 from palpate.method.estimators.law_verdicts import Candidate
 from palpate.method.estimators.oscillation import Oscillation
+from palpate.method.rows import rms
 from palpate.method.settings import ChangeDetector, ContactGate, Scale
 from palpate.validation import Floats, number_in, positive
 
@@ -295,7 +296,7 @@ class Identified:
         inside = (contact.penetration > self.estimate.surface) & ~self.trace.rejected
         inside &= np.isfinite(contact.velocity)
         way = float(np.std(contact.penetration[inside])) if inside.any() else 0.0
-        speed = float(np.sqrt(np.mean(contact.velocity[inside] ** 2))) if inside.any() else 0.0
+        speed = rms(contact.velocity[inside]) if inside.any() else 0.0
         return speed / way if way > 0.0 and speed > 0.0 else math.nan
 
     @property

@@ -3,11 +3,10 @@
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.findings import MARKS, Check
 from palpate.identification.diagnosis import Quantity
@@ -15,11 +14,12 @@ from palpate.identification.diagnosis.causes import CARE
 from palpate.identification.identified import Identified
 from palpate.method.estimators import ViscoelasticContact
 from palpate.method.estimators.estimate import rmse_percent
+from palpate.validation import Mask
 
 EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Ranking:
     """Result of a comparison of methods.
 
@@ -71,7 +71,7 @@ def method_fails(result: "Identified") -> bool:
     return any(max(map(abs, change)) > 100.0 * CARE for change in changes)
 
 
-def _common_rmse(result: "Identified", common: NDArray[np.bool_]) -> float:
+def _common_rmse(result: "Identified", common: Mask) -> float:
     """RMSE% on the samples that all methods took; variable projection also takes shallow ones."""
     fit = rmse_percent(result.contact.force[common], result.fitted_force[common])
     return fit if math.isfinite(fit) else math.inf

@@ -28,6 +28,7 @@ from palpate.method.estimators.estimate import (
     samples_in_estimate,
 )
 from palpate.method.estimators.least_squares import long_run_covariance
+from palpate.method.rows import rms
 from palpate.method.settings import ContactGate, OutlierRejection
 from palpate.stages import log_stage
 from palpate.validation import Floats, shown
@@ -198,7 +199,7 @@ def _widening_factors(contact: Contact, trace: Trace, estimator: ContactEstimato
         weighted = weight[:, None] * slopes
         information = slopes.T @ weighted
         units = np.sqrt(np.diag(information))  # they normalise the information matrix
-        noise = np.sqrt(np.mean(residual**2))
+        noise = rms(residual)
         if not ((np.isfinite(units) & (units > 0.0)).all() and 0.0 < noise < np.inf):
             return factors
         inverse = np.linalg.pinv(information / np.outer(units, units), hermitian=True)

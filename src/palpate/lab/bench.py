@@ -2,10 +2,11 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.input.preparation import prepare
 from palpate.input.preparation.resolution import deviation_of_mean
@@ -26,7 +27,7 @@ from palpate.stages import log_stage
 from palpate.validation import Floats, instance, number_in
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Measurement:
     """Result of a run on the bench.
 
@@ -49,7 +50,7 @@ class Measurement:
         return f"<Measurement: {self.contact!r}>"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Bench:
     """A laboratory bench: one material, one motion, one probe, one set of sensors.
 

@@ -6,16 +6,16 @@ import sys
 import warnings
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.errors import InvalidParameterError, PalpateError, require_mujoco
 from palpate.lab.bench import Bench
 from palpate.lab.rig import Geometry, Simulation, TwinPantograph
 from palpate.lab.trajectories import Command
 from palpate.output import figures
+from palpate.validation import Values
 from palpate.writing import write_bytes
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class NoRendererError(PalpateError, RuntimeError):
     """MuJoCo cannot render on this machine: it finds no graphics library."""
 
 
-def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760)) -> NDArray[Any]:
+def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760)) -> Values:
     """Return an image of a bench's rig at a time [s] of its trajectory.
 
     Parameters
@@ -64,7 +64,7 @@ def photograph(bench: Bench, at: float = 3.0, size: tuple[int, int] = (1200, 760
         raise NoRendererError(f"MuJoCo cannot render on this machine: {error}") from None
 
 
-def _render_frame(run: Simulation, width: int, height: int) -> NDArray[Any]:
+def _render_frame(run: Simulation, width: int, height: int) -> Values:
     mujoco = require_mujoco()
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         from mujoco.egl import GLContext  # needs no screen

@@ -8,6 +8,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
 from palpate.validation import Floats, instance, number, number_in
@@ -54,7 +55,7 @@ class Material(Protocol):
         return force_of_touch(self.touch(), time, lateral_position, penetration, velocity)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Homogeneous:
     """A homogeneous, time-invariant material: one force law.
 
@@ -101,7 +102,7 @@ class Homogeneous:
         return self.law.description()
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Relaxing(Material):
     """A Hunt–Crossley law and a Maxwell branch in parallel: the force relaxes when held.
 
@@ -158,7 +159,7 @@ class Relaxing(Material):
         }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Layered(Material):
     """A soft layer over a rigid body: its stiffness rises smoothly as the probe nears the body.
 
@@ -241,7 +242,7 @@ class _MaxwellBranch:
         return self._force if penetration > 0.0 else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SpaceVaryingMaterial(Material):
     """Materials side by side: the lateral position selects the touched one.
 
@@ -272,7 +273,7 @@ class SpaceVaryingMaterial(Material):
         return {"kind": "space-varying", "borders": list(self.borders), "zones": zones}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TimeVaryingMaterial(Material):
     """Materials one after the other: the time selects the touched one.
 

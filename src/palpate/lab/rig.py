@@ -7,12 +7,12 @@ of the two pantographs carry a handle, and the handle the poking device.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, require_mujoco
 from palpate.lab.materials import Material, Touch, force_of_touch
 from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
@@ -27,7 +27,7 @@ PANTOGRAPH = np.array([0, 0, 1, 1])
 ELBOW = np.array([1.0, -1.0, 1.0, -1.0])
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Geometry:
     """Lengths of the rig, m. They are assumed: the paper has none.
 
@@ -135,7 +135,7 @@ def _meeting(left: Floats, right: Floats, radius: float) -> Floats:
 Progress = Callable[[float], None]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SimulatedMotion:
     """True motion and force of the probe, and its recorded motion.
 
@@ -173,7 +173,7 @@ class Probe(Protocol):
         """Press ``material`` along ``trajectory``; times are s, evenly spaced, from 0 on."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class IdealProbe:
     """A tip that follows the command exactly, without a robot; for statistics."""
 
@@ -220,7 +220,7 @@ class IdealProbe:
 # The sensors.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sensors:
     """The force sensor and the clock; the defaults are those of the paper's section IV.
 
@@ -375,7 +375,7 @@ TOP_SPEED = 20.0
 PEAK_FORCE = 1e4  # m/s, N
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TwinPantograph:
     """Two pantographs that carry one poking device, each driven by two motors at its base.
 

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.lab.design.motion import PAPER_MOTION, Motion
 from palpate.validation import Floats, instance, number_in, signals
@@ -42,7 +43,7 @@ class Trajectory(Protocol):
         """Return the command at times [s], shape (k,)."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Command:
     """Commanded position and velocity of the probe.
 
@@ -66,7 +67,7 @@ class Command:
         return cls(penetration, velocity, still, still)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Probing:
     """A pause above the surface, a smooth approach, then sines in the material.
 
@@ -109,7 +110,7 @@ class Probing:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Palpation:
     """Probing at two lateral positions in turn, sliding between them in contact.
 
@@ -155,7 +156,7 @@ class Palpation:
         )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Tapping:
     """Strokes that leave the material between two touches.
 

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, get_args
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.method.estimators import ESTIMATORS, ContactEstimator, estimator_named
 from palpate.method.estimators.viscoelastic import Damping, Memory
@@ -91,7 +92,7 @@ def _setting(name: str, value: Any, known: dict[str, Any]) -> dict[str, Any]:
 Name = Literal["tare", "hold", "resume", "reset", "estimator", "source", "depth", "record", "stop"]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LiveCommand:
     """One command.
 

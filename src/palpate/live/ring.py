@@ -12,9 +12,8 @@ from multiprocessing.sharedctypes import RawArray
 from typing import Any, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
-from palpate.validation import Floats
+from palpate.validation import Floats, Integers
 
 #: Memory that processes share.
 Memory: TypeAlias = ctypes.Array[ctypes.c_byte]
@@ -123,7 +122,7 @@ class Reader(_Shared):
         rows = self.at(np.arange(max(begin, self._next - self._capacity), self._next))
         return rows, self._next - begin - len(rows)
 
-    def at(self, numbers: NDArray[np.int64]) -> Floats:
+    def at(self, numbers: Integers) -> Floats:
         """Return the rows of ascending numbers, except those that are already overwritten."""
         rows: Floats = self._rows[numbers % self._capacity]
         # Rows that were overwritten during the copy are invalid.

@@ -5,12 +5,12 @@ import multiprocessing
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any, Protocol
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Memory, RowReader, SharedJson
 from palpate.validation import Floats, or_nan
 from palpate.writing import abandon_output
@@ -35,7 +35,7 @@ def print_line(text: str, end: str = "\n") -> bool:
 # The interface of a sink, which runs in a separate process.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Session:
     """The shared memory through which the loop and its sinks exchange data.
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, import_extra
 from palpate.method.contact import Contact
 from palpate.validation import number_in, shown
@@ -223,7 +224,7 @@ class Kind(NamedTuple):
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SourceOptions:
     """Options of all kinds of sources; each source uses those that apply to it.
 

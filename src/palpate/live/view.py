@@ -6,9 +6,10 @@ loop cannot spare. Each key of the page's text is the id of an element in its do
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, parameter, rounded, with_error
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -37,7 +38,7 @@ Numbers = dict[str, tuple[float, float]]
 _UNKNOWN = math.nan, math.nan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LiveVerdict:
     """Verdict on the force law, from the loop's status.
 

@@ -12,7 +12,6 @@ import time
 from collections import deque
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from enum import Enum
 from multiprocessing.connection import Connection
 from statistics import median_high
@@ -21,6 +20,7 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import parameter
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
@@ -41,7 +41,7 @@ from palpate.validation import Floats, check_choice, number_in, shown, whole_in
 # The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class WireAddress:
     """A wire's address, parsed.
 
@@ -540,7 +540,7 @@ _COLUMNS = [PLACE[column] for _, column in BEFORE]
 GENERATION = PLACE["method"]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Fields:
     """Fields of the published estimates of one estimator.
 

@@ -3,18 +3,22 @@
 import json
 import textwrap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
+from palpate.method.rows import median
 from palpate.method.rows import run_slices as run_slices
 from palpate.validation import (
     Floats,
+    Integers,
+    Mask,
     Plain,
     check_field,
     number,
@@ -29,7 +33,7 @@ VELOCITY_NOTE = "velocity filter"
 _LABELS = "segment must be an array of one label per sample, such as [0, 0, 1]"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class VelocityFilter(Plain):
     """How a velocity was computed: the slope of a smoothing spline, or of windowed polynomials.
 
@@ -72,7 +76,7 @@ class VelocityFilter(Plain):
             return None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Delay:
     """The delay that was taken out of a force, all of it.
 
@@ -100,7 +104,7 @@ def add_step(made: dict[str, str], channel: str, step: str) -> None:
     made[channel] = f"{made[channel]}, {step}" if channel in made else step
 
 
-@dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
+@frozen(eq=False, init=False, repr=False)
 class Contact:
     """The input of identification, in SI units on one clock, and how it was obtained.
 
@@ -158,7 +162,7 @@ class Contact:
     penetration: Floats
     velocity: Floats
     force: Floats
-    segment: NDArray[np.int64]
+    segment: Integers
     source: str
     provenance: Mapping[str, str]
     tare_deviation: float | None
@@ -224,7 +228,7 @@ class Contact:
     def sample_time(self) -> float:
         """Median time between samples within a segment, s."""
         steps = np.diff(self.time)[np.diff(self.segment) == 0]
-        return float(np.median(steps)) if steps.size else 1e-3
+        return median(steps) if steps.size else 1e-3
 
     @property
     def time_steps(self) -> Floats:
@@ -241,13 +245,13 @@ class Contact:
         text = f"{low:g} s to {high:g} s"
         return replace(self.taken(keep), provenance={**self.provenance, "window": text})
 
-    def taken(self, samples: "slice | NDArray[np.bool_]") -> "Contact":
+    def taken(self, samples: "slice | Mask") -> "Contact":
         """Return a contact of the selected samples, otherwise unchanged."""
         cut = ("time", "penetration", "velocity", "force", "segment")
         return replace(self, **{name: getattr(self, name)[samples] for name in cut})
 
 
-def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bool_]:
+def between(time: Floats, low: float, high: float, source: str) -> Mask:
     """Mask of the samples between two times, s; raise RecordingError if no sample is there."""
     keep = (time >= low) & (time <= high)
     if not keep.any():
@@ -258,7 +262,7 @@ def between(time: Floats, low: float, high: float, source: str) -> NDArray[np.bo
     return keep
 
 
-def number_runs(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
+def number_runs(segment: "ArrayLike | None", samples: int) -> Integers:
     """Consecutive numbers of the runs of equal labels; NaN labels count as equal."""
     if segment is None:
         return np.zeros(samples, dtype=np.int64)
@@ -274,7 +278,7 @@ def number_runs(segment: "ArrayLike | None", samples: int) -> NDArray[np.int64]:
     return np.concatenate([np.zeros(min(samples, 1), dtype=np.int64), np.cumsum(other)])
 
 
-def _check_time(time: Floats, labels: NDArray[np.int64]) -> None:
+def _check_time(time: Floats, labels: Integers) -> None:
     """Reject times that are not finite or that increase by less than 1e-100 s in a segment."""
     with np.errstate(invalid="ignore", over="ignore"):  # NaN, infinite or huge times
         late = np.diff(time) >= SHORTEST_STEP

@@ -38,7 +38,7 @@ def count_true(mask: Mask) -> int:
 
 def typical_step(time: Values) -> float:
     """Median time between samples, s; infinite for fewer than two."""
-    return float(np.median(np.diff(time))) if time.size > 1 else np.inf
+    return median(np.diff(time)) if time.size > 1 else np.inf
 
 
 def norm(vector: Floats) -> float:
@@ -50,3 +50,13 @@ def row_norms(vectors: Floats) -> Floats:
     """Length of each row."""
     lengths: Floats = np.linalg.norm(vectors, axis=-1)
     return lengths
+
+
+def rms(values: Floats) -> float:
+    """Square root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def median(values: Values | list[float]) -> float:
+    """Middle of all values."""
+    return float(np.median(values))

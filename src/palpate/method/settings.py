@@ -1,14 +1,12 @@
 """Settings that estimators share: contact gate, forgetting, outlier rejection, scaling."""
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, check_field, shown
+from palpate.validation import Floats, Mask, check_field, shown
 
 # The C++ headers define and explain each default.
 _FADING = _core.defaults["FadingForgetting"]
@@ -31,7 +29,7 @@ class _Numbers:
         return tuple(float(getattr(self, field.name) or 0.0) for field in fields(own))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ContactGate(_Numbers):
     """The rule for which samples are in contact.
 
@@ -64,13 +62,13 @@ class ContactGate(_Numbers):
             )
         check_field(self, "minimum_penetration", 0.0, 1e100)
 
-    def makes(self, penetration: Floats, force: Floats) -> NDArray[np.bool_]:
+    def makes(self, penetration: Floats, force: Floats) -> Mask:
         """Whether each sample is deep and firm enough to begin contact."""
-        found: NDArray[np.bool_] = penetration > self.minimum_penetration
+        found: Mask = penetration > self.minimum_penetration
         return found & (force > self.make_force)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ConstantForgetting:
     """A constant forgetting factor λ; 1 forgets nothing (plain RLS).
 
@@ -92,7 +90,7 @@ class ConstantForgetting:
         return self.factor, 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FadingForgetting(_Numbers):
     """Forgetting that fades from contact onset: λ(t) = 1 − (1 − λ₀) e^(−α t), section V-A-3.
 
@@ -115,7 +113,7 @@ class FadingForgetting(_Numbers):
 Forgetting = ConstantForgetting | FadingForgetting
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SelfPerturbation(_Numbers):
     """Self-perturbing least squares (Park & Jun 1992), section VII.
 
@@ -138,7 +136,7 @@ class SelfPerturbation(_Numbers):
         check_field(self, "sensitivity", 0.0, 1e40)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ChangeDetector(_Numbers):
     """Detects that the probe touches another material, and restarts the estimate.
 
@@ -194,7 +192,7 @@ class ChangeDetector(_Numbers):
         check_field(self, "transition", 0, 100, whole=True)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class OutlierRejection:
     """Rejects physically impossible samples: dropouts, spikes and a saturated sensor.
 
@@ -222,7 +220,7 @@ class OutlierRejection:
         return self.threshold
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Scale(_Numbers):
     """Units of the arithmetic: the estimator divides its inputs by them and returns laws in SI.
 

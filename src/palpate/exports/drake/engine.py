@@ -10,6 +10,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.exports.drake.running import (
     Plant,
@@ -43,7 +44,7 @@ URDF_TIP = """\
     </collision>"""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DrakeTip:
     """One sphere of the tip: its radius, and the height of its centre above the tip's, m."""
 
@@ -53,7 +54,7 @@ class DrakeTip:
     material: Mapping[str, float | None]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Parts:
     """The values of the text; a material property with value None is a flag.
 
@@ -115,7 +116,7 @@ def bodies(parts: Parts, file: str, comment: str) -> str:
 # A law as Drake's contacts: files, predicted force, replayed force.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sap:
     """One sphere with Drake's SAP solver: k (x + τ v)."""
 

@@ -11,9 +11,9 @@ has the force at (x, v).
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
+from palpate._frozen import frozen
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.exports.replay_errors import Drop, came_back, drop_restitution, state_by_state
 from palpate.validation import Floats
@@ -109,7 +109,7 @@ _LOOKS = 50
 _ACCURACY = 1e-8
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Setting:
     """The settings of the plant that the text cannot contain.
 

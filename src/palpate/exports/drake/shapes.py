@@ -5,10 +5,9 @@ kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊, and together they are piecewise linear. G
 are fitted by least squares.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.least_squares import least_squares, nonnegative
 from palpate.validation import Floats
@@ -24,7 +23,7 @@ _MOST_SAMPLES = 1000
 ROUNDING = 1e-15
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Spheres:
     """F = Σ kᵢ (x − δᵢ)₊ (1 + dᵢ v)₊.
 

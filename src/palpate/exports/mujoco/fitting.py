@@ -14,11 +14,11 @@ that only push.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.nearest_law import kelvin_voigt
@@ -53,7 +53,7 @@ def impedance(depth: Floats | float, *solimp: Floats | float) -> Floats:
     return found
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PairRow:
     """One contact of a pair, with the parameters of MuJoCo's XML.
 
@@ -107,7 +107,7 @@ class PairRow:
         return np.where(mass > 0.0, np.maximum(whole, -self.adhesion), 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PairRows:
     """The rows of a fragment, each multiplied by the number of contacts MuJoCo makes.
 
@@ -273,7 +273,7 @@ def two_contacts(
     return PairRows(tuple(made), mobility, contacts)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Search:
     """States with penetration, velocity, force and weight, to fit rows to."""
 

@@ -7,13 +7,13 @@ effective mass; and at the end reading back an exported scene.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError, require_mujoco
 from palpate.exports.engine import make_refusals, make_warnings
 from palpate.exports.exporting import STATEMENT
@@ -28,7 +28,7 @@ PADS = ("palpate_pad", "palpate_pad_damper")
 TIP = "tip"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Placement:
     """Position and orientation of a surface.
 
@@ -219,7 +219,7 @@ _LONG = ("CAPSULE", "CYLINDER")
 _ANY = PairRow(1.0, 1.0, (1e-4, 1e-4, 1.0, 0.5, 2.0))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Robot:
     """The properties of a user's model that a fragment needs.
 

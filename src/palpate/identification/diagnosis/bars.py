@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.identification.diagnosis.causes import (
@@ -72,7 +72,7 @@ class BarPart(NamedTuple):
     detected: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SystematicErrors:
     """All systematic errors of a fit.
 

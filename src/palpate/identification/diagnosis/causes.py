@@ -2,14 +2,15 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
-from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.findings import MAY_CAP, Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
 from palpate.validation import Floats
@@ -214,7 +215,7 @@ def remaining_part(fit: Fit, check: Check, amount: float, z: float) -> float:
 # computed at any depth.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ParameterChange:
     """A linear change of the parameters of a law, in the fit's units, and an added branch.
 
@@ -234,7 +235,7 @@ class ParameterChange:
         return fit.relative_changes(changes)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class OtherLaw:
     """Replacement of a law by another with a surface that is deeper, in the fit's units."""
 
@@ -251,7 +252,7 @@ class OtherLaw:
         return fit.relative_changes(after - fit.force_stiffness_damping(self.before)[1:])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SeveralLaws:
     """Consecutive laws, SI; the one whose stiffness differs most counts."""
 
@@ -267,7 +268,7 @@ class SeveralLaws:
 LawChange: TypeAlias = ParameterChange | OtherLaw | SeveralLaws
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MisfitHypothesis:
     """Result of fitting one cause in addition to the law.
 
@@ -404,7 +405,7 @@ SOUGHT = (Check.CHANGE, Check.SKEW_JUMP)  # found by a search over borders
 OTHER_CAUSE = 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CauseAssessment:
     """The significant causes, and the effect of all causes on stiffness and damping.
 
@@ -537,7 +538,7 @@ def _mention_alternative(
 
 def _cause_finding(cause: MisfitHypothesis, *, at_noise_floor: bool) -> Finding:
     """Return the finding of a cause, with care unless the cause is negligible."""
-    uncertain = cause.check.may_cap and not (cause.negligible and at_noise_floor)
+    uncertain = cause.check in MAY_CAP and not (cause.negligible and at_noise_floor)
     return cause.check.finding(
         cause.sentence,
         cause.remedy,

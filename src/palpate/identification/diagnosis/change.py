@@ -2,11 +2,11 @@
 
 import itertools
 import math
-from dataclasses import dataclass
 from operator import attrgetter
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, NextStep, Remedy
 from palpate.force_laws import ForceLaw
@@ -28,7 +28,7 @@ EXPONENTS = (1.0, 1.5, 2.0)  # starts: the exponent pooled over two materials is
 _ENERGY = attrgetter("energy")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Changes:
     """Times at which the material changes, and the laws between them.
 
@@ -47,7 +47,7 @@ class Changes:
     laws: tuple[ForceLaw, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Cut:
     """A fit with separate coefficients for each episode and a common exponent and offset."""
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import percent, rounded, with_error
 from palpate.findings import Check, Finding, NextStep, Remedy
@@ -24,7 +23,7 @@ from palpate.identification.diagnosis.fit import (
     WindowedSamples,
     fit_with_column,
 )
-from palpate.validation import Floats
+from palpate.validation import Floats, Indices
 
 LONGEST = 25e-3  # s; with more the recording is misaligned, not delayed
 MOST_ROWS = 700  # rows that are used to compare shifts of whole samples
@@ -175,13 +174,13 @@ def _shift_motion(fit: Fit, shift: int, windows: WindowedSamples, force: Floats)
     return MovedSamples(x, fit.data.velocity[place] / fit.units.speed, windows, force)
 
 
-def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> NDArray[np.intp]:
+def _earlier_samples(fit: Fit, windows: WindowedSamples, shift: int) -> Indices:
     """Return the samples ``shift`` earlier, clipped to the segment."""
     segment = fit.data.segment
     segments = segment[windows.samples]
     first_of_segment = np.searchsorted(segment, segments)
     last = np.searchsorted(segment, segments, "right") - 1
-    place: NDArray[np.intp] = np.clip(windows.samples - shift, first_of_segment, last)
+    place: Indices = np.clip(windows.samples - shift, first_of_segment, last)
     return place
 
 

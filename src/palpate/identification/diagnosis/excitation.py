@@ -6,6 +6,7 @@ from palpate.digits import format_quantity, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.identification.diagnosis.fit import Fit
 from palpate.method.estimators.law_verdicts import ONE_WAY, one_speed, one_way
+from palpate.method.rows import count_true, rms
 
 FEWEST_SAMPLES = 60
 # A probe is held below the first fraction of its rms speed and beyond the second of its depth, for
@@ -18,7 +19,7 @@ WITHDRAWN = 0.1
 
 def check_excitation(fit: Fit) -> Finding | None:
     """Too few samples in contact to check the law."""
-    count = int(np.count_nonzero(fit.inside))
+    count = count_true(fit.inside)
     return few_samples(count, "do-not-trust") if count < FEWEST_SAMPLES else None
 
 
@@ -77,8 +78,8 @@ def check_one_way(fit: Fit) -> Finding | None:
 def presses_once(fit: Fit) -> bool:
     """Whether the probe turns at most once while it moves at more than 0.3 of its rms speed."""
     speed = fit.windows.mean(fit.v)
-    fast = np.sign(speed[np.abs(speed) > 0.3 * float(np.sqrt(np.mean(speed**2)))])
-    return int(np.count_nonzero(np.diff(fast))) <= 1
+    fast = np.sign(speed[np.abs(speed) > 0.3 * rms(speed)])
+    return count_true(np.diff(fast)) <= 1
 
 
 def check_peaks(fit: Fit) -> Finding:

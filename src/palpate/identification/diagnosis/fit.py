@@ -4,11 +4,11 @@ import math
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.identification.diagnosis.outcome import ModelSelection
 from palpate.identification.diagnosis.recording import Data
@@ -18,7 +18,8 @@ from palpate.method.estimators.law_verdicts import ONE_WAY
 from palpate.method.estimators.least_squares import column_sizes, least_squares, robust_covariance
 from palpate.method.estimators.oscillation import Oscillation
 from palpate.method.estimators.viscoelastic import RelaxingEstimate
-from palpate.validation import Floats
+from palpate.method.rows import count_true, median, rms
+from palpate.validation import Floats, Indices, Integers, Mask, Values
 
 if TYPE_CHECKING:
     from palpate.identification.diagnosis.equivalent import EquivalentEstimate
@@ -46,11 +47,11 @@ class WindowedSamples:
         Indices into ``samples``, one column for each window; such sums are six times faster.
     """
 
-    samples: NDArray[np.intp]
-    places: NDArray[np.intp]
+    samples: Indices
+    places: Indices
 
     @classmethod
-    def from_indices(cls, index: NDArray[np.intp]) -> "WindowedSamples":
+    def from_indices(cls, index: Indices) -> "WindowedSamples":
         """Return windows from the samples of each, shape (width, rows)."""
         samples = np.unique(index)
         return cls(samples, np.searchsorted(samples, index))
@@ -86,9 +87,7 @@ class WindowedSamples:
         return WindowedSamples.from_indices(self.samples[self.places[:, ::every]])
 
 
-def windows_over(
-    inside: NDArray[np.bool_], segment: NDArray[np.int64], width: int
-) -> WindowedSamples:
+def windows_over(inside: Mask, segment: Integers, width: int) -> WindowedSamples:
     """Return windows of ``width`` samples, all of them inside, a third of a window apart.
 
     No window spans two segments.
@@ -110,7 +109,7 @@ LOWEST_FREE = 75.0  # percent of the samples above the surface
 FEWEST_WINDOWS = 3  # number of windows that do not overlap, for each interval of free air
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FreeAir:
     """Force in free air after subtracting the mean of each interval: noise, and slopes with motion.
 
@@ -176,7 +175,7 @@ EXPONENTS = (0.2, 6.0)  # beyond what any material shows; keeps powers finite
 DEEP = 90.0  # percentile of the penetration that is reported as a second depth
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Units:
     """Units of penetration and velocity in which K and n of a power law are nearly uncorrelated."""
 
@@ -231,7 +230,7 @@ class Solution:
         return remainder
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FitInput:
     """The identification whose law is fitted again.
 
@@ -275,7 +274,7 @@ def find_steady_speed(velocity: Floats) -> float:
     mean = float(velocity.mean()) if velocity.size >= PARTS else 0.0
     means = np.array([block.mean() for block in np.array_split(velocity, PARTS)]) if mean else mean
     steady = bool(np.all(np.abs(means - mean) <= STEADY * abs(mean)))
-    return mean if steady and abs(mean) > ONE_WAY * float(np.sqrt(np.mean(velocity**2))) else 0.0
+    return mean if steady and abs(mean) > ONE_WAY * rms(velocity) else 0.0
 
 
 def reference_scale(value: Floats | float, force: Floats | float, by: Floats | float) -> Floats:
@@ -333,7 +332,7 @@ class Fit:
         if estimate.law.relaxes:
             depths_taken = data.penetration[trace.taken[data.known]] - estimate.surface
             below = depths_taken[depths_taken > 0.0]
-            middle = float(np.median(below)) if below.size else 1.0
+            middle = median(below) if below.size else 1.0
             self._force = force_along(data, estimate) if force is None else force
             from palpate.identification.diagnosis.equivalent import equivalent_hunt_crossley
 
@@ -347,14 +346,14 @@ class Fit:
         names = estimate.law.names()
         self.fixed = [k for k, name in enumerate(names) if name in estimate.fixed]
         self.penetration = data.penetration - estimate.surface
-        self.inside: NDArray[np.bool_] = trace.taken[data.known] & (self.penetration > 0.0)
-        self.rejected: NDArray[np.bool_] = trace.rejected[data.known]  # excluded as outliers
-        self.outside: NDArray[np.bool_] = ~(self.inside | self.rejected)
+        self.inside: Mask = trace.taken[data.known] & (self.penetration > 0.0)
+        self.rejected: Mask = trace.rejected[data.known]  # excluded as outliers
+        self.outside: Mask = ~(self.inside | self.rejected)
         #: Samples above the surface according to the penetration.
-        self.free: NDArray[np.bool_] = (self.penetration < 0.0) & ~self.rejected
+        self.free: Mask = (self.penetration < 0.0) & ~self.rejected
         # Counted at any penetration: a probe that rests 0.5 mm above the material has no samples
         # above a surface that is 0.7 mm off.
-        self.has_free_air = int(np.count_nonzero(self.outside)) >= FEWEST_FREE
+        self.has_free_air = count_true(self.outside) >= FEWEST_FREE
         x = self.penetration[self.inside]
         v = data.velocity[self.inside]
         ranks = (0.0, 50.0, DEEP, 100.0)
@@ -362,7 +361,7 @@ class Fit:
         self.range = (depths[0], depths[3])
         self.reference, self.deep = depths[1:3]
         self.depth = self.reference if depth is None else depth
-        self.speed = float(np.sqrt(np.mean(v**2))) or 1.0
+        self.speed = rms(v) or 1.0
         #: Velocity at which stiffness and force hold, m/s: the motion's if it is one, else 0.
         self.steady_speed = 0.0 if given.estimate.law.relaxes else find_steady_speed(v)
         # At one speed all laws fit as well, and their spread says nothing of the slope.
@@ -384,7 +383,7 @@ class Fit:
     def _windows_in_contact(self) -> WindowedSamples:
         """Return windows over the samples in contact; an excluded outlier does not end a window."""
         kept = np.flatnonzero(~self.rejected)
-        most = max(int(np.count_nonzero(self.inside)) // 40, 1)
+        most = max(count_true(self.inside) // 40, 1)
         width = np.clip(self.period / WINDOWS_A_PERIOD / self.data.sample_time, 1, most)
         windows = windows_over(self.inside[kept], self.data.segment[kept], int(width))
         return replace(windows, samples=kept[windows.samples])
@@ -585,7 +584,7 @@ class Fit:
         """Acceleration at the samples of the windows, m/s²."""
         return self.acceleration_at(self.windows.samples)
 
-    def acceleration_at(self, samples: NDArray[Any]) -> Floats:
+    def acceleration_at(self, samples: Values) -> Floats:
         """Acceleration at some samples of the recording, m/s²."""
         time = np.maximum(np.gradient(self.data.time).cumsum(), self.data.time)
         rate: Floats = np.gradient(self.data.velocity, time)[samples]
@@ -632,7 +631,7 @@ class Fit:
         return float(np.sqrt(np.mean(differences**2) / FOURTH)) if differences.size else 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class MovedSamples:
     """Samples in local units with their windows, used in place of the fit's own samples."""
 
@@ -649,7 +648,7 @@ COLLINEAR = 1e-5
 SIGNIFICANT = 4.5
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AugmentedFit:
     """Result of a fit with one additional column.
 

@@ -8,6 +8,7 @@ from palpate.digits import percent, rounded
 from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.identification.diagnosis.fit import FEWEST_ROWS, Fit
 from palpate.method.estimators.least_squares import column_sizes
+from palpate.method.rows import rms
 
 PARTS = 3  # parts of the rows; the last part is predicted
 CARE = 0.25
@@ -29,7 +30,7 @@ def check_forecast(fit: Fit) -> Finding | None:
         return None
     third = rows // PARTS
     last = rows - rows // PARTS
-    size = math.sqrt(float(np.mean((fit.force[last:] - fit.solution.offset) ** 2)))
+    size = rms(fit.force[last:] - fit.solution.offset)
     error_of_all, expected = _prediction_error(fit, slice(0, last, 3))
     if not error_of_all > UNEXPECTED * fit.noise_floor:
         return None
@@ -68,4 +69,4 @@ def _prediction_error(fit: Fit, training_rows: slice) -> tuple[float, float]:
     earlier_residual = residual[training_rows] - earlier @ change
     leverage = float(np.mean(np.sum((later @ inverse) * later, axis=1)))
     noise = max(float(np.mean(earlier_residual**2)), fit.noise_floor**2)
-    return math.sqrt(float(np.mean(error**2))), math.sqrt(noise * (1.0 + leverage))
+    return rms(error), math.sqrt(noise * (1.0 + leverage))

@@ -26,6 +26,7 @@ from palpate.identification.diagnosis.fit import FEWEST_FREE, SIGNIFICANT, Fit, 
 from palpate.identification.diagnosis.misfit import deeper_half_remedy
 from palpate.identification.diagnosis.outcome import ModelSelection
 from palpate.method.estimators.least_squares import mean_error, robust_covariance
+from palpate.method.rows import median
 
 
 def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
@@ -39,8 +40,8 @@ def find_material_causes(fit: Fit) -> list[MisfitHypothesis]:
     speed = fit.v * fit.units.speed / fit.speed
     spring = law.force(x, at_rest)
     slope = law.penetration_gradient(x, at_rest)
-    spring = spring / (float(np.median(spring)) or 1.0)  # ξⁿ of a power law
-    slope = slope / (float(np.median(slope)) or 1.0)  # ξⁿ⁻¹ of a power law
+    spring = spring / (median(spring) or 1.0)  # ξⁿ of a power law
+    slope = slope / (median(slope) or 1.0)  # ξⁿ⁻¹ of a power law
     logarithm = np.log(np.maximum(depth, 1e-12))
     columns = {
         Check.SLOW_CHANGE: law.force(x, fit.v) * time,
@@ -63,7 +64,7 @@ def _explain_column(fit: Fit, check: Check, amount: float) -> tuple[str, Remedy 
     # The line through a change that is not even may fall below zero.
     change = f"hardens by {percent(amount)}" if amount > 0.0 else f"softens by {percent(-amount)}"
     change = "softens by over 90 %" if amount < -0.9 else change
-    half = rounded(float(np.median(fit.data.time)), 3)
+    half = rounded(median(fit.data.time), 3)
     return {
         Check.SLOW_CHANGE: (
             f"the material {change} during the recording",

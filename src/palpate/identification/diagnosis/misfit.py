@@ -1,11 +1,12 @@
 """Force that the law does not explain, and distance of a method from its law's least squares."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.identification.diagnosis.causes import CARE
@@ -16,6 +17,7 @@ from palpate.identification.diagnosis.fit import (
 )
 from palpate.method.estimators.least_squares import column_sizes, robust_covariance
 from palpate.method.estimators.variable_projection import ConstrainedEstimate
+from palpate.method.rows import rms
 from palpate.validation import Floats
 
 # Chosen by hand.
@@ -52,7 +54,7 @@ def smooth_misfit(fit: Fit) -> float:
     x = mean(fit.x)
     v = mean(fit.v)
     place = (x - x.min()) / (float(np.ptp(x)) or 1.0) - 0.5
-    speed = v / (float(np.sqrt(np.mean(v**2))) or 1.0)
+    speed = v / (rms(v) or 1.0)
     powers = place[:, None] ** np.arange(5.0)
     by_speed = (speed, np.tanh(3.0 * speed), speed**2)
     columns = np.hstack([powers, *(each[:, None] * powers[:, :3] for each in by_speed)])
@@ -78,7 +80,7 @@ def smooth_misfit(fit: Fit) -> float:
 LESS_MISFIT, WELL_EXPLAINED = 0.85, 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DeeperHalf:
     """Predicted changes by identifying the deeper half alone, as ratios to the whole contact.
 

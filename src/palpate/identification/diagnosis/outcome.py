@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark, Remedy, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -15,7 +16,7 @@ from palpate.method.estimators.law_verdicts import judge_evidence
 from palpate.validation import Plain
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Verdict(Plain):
     """Marks of the stiffness and the damping at working depth, and the overall mark.
 
@@ -39,7 +40,7 @@ class Verdict(Plain):
         return {"stiffness": self.stiffness, "damping": self.damping}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Where(Plain):
     """Where a number holds.
 
@@ -58,7 +59,7 @@ class Where(Plain):
     speed: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Quantity(Plain):
     """A number, what it is worth and where it holds, SI; or arrays of them.
 
@@ -130,7 +131,7 @@ _NUMBERS = "value", "standard_error", "systematic"
 UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class WorkingDepth(Plain):
     """Force, stiffness and damping of the law at one depth, SI.
 
@@ -184,7 +185,7 @@ def stack_depths(depths: Sequence[WorkingDepth], shape: tuple[int, ...]) -> Work
     return WorkingDepth(depth, *quantities, speed=speed)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Episode:
     """A time span in which the material did not change.
 
@@ -215,7 +216,7 @@ class Episode:
         }
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@frozen(repr=False)
 class Diagnosis(Plain):
     """Findings, marks and error bars of an identification.
 
@@ -314,7 +315,7 @@ class Diagnosis(Plain):
         }
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class ModelSelection:
     """The selected law and the evidence for it.
 

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import format_quantity, percent, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
@@ -25,7 +24,8 @@ from palpate.input.preparation.velocity import (
     window_samples,
 )
 from palpate.method.contact import Contact
-from palpate.validation import Floats
+from palpate.method.rows import median, rms
+from palpate.validation import Floats, Indices, Mask
 
 
 class Data:
@@ -40,7 +40,7 @@ class Data:
     def __init__(self, contact: Contact) -> None:
         self.contact = contact
         channels = contact.penetration, contact.velocity, contact.force
-        self.known: NDArray[np.bool_] = np.all(np.isfinite(channels), axis=0)
+        self.known: Mask = np.all(np.isfinite(channels), axis=0)
         self.time = contact.time[self.known]
         self.penetration = contact.penetration[self.known]
         self.velocity = contact.velocity[self.known]
@@ -211,7 +211,7 @@ def check_signs(data: Data) -> Finding | None:
     return Check.SIGNS.finding(sentence, Remedy(step), mark="do-not-trust")
 
 
-def _ranks(values: Floats) -> NDArray[np.intp]:
+def _ranks(values: Floats) -> Indices:
     return np.argsort(np.argsort(values, kind="stable"))
 
 
@@ -241,7 +241,7 @@ def check_spikes(data: Data) -> Finding | None:
     )
     force[places] = leaps > max(LARGE * data.peak_force, FAR * data.force_noise)
     speed = np.abs(data.velocity)
-    fast = speed > SLOW * np.sqrt(np.mean(speed**2))
+    fast = speed > SLOW * rms(speed)
     if np.mean(fast) < FEWEST_FAST:
         fast = np.ones_like(fast)
     fractions = {"force": float(np.mean(force[fast])), "penetration": float(np.mean(penetration))}
@@ -307,7 +307,7 @@ def _distance_to_parabola(time: Floats, x: Floats) -> float:
     normal = basis.transpose(0, 2, 1) @ basis + 1e-9 * np.eye(3)
     right = (basis * x[windows][:, :, None]).sum(axis=1)
     middle = np.linalg.solve(normal, right[:, :, None])[:, 0, 0]
-    return float(np.median(np.abs(x[windows[:, WIDTH // 2]] - middle)))
+    return median(np.abs(x[windows[:, WIDTH // 2]] - middle))
 
 
 DEEPEST = 0.25
@@ -324,7 +324,7 @@ def check_penetration_unit(data: Data) -> Finding | None:
     depth = data.peak_penetration
     force = data.peak_force
     touched = data.penetration > 0.0
-    speed = float(np.sqrt(np.mean(data.velocity[touched] ** 2))) if touched.any() else 0.0
+    speed = rms(data.velocity[touched]) if touched.any() else 0.0
     large = depth > DEEPEST or speed > FASTEST or force < SOFTEST * depth * depth
     size = f"the penetration reaches {rounded(depth, 3)} m at {rounded(force, 3)} N"
     suspicion = f"{size}: it may be in millimetres, or swapped with another column"

@@ -21,6 +21,7 @@ from palpate.identification.diagnosis.recording import FAR, Data
 from palpate.input.preparation.held import hold_length
 from palpate.input.preparation.resolution import find_dead_band
 from palpate.method.estimators.least_squares import mean_error
+from palpate.method.rows import median, rms
 from palpate.validation import Floats
 
 SHORTEST = 5  # samples
@@ -115,7 +116,7 @@ def find_force_jumps(data: Data) -> tuple[list[int], Floats]:
         velocity_before = data.velocity[max(k - 3, 0)]
         velocity_after = data.velocity[min(k + 4, len(data) - 1)]
         pressed = np.max(data.force[k : k + 2]) > PRESSING * data.peak_force
-        usual_change = float(np.median(changes[neighbours]))
+        usual_change = median(changes[neighbours])
         beyond[k] -= usual_change
         if (
             pressed
@@ -249,10 +250,10 @@ def check_impact(fit: Fit) -> Finding | None:
     squares = float(force @ force) * float(acceleration @ acceleration)
     if fit.data.contact.moving_mass is not None or not product < -math.sqrt(COLLINEAR * squares):
         return None
-    inside = math.sqrt(float(np.mean(fit.acceleration**2)))
+    inside = rms(fit.acceleration)
     outside = np.abs(fit.acceleration_at(fit.free))
     if outside.size >= FEWEST_FREE:
-        free = float(np.median(outside)) < FLIGHT * inside
+        free = median(outside) < FLIGHT * inside
     else:
         free = fit.frequency > IMPACT_FREQUENCY
     if not free:

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import format_hertz, rounded
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check
@@ -19,7 +19,7 @@ from palpate.method.estimators import ContactEstimator
 from palpate.method.estimators.estimate import Estimate, Trace
 from palpate.method.estimators.law_verdicts import band_about
 from palpate.method.estimators.oscillation import Oscillation
-from palpate.validation import Floats, Plain, instance, number, number_in
+from palpate.validation import Floats, Integers, Plain, instance, number, number_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from palpate.identification.quantities.specimen import CompressionModulus, Specimen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class QueryOptions:
     """The impact, tip or specimen, and oscillation for which derived numbers are computed.
 
@@ -135,7 +135,7 @@ class Derivable(Protocol):
 # Stiffness and damping for small oscillations about a depth, which laws of every kind have.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class SmallOscillation(Plain):
     """Dynamic stiffness K′ + iωB′ about a depth.
 
@@ -199,24 +199,25 @@ def compute_oscillation(
 
 def compute_relaxed_stiffness(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x of the fully relaxed material, N/m, at a depth [m]; default: the working depth."""
-    there = _evaluate_depth(result, depth)
-    if not result.law.relaxes:
-        return there.stiffness
-    found = _evaluate(result, there.depth, lambda law, at: float(law.relaxed().stiffness_at(at)))
-    return Quantity(*found, 0.0)
+    return _limit_stiffness(result, depth, GeneralisedHuntCrossley.relaxed)
 
 
 def compute_instantaneous_stiffness(result: Derivable, depth: float | None = None) -> Quantity:
     """∂F/∂x before any relaxation, N/m, at a depth [m]; default: the working depth."""
-    there = _evaluate_depth(result, depth)
+    return _limit_stiffness(result, depth, GeneralisedHuntCrossley.instantaneous)
+
+
+def _limit_stiffness(
+    result: Derivable,
+    depth: float | None,
+    limit: Callable[[GeneralisedHuntCrossley], GeneralisedHuntCrossley],
+) -> Quantity:
+    """∂F/∂x at a depth by the law in a limit of the time, with its error."""
+    at_depth = _evaluate_depth(result, depth)
     if not result.law.relaxes:
-        return there.stiffness
-    found = _evaluate(
-        result,
-        there.depth,
-        lambda law, at: float(law.instantaneous().stiffness_at(at)),
-    )
-    return Quantity(*found, 0.0)
+        return at_depth.stiffness
+    value, error = _evaluate(result, at_depth.depth, lambda law, x: limit(law).stiffness_at(x))
+    return Quantity(value, error, 0.0)
 
 
 def compute_stiffness_after(result: Derivable, time: float, depth: float | None = None) -> Quantity:
@@ -365,7 +366,7 @@ def build_path(result: Derivable) -> "Path":
     )
 
 
-def _segment_numbers(contact: Contact) -> NDArray[np.int64]:
+def _segment_numbers(contact: Contact) -> Integers:
     """Return each sample's segment number; segments end where the time jumps or goes back."""
     usual = np.empty(len(contact))  # time between samples, which may differ between segments
     for part in contact.segments():

@@ -7,9 +7,10 @@ angewandte Mathematik* 92 (1882) 156–171.
 """
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from typing import Any, ClassVar
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, percent
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
@@ -28,6 +29,12 @@ class Tip:
     kind: ClassVar[str]
     #: m in F = E* g xᵐ.
     exponent: ClassVar[float]
+    #: Upper limit of its size.
+    _largest: ClassVar[float]
+
+    def __post_init__(self) -> None:
+        [size] = fields(self)  # type: ignore[arg-type]  # every subclass is a dataclass
+        check_field(self, size.name, 0.0, self._largest, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -56,7 +63,7 @@ class Tip:
         return {"kind": self.kind, **{each.name: getattr(self, each.name) for each in own}}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Sphere(Tip):
     """A ball, or a tip with a round end: F = 4/3 E* √R x^(3/2) (Hertz 1882).
 
@@ -72,9 +79,7 @@ class Sphere(Tip):
     radius: float
     kind: ClassVar[str] = "sphere"
     exponent: ClassVar[float] = 1.5
-
-    def __post_init__(self) -> None:
-        check_field(self, "radius", 0.0, 1.0, open_low=True)
+    _largest: ClassVar[float] = 1.0
 
     @property
     def factor(self) -> float:
@@ -96,7 +101,7 @@ class Sphere(Tip):
         return depth < self.radius
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class FlatPunch(Tip):
     """The flat end of a round rod: F = 2 E* R x (Sneddon 1965).
 
@@ -109,9 +114,7 @@ class FlatPunch(Tip):
     radius: float
     kind: ClassVar[str] = "punch"
     exponent: ClassVar[float] = 1.0
-
-    def __post_init__(self) -> None:
-        check_field(self, "radius", 0.0, 1.0, open_low=True)
+    _largest: ClassVar[float] = 1.0
 
     @property
     def factor(self) -> float:
@@ -125,7 +128,7 @@ class FlatPunch(Tip):
         return [text] if part > SMALL_DEPTH else []
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Cone(Tip):
     """A cone: F = (2/π) E* tan α x² (Sneddon 1965).
 
@@ -138,9 +141,7 @@ class Cone(Tip):
     half_angle: float
     kind: ClassVar[str] = "cone"
     exponent: ClassVar[float] = 2.0
-
-    def __post_init__(self) -> None:
-        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
+    _largest: ClassVar[float] = 1.57
 
     @property
     def factor(self) -> float:
@@ -157,7 +158,7 @@ class Cone(Tip):
         return [f"{text}{strain:.2g} at any depth"] if strain > SMALL_STRAIN else []
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Pyramid(Tip):
     """A pyramid on a square: F = 0.7453 E* tan α x².
 
@@ -172,9 +173,7 @@ class Pyramid(Tip):
     half_angle: float
     kind: ClassVar[str] = "pyramid"
     exponent: ClassVar[float] = 2.0
-
-    def __post_init__(self) -> None:
-        check_field(self, "half_angle", 0.0, 1.57, open_low=True)
+    _largest: ClassVar[float] = 1.57
 
     @property
     def factor(self) -> float:
@@ -206,7 +205,7 @@ NEXT_SHAPE = 0.25
 CERTAIN = 3.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ElasticModulus:
     """Young's modulus E, Pa, or why there is none.
 

@@ -1,20 +1,20 @@
 """The energy that a material dissipates, and the passivity of the identified law."""
 
 import math
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
 from palpate.input.preparation.gate import choose_gate
 from palpate.input.preparation.touch import find_touches
 from palpate.method.contact import Contact
-from palpate.validation import Floats, Plain, finite_or_none
+from palpate.method.rows import median
+from palpate.validation import Floats, Indices, Integers, Mask, Plain, finite_or_none
 
 # Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.
 HYSTERESIS = 0.10
@@ -22,7 +22,7 @@ HYSTERESIS = 0.10
 SMALLEST_STROKE = 0.05
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Path:
     """A probe's motion in the material, sample by sample.
 
@@ -40,13 +40,13 @@ class Path:
     depth: Floats
     velocity: Floats
     force: Floats
-    segment: NDArray[np.int64]
-    inside: NDArray[np.bool_]
+    segment: Integers
+    inside: Mask
 
     def law_force(self, law: ForceLaw) -> Floats:
         """Force of a law along the motion, N."""
         within = np.diff(self.time)[np.diff(self.segment) == 0]
-        usual = float(np.median(within)) if within.size else 1.0
+        usual = median(within) if within.size else 1.0
         return law.force_over(self.time, self.depth, self.velocity, usual)
 
     def work(self, force: Floats) -> Floats:
@@ -69,7 +69,7 @@ class Path:
         return total
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Loops:
     """Loops of a path, which begin and end at equal depth."""
 
@@ -198,7 +198,7 @@ def put_in(work: Floats, loops: Loops) -> Floats:
     return np.array(sums)
 
 
-def turning_points(values: Floats, least: float) -> NDArray[np.intp]:
+def turning_points(values: Floats, least: float) -> Indices:
     """Indices of the turning points between swings larger than ``least``, and of both ends."""
     moved = np.flatnonzero(np.append(True, np.diff(values) != 0.0))
     rising_step = np.diff(values[moved]) > 0.0
@@ -223,7 +223,7 @@ def turning_points(values: Floats, least: float) -> NDArray[np.intp]:
 UNACCOUNTED = 0.10
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class EnergyLoss:
     """Energy dissipated in the loops of a recording, J.
 
@@ -393,7 +393,7 @@ def _loop_by_loop(kind: str, lost: Floats, predicted: Floats, variance: Floats) 
 PULLS = 5.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Passivity(Plain):
     """Whether the law's force, and the recorded force, become negative in the recorded motion.
 

@@ -18,12 +18,13 @@ weights is one of its systematic errors; nanite has weights of this form within 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding, Mark, worst
@@ -41,6 +42,7 @@ from palpate.input.preparation import prepare
 from palpate.input.recordings import Recording
 from palpate.method.contact import Contact
 from palpate.method.estimators.batch_fit import fit_curves
+from palpate.method.rows import count_true, median, rms
 from palpate.validation import Floats
 
 POSITION = "tip position"
@@ -68,7 +70,7 @@ _ADHESION = "measure in a liquid, or coat the tip, so that it does not stick"
 _DEEP = "press less deep, or use a larger tip"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Indentation:
     """The fit of a force curve's approach, SI.
 
@@ -214,7 +216,7 @@ def _split(penetration: Floats, force: Floats, segment: Any) -> tuple[Floats, Fl
         end = int(np.nanargmax(both[0])) + 1
     if not finite.all():
         both = both[:, finite]
-        end = int(np.count_nonzero(finite[:end]))
+        end = count_true(finite[:end])
     return both[:, :end], both[:, end:]
 
 
@@ -441,7 +443,7 @@ class _ApproachFit:
         """Return the modulus with its errors, its mark and the findings."""
         tip = self.tip
         (k, point, level, slope) = self.solution
-        depth = float(np.median(self.depths))
+        depth = median(self.depths)
         parts = self.systematic_parts(depth)
         systematic = math.hypot(*(part.size for part in parts))
         unit = self.peak / self.scale**tip.exponent
@@ -467,7 +469,7 @@ class _ApproachFit:
         remarks = (*reasons[:1], *tip.limitations(depth))
         modulus = ElasticModulus(value, *known, remarks, mark)
         fitted = baseline[0] + slope * self.depths + stiffness.value * self.depths**tip.exponent
-        residual = float(np.sqrt(np.mean((self.approach[1, self.inside] - fitted) ** 2)))
+        residual = rms(self.approach[1, self.inside] - fitted)
         largest = self.scale * (1.0 - point)
         samples = self.inside.size
         counts = samples, self.depths.size, tuple(findings)

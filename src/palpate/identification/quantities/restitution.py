@@ -19,13 +19,14 @@ becomes negative. The relation is implicit in Hunt & Crossley, *J. Applied Mecha
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import MappingProxyType
 from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
@@ -226,7 +227,7 @@ EQUIVALENT = (
 )
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Restitution(Plain):
     """Restitution of a free body that hits the identified contact at one speed.
 

@@ -10,13 +10,12 @@ speeds: friction is fitted beside δ, δ is fitted at each speed, and both must 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Mark
@@ -26,8 +25,9 @@ from palpate.input.preparation.delay import LIGHT, LONGEST_FOUND
 from palpate.input.preparation.preparing import Recorded, prepare
 from palpate.method.contact import Contact
 from palpate.method.estimators.least_squares import robust_covariance
+from palpate.method.rows import median, norm, rms
 from palpate.spelling import spell_advice
-from palpate.validation import Floats, Plain
+from palpate.validation import Floats, Indices, Mask, Plain
 
 #: Loss factor that a steel spring with its mount may have; a spring alone has less than 1e-4.
 LOSS_FACTOR = 1e-3
@@ -58,7 +58,7 @@ NEAR_ENOUGH = 0.6  # of a sample; at half a sample the shift would go back and f
 SURE = 3.0  # standard errors from which a spring is excluded
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Skew(Plain):
     """How late the force is behind the position, from one or more touches of a spring.
 
@@ -141,7 +141,7 @@ def _combine(found: Sequence[Skew]) -> Skew:
     lossy = float(np.mean([each.delay.systematic for each in found]))
     delay = Quantity(
         float(values.mean()),
-        float(np.linalg.norm(statistical)) / len(found),
+        norm(statistical) / len(found),
         math.hypot(lossy, 0.5 * float(np.ptp(values))),
     )
     worst = max(found, key=lambda each: each.delay.whole_error)
@@ -158,19 +158,19 @@ def _combine(found: Sequence[Skew]) -> Skew:
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Strokes:
     """Samples of the strokes, with the motion a whole number of samples earlier."""
 
     depth: Floats
     velocity: Floats
     force: Floats
-    quick: NDArray[np.bool_]
+    quick: Mask
     sign: Floats  # of the velocity, between −1 and 1
-    place: NDArray[np.intp]  # of the motion in the contact
+    place: Indices  # of the motion in the contact
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _SpringFit:
     """δ that a shift by whole samples leaves at both speeds, s, and what a spring would not do."""
 
@@ -191,7 +191,7 @@ class _Touch:
         inside = contact.penetration > 0.0
         if not inside.any():
             raise self.refusal("the probe never touches it")
-        self.shallowest = LIGHT * float(np.median(contact.penetration[inside]))
+        self.shallowest = LIGHT * median(contact.penetration[inside])
         used = contact.penetration > self.shallowest
         self.range = float(np.ptp(contact.penetration[used]))
         self.stroke_speed = np.full(len(contact), np.nan)  # m/s, rms; NaN outside strokes
@@ -229,7 +229,7 @@ class _Touch:
         omega = np.array([math.pi / (time[each.stop] - time[each.start]) for each in strokes])
         border = math.sqrt(float(omega.min() * omega.max()))
         quick = omega > border
-        slowly, quickly = (float(np.median(omega[each])) for each in (~quick, quick))
+        slowly, quickly = (median(omega[each]) for each in (~quick, quick))
         few = min(int(quick.sum()), int((~quick).sum())) < FEWEST_STROKES
         if few or quickly < 0.95 * LEAST_RATIO * slowly:
             speeds = [rounded(float(each) / math.tau, 2) for each in (omega.min(), omega.max())]
@@ -239,7 +239,7 @@ class _Touch:
                 f"{FEWEST_STROKES} strokes each"
             )
         for each, fast in zip(strokes, quick.tolist(), strict=True):
-            self.stroke_speed[each] = math.sqrt(float(np.mean(velocity[each] ** 2)))
+            self.stroke_speed[each] = rms(velocity[each])
             self.quick[each] = fast
         peaks = [
             float(np.percentile(np.abs(velocity[each]), 90.0)) / self.stroke_speed[each.start]
@@ -270,7 +270,7 @@ class _Touch:
         weights /= weights.sum()
         delay = Quantity(
             float(weights @ delays),
-            float(np.linalg.norm(weights * fit.errors)),
+            norm(weights * fit.errors),
             float(weights @ lossy),
         )
         slow, quick = (

@@ -5,16 +5,16 @@ compression: a homogeneous material, plates without friction, small strains.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.identification.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity
 from palpate.identification.quantities.elastic_modulus import SMALL_STRAIN
 from palpate.validation import Plain, check_field, finite_or_none
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Specimen(Plain):
     """A specimen of constant section between two plates.
 
@@ -34,7 +34,7 @@ class Specimen(Plain):
         check_field(self, "height", 0.0, 1.0, open_low=True)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class CompressionModulus:
     """Young's modulus E, Pa, of a compressed specimen, or why there is none.
 

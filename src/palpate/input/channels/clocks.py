@@ -2,18 +2,17 @@
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.findings import Check, Finding, Severity
 from palpate.input.recordings.units import unit_size
 from palpate.method.contact import SHORTEST_STEP, run_slices
-from palpate.method.rows import count_true
-from palpate.validation import Floats, Integers, Mask, Values
+from palpate.method.rows import count_true, median
+from palpate.validation import Floats, Indices, Integers, Mask, Values
 
 Times: TypeAlias = Integers | Floats
 
@@ -26,7 +25,7 @@ MOST_UNTIMED = 0.25
 MOST_BACKWARD = 0.1
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Rows:
     """Selection of samples by their time.
 
@@ -137,10 +136,10 @@ def gaps(time: Floats, part: Integers) -> Mask:
     follow_gap = np.zeros(time.size, dtype=bool)
     if not inside.any():
         return follow_gap
-    long = np.flatnonzero(inside & (steps > GAP * float(np.median(steps[inside]))))
+    long = np.flatnonzero(inside & (steps > GAP * median(steps[inside])))
     for k in long.tolist():
         neighbours = (steps[max(k - 5, 0) : k], steps[k + 1 : k + 6])
-        typical = max((float(np.median(side)) for side in neighbours if side.size), default=0.0)
+        typical = max((median(side) for side in neighbours if side.size), default=0.0)
         follow_gap[k + 1] = steps[k] > GAP * typical > 0.0
     return follow_gap
 
@@ -233,8 +232,8 @@ def _find_arrivals(time: Times, columns: Sequence[Values]) -> Times | None:
     sizes = np.diff(last)
     if sizes.size < FEWEST_PACKETS:
         return None
-    size = float(np.median(sizes))
-    pause = float(np.median(steps[last]))
+    size = median(sizes)
+    pause = median(steps[last])
     regular = np.abs(sizes - size) <= 0.5 * size
     if not 2.0 <= size <= LARGEST_PACKET or np.mean(regular) < OF_ONE_SIZE:
         return None
@@ -259,7 +258,7 @@ def _finite_axes(column: Values) -> list[Floats]:
     return [values for values in axes if np.isfinite(values).all()]
 
 
-def _share_of_pauses(values: Floats, last: NDArray[np.intp]) -> float:
+def _share_of_pauses(values: Floats, last: Indices) -> float:
     """Fraction of the motion during the pauses: its regression on the motion of adjacent packets.
 
     The two have no sample in common, so noise does not increase the fraction.
@@ -274,7 +273,7 @@ def _spread(time: Times) -> tuple[Times, float]:
     origin = time[np.isfinite(time)][0]
     since = np.asarray(time - origin, dtype=np.float64)
     steps = np.diff(since)
-    tick = float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+    tick = median(steps[steps > 0.0]) if (steps > 0.0).any() else 0.0
     ends = ~((steps >= 0.0) & (steps <= GAP * tick))  # an unknown time also ends a run
     for run in run_slices(np.concatenate([[0], np.cumsum(ends)])):
         since[run] = _spread_run(since[run], tick)

@@ -7,11 +7,12 @@ import math
 import re
 from collections import defaultdict, deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import RecordingError, list_names
 from palpate.findings import Check, Finding, Severity
 from palpate.input.recordings.recording import Recording
@@ -297,7 +298,7 @@ def _is_homogeneous(numbers: Floats) -> bool:
 _TRANSFORM = re.compile(r"((.*)\[([^>]*)>(.*)\]\.(?:transform\.)?)translation\.x")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Step:
     """One transform of a chain.
 

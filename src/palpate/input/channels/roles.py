@@ -4,12 +4,13 @@ import re
 import shlex
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from os.path import commonprefix
 from typing import TypeAlias
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.input.channels.frames import (
@@ -47,7 +48,7 @@ from palpate.input.recordings.units import (
 Names: TypeAlias = tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Columns:
     """Names of the channels; palpate auto-detects a channel that has no default name.
 
@@ -87,7 +88,7 @@ class Columns:
         return f"Columns({', '.join(changed)})"
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Roles:
     """The channels chosen for a contact.
 
@@ -187,7 +188,7 @@ def contact_groups(recording: Recording, columns: Columns) -> list[str]:
     return choosing.groups(depths, choosing.forces(len(depths[0]))) if depths else []
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Offer:
     """The channels of a file that could be the position and the force of a contact.
 

@@ -1,12 +1,13 @@
 """The channels of a contact as signals: in SI units, on one clock."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.input.channels.clocks import (
@@ -36,7 +37,7 @@ SINCE_LONG_AGO = 1e8
 LATEST = 1e11
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Signals:
     """The channels of a contact, in SI units on one clock.
 
@@ -92,7 +93,7 @@ class Signals:
 # Channels with the times of their clock.
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Stream:
     """Channels on one clock, with times in the unit of the clock."""
 

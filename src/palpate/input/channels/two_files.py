@@ -1,12 +1,13 @@
 """Two files of one contact: a position and a force of two recorders, joined in one recording."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import RecordingError
 from palpate.input.channels.clocks import Times
 from palpate.input.channels.roles import Columns, Offer, offer_of
@@ -18,7 +19,7 @@ from palpate.validation import Floats, Values
 Label = TypeVar("Label")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FilePair:
     """A position and a force in one recording, with a clock each.
 

@@ -3,8 +3,8 @@
 import re
 from collections import defaultdict
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+from palpate._frozen import frozen
 from palpate.input.recordings.units import divide_unit, split_name
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
@@ -22,7 +22,7 @@ COUNTED = frozenset((*_COUNTED, *(f"{word}s" for word in _COUNTED)))
 ONE_OF_MANY = COUNTED - {"cell", "sensor", "marker", "finger"}
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Vector:
     """Channels that are the components of one vector.
 

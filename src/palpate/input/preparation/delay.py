@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.digits import with_error
 from palpate.errors import RecordingError
@@ -13,7 +12,8 @@ from palpate.input.preparation.settings import check_delay
 from palpate.input.preparation.velocity import find_spikes
 from palpate.method.contact import Contact, Delay, add_step
 from palpate.method.estimators.least_squares import robust_covariance
-from palpate.validation import Floats, Integers
+from palpate.method.rows import rms
+from palpate.validation import Floats, Indices, Integers
 
 LONGEST_FOUND = 50e-3  # s; beyond this or a sixth of the motion's period delays are ambiguous
 SCANNED = 13  # shifts of a coarse scan
@@ -132,7 +132,7 @@ def motion_period(contact: Contact) -> float:
     """Return the period of a sine of the same speed and travel in contact, s; 0 without motion."""
     x, v = contact.penetration, contact.velocity
     inside = (x > 0.0) & np.isfinite(v)
-    speed = math.sqrt(float(np.mean(v[inside] ** 2))) if inside.any() else 0.0
+    speed = rms(v[inside]) if inside.any() else 0.0
     return 2.0 * math.pi * float(np.std(x[inside])) / speed if speed > 0.0 else 0.0
 
 
@@ -182,7 +182,7 @@ def _remove(values: Floats, columns: Floats) -> Floats:
     return residual
 
 
-def _means(values: Floats, at: NDArray[np.intp], segment: Integers, width: int) -> Floats:
+def _means(values: Floats, at: Indices, segment: Integers, width: int) -> Floats:
     """Means over windows of up to ``width`` consecutive rows within a segment."""
     width = min(width, max(len(at) // 40, 1))
     border = np.flatnonzero((np.diff(at) != 1) | (np.diff(segment) != 0)) + 1

@@ -39,15 +39,8 @@ from palpate.validation import Floats
 _LOGGER = logging.getLogger(__name__)
 
 
-def contact_from_position(
-    recording: Recording, roles: Roles, signals: Signals, settings: Preparation
-) -> Contact:
-    """Make a contact from a position and a force, tared and projected on the contact normal."""
-    return _PositionRoute(recording, roles, settings, signals).prepare()
-
-
-class _PositionRoute:
-    """The steps from a position and a force to a contact.
+class PositionRoute:
+    """The steps from a position and a force to a contact: tare, projection on the contact normal.
 
     ``recorded`` is the force of the signals before the tare, ``orientation`` that of the pose,
     ``made`` how each channel was obtained.

@@ -1,15 +1,14 @@
 """A channel that is held: the same value again and again, at a fixed beat (sample and hold)."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
-from palpate.method.rows import count_true, typical_step
-from palpate.validation import Floats, Mask
+from palpate.method.rows import count_true, median, typical_step
+from palpate.validation import Floats, Indices, Mask
 
 LONGEST = 60  # samples between two changes
 IN_STEP = 0.9  # least fraction of the changes on one phase
@@ -19,7 +18,7 @@ MOST_HELD = 20_000  # samples that are examined
 FEWEST_LEFT = 50  # samples in contact, above a tenth of the largest force
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class FreshSamples:
     """The samples at which a held channel changes, each measured then.
 
@@ -41,7 +40,7 @@ class FreshSamples:
 
     before: Mask
     after: Mask
-    changes: NDArray[np.intp] | None
+    changes: Indices | None
     late: float | tuple[float, float]
     finding: Finding
 
@@ -135,7 +134,7 @@ def hold_length(values: Floats) -> float:
     if changes.size < 20 or changes.size > 0.6 * len(values):
         return 0.0
     gaps = np.diff(changes)
-    beat = round(float(np.median(gaps)))
+    beat = round(median(gaps))
     if not 2 <= beat <= LONGEST or changes.size <= 0.5 * len(values) / beat:
         return 0.0
     # The phase may slip by one sample now and then if the two rates are no multiples.

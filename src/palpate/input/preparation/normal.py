@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.input.preparation.resolution import noise_of
@@ -21,7 +22,7 @@ AXES = {
 NOISES = 10.0  # σ of the norm of the force; the direction of smaller forces is not used
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Normal:
     """The contact normal: the direction in which the material pushes the probe.
 

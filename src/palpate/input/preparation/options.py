@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
+
+from palpate._frozen import frozen
 
 # Only here, because --help shows these texts and answers without NumPy.
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ RADIUS = 2e-3  # m; as in published recordings that were cut by hand
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@frozen(kw_only=True)
 class Options:
     """The options of :func:`palpate.prepare`.
 

@@ -3,12 +3,13 @@
 import heapq
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from operator import attrgetter
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -20,12 +21,12 @@ from palpate.input.preparation.surface import Surface, find_surface, report_assu
 from palpate.input.preparation.touch import exclude_load_transfer
 from palpate.input.preparation.velocity import describe_filter, estimate_velocities
 from palpate.method.contact import Contact, VelocityFilter, add_step
-from palpate.method.rows import count_true, norm, row_norms, run_slices, true_runs
+from palpate.method.rows import count_true, median, norm, row_norms, run_slices, true_runs
 from palpate.stages import log_stage
 from palpate.validation import Floats, Mask, Values
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Place:
     """One place on the material, and when the probe was there.
 
@@ -67,7 +68,7 @@ FARTHER = 4.001
 STRIDES = 4000  # most starts to try; in a longer recording, every k-th sample
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Stay:
     """An interval in which the probe stays at one place.
 
@@ -351,7 +352,7 @@ def _common_deviation(places: list[Place], settings: Preparation) -> float | Non
     deviations = [place.surface.deviation for place in places if place.surface.deviation]
     if settings.surface == "estimate" or len(deviations) < len(places):
         return None
-    return float(np.median(deviations))
+    return median(deviations)
 
 
 def _report_surfaces(places: list[Place], made: dict[str, str], findings: list[Finding]) -> None:

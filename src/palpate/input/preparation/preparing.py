@@ -4,13 +4,14 @@ import inspect
 import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import field, fields, replace
 from operator import attrgetter
 from typing import Any, ParamSpec, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
 from palpate.input.channels.roles import Columns, Roles, choose_roles, contact_groups
@@ -58,7 +59,7 @@ Recorded: TypeAlias = (
 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@frozen(kw_only=True)
 class PrepareArguments(Options):
     """The arguments of :func:`prepare`: a recording or arrays, and how to prepare them.
 
@@ -127,7 +128,9 @@ def _with_parameters_of(
 
     def declare(function: Callable[..., Contact]) -> Callable[_Parameters, Contact]:
         parameters = inspect.signature(holder).parameters.values()
-        ordered = sorted(parameters, key=lambda parameter: parameter.name in Options.__slots__)
+        ordered = sorted(
+            parameters, key=lambda parameter: parameter.name in Options.__annotations__
+        )
         described: Any = function
         described.__signature__ = inspect.Signature(ordered, return_annotation=Contact)
         texts = [
@@ -264,9 +267,9 @@ def _prepare_one(recorded: Recording, settings: Preparation) -> Contact:
             if pressing:
                 contact = contact_from_penetration(recording, signals, settings)
             else:
-                from palpate.input.preparation.from_position import contact_from_position
+                from palpate.input.preparation.from_position import PositionRoute
 
-                contact = contact_from_position(recording, roles, signals, settings)
+                contact = PositionRoute(recording, roles, settings, signals).prepare()
         if settings.no_time:
             contact = drop_velocity(contact)
     for channel, steps in contact.provenance.items():

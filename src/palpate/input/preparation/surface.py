@@ -1,17 +1,17 @@
 """The surface of the material: where the force begins, or an assumption without free air."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
 from palpate.input.preparation.options import SurfaceRule
 from palpate.input.preparation.resolution import deviation_of_mean, noise_of
 from palpate.method.contact import add_step
 from palpate.method.estimators.least_squares import fit_surface_position, robust_covariance
-from palpate.method.rows import count_true, finite_rows, true_runs
+from palpate.method.rows import count_true, finite_rows, median, rms, true_runs
 from palpate.validation import Floats, Mask
 
 NOISES_OF_CONTACT = 6.0  # σ
@@ -34,7 +34,7 @@ MOST_EXPONENT = 2.6
 GROWTHS = (1.0, 1.5, 2.0)  # exponents of the force: flat punch or foam, sphere, cone
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Surface:
     """The surface of the material.
 
@@ -135,7 +135,7 @@ def _find_crossing(x: Floats, f: Floats, least: float) -> Surface | None:
         return None
     fraction = (least - f[entered]) / np.maximum(f[entered + 1] - f[entered], 1e-300)
     depths = x[entered] + np.clip(fraction, 0.0, 1.0) * (x[entered + 1] - x[entered])
-    position = float(np.median(depths))
+    position = median(depths)
     # The penetration at this force, from F ∝ x^1.5 through the deepest sample.
     deepest = float(np.percentile(x, 99.0))
     peak = float(np.percentile(f, 99.0))
@@ -178,7 +178,7 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
     order = np.argsort(x)
     low = order[: x.size // 2]
     high = order[-(x.size // 2) :]
-    slope = float(np.median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300)))
+    slope = median((root[high] - root[low]) / np.maximum(x[high] - x[low], 1e-300))
     offsets = root - slope * x
     distance = np.abs(offsets - np.median(offsets))
     close = distance <= FARTHEST * 1.4826 * np.median(distance)
@@ -203,7 +203,7 @@ def _intercept(x: Floats, root: Floats) -> tuple[float, float]:
 def _fit_surface(x: Floats, v: Floats, f: Floats, start: Surface) -> Surface | None:
     """Least squares of law, offset and surface; None if it ends far from its start."""
     depth = float(np.percentile(x, 99.0)) - start.position
-    speed = float(np.sqrt(np.mean(v**2)))
+    speed = rms(v)
     size = float(np.percentile(f, 99.0))
     if not (depth > 0.0 and speed > 0.0 and size > 0.0 and start.deviation):
         return None

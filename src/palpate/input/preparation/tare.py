@@ -1,10 +1,11 @@
 """The tare: free air in a recording, and the force offset and its drift there."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -34,7 +35,7 @@ WEIGHT_DIRECTION = (0.0, 0.0, -1.0)  # in the frame of the position
 NOTHING = 1e-3  # fraction of the largest force: no sensor is more linear than that
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Baseline:
     """The force offset in free air.
 

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.input.preparation.gate import choose_gate
@@ -25,7 +26,7 @@ LEAST_EXPLAINED = 0.05
 TINY = 1e-300
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Touch(Plain):
     """One touch.
 

@@ -5,17 +5,14 @@ from dataclasses import replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
 from palpate._core import largest_of as largest_of
 from palpate._core import step_of as step_of
 from palpate.digits import format_quantity
 from palpate.method.contact import Contact, VelocityFilter
-from palpate.method.rows import norm, typical_step
-from palpate.validation import Floats, Mask, number_in
-
-Indices = NDArray[np.intp]
+from palpate.method.rows import median, norm, rms, typical_step
+from palpate.validation import Floats, Indices, Mask, number_in
 
 # The default window of a parabola hardly smooths the motion of a probe (B within 0.5 % at 15 ms);
 # the window of a spline is at most twice as long.
@@ -71,7 +68,7 @@ def noise_gain(used: VelocityFilter) -> float:
     if used.penalty is None:
         return norm(_slope_weights(used.samples, used.degree))
     turn = (np.arange(2048) + 0.5) * np.pi / 2048
-    return float(np.sqrt(np.mean((turn * filter_gain(used, turn)) ** 2)))
+    return rms(turn * filter_gain(used, turn))
 
 
 def velocity_of(time: Floats, penetration: Floats, window: float | None = None) -> Floats:
@@ -113,7 +110,7 @@ def estimate_velocities(
         valid = [indices[~find_spikes(penetration[indices])] for indices in finite]
         steps = [np.diff(time[indices]) for indices in finite]
         joined = np.concatenate([*steps, np.empty(0)])
-        step = float(np.median(joined)) if joined.size else 1e-3
+        step = median(joined) if joined.size else 1e-3
         width = window_samples(step, window)
         velocity_filter = VelocityFilter(width, 2)
         long_runs = [indices for indices in valid if indices.size >= FEWEST_OF_SPLINE]

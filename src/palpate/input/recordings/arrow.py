@@ -22,6 +22,7 @@ _DAMAGED = (*FAULTS, pa.ArrowException)
 # Metadata that is not readable text.
 _NO_NOTES = (b"pandas", b"ARROW:schema", b"ARROW:extension:name", b"geo", b"huggingface")
 _ROWS_AT_ONCE = 1024
+_COLUMNS_AT_ONCE = 64
 _DICTIONARY, _BATCH = 2, 3  # MessageHeader of the Arrow format
 _BEGIN = b"ARROW1\0\0"
 _CONTINUED = 0xFFFFFFFF  # before the length of a message, except in files of old versions
@@ -57,7 +58,8 @@ def read(path: Path, request: Request) -> Recording:
                 size = 8 * table.metadata.num_rows * max(count, 1)
                 if not 0 <= size <= request.max_size:
                     raise draft.error(excess("its columns need", size, request.max_size))
-                return read_columns(table.schema_arrow, _read_parquet(table, request), draft)
+                columns = _ParquetColumns(table, request)
+                return read_columns(table.schema_arrow, columns.read, draft)
         if begin != _BEGIN:
             raise draft.error(
                 "this is not a Parquet, Feather (version 2) or Arrow file; check what wrote it"
@@ -79,27 +81,39 @@ def open_parquet(path: Path) -> parquet.ParquetFile:
     return parquet.ParquetFile(path, page_checksum_verification=True, read_dictionary=texts)
 
 
-def _read_parquet(table: parquet.ParquetFile, request: Request) -> Callable[[str], pa.Table]:
-    """Return how to read a column: plain ones together, text and lists of any length by parts.
+class _ParquetColumns:
+    """Reads columns, some at a time: for each call pyarrow looks at all columns of the file."""
 
-    For each call pyarrow looks at all columns of the file.
-    """
-    counts = Counter(table.schema_arrow.names)
-    plain = [
-        form.name
-        for form in table.schema_arrow
-        if request.wants(_name(form.name)) and counts[form.name] == 1
-        if pa.types.is_primitive(form.type) or pa.types.is_decimal(form.type)
-    ]
-    try:
-        together = table.read(columns=plain)
-    except _DAMAGED:  # of one of them
-        together = pa.table({})
-    return lambda name: (
-        together.select([name])
-        if name in together.schema.names
-        else read_in_parts(table, [name], _ROWS_AT_ONCE, request)
-    )
+    def __init__(self, table: parquet.ParquetFile, request: Request) -> None:
+        self._table = table
+        self._request = request
+        counts = Counter(table.schema_arrow.names)
+        self._plain = [
+            form.name
+            for form in table.schema_arrow
+            if request.wants(_name(form.name)) and counts[form.name] == 1
+            if pa.types.is_primitive(form.type) or pa.types.is_decimal(form.type)
+        ]
+        self._places = {name: place for place, name in enumerate(self._plain)}
+        size = 8 * max(table.metadata.num_rows, 1)
+        most = min(max(request.largest_block // size, 1), _COLUMNS_AT_ONCE)
+        self._count = most if len(self._plain) > _COLUMNS_AT_ONCE else 1
+        self._read: pa.Table | None = None
+        self._last = 0  # the place after the last column that was read
+
+    def read(self, name: str) -> pa.Table:
+        """Read a column; text and lists may have any length."""
+        place = self._places.get(name)
+        if place is None:
+            return read_in_parts(self._table, [name], _ROWS_AT_ONCE, self._request)
+        if self._read is None or not self._last - self._count <= place < self._last:
+            self._last = place + self._count
+            try:
+                self._read = self._table.read(columns=self._plain[place : self._last])
+            except _DAMAGED:  # of one of them
+                self._read = None
+                return self._table.read(columns=[name])
+        return self._read.select([name])
 
 
 def check_integers(schema: pa.Schema, names: list[str]) -> None:

@@ -11,13 +11,13 @@ struct or cell are matrices again. A whole variable may be compressed with defla
 import math
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Literal, NamedTuple
 
 import numpy as np
 from rich.filesize import decimal as format_bytes
 
+from palpate._frozen import frozen
 from palpate.errors import import_extra
 from palpate.input.recordings.nested import OBJECTS, UNIT_FIELDS, Arrays, no_class, plain_numbers
 from palpate.input.recordings.opening import Request
@@ -45,7 +45,7 @@ _DEEPEST = 32
 _MOST_FIELDS = 10_000
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Other:
     """A value that is not numeric: the name of its MATLAB class."""
 

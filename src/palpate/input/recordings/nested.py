@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.input.recordings.opening import FAULTS, Draft, first_line, within
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import clock_rank, detect_epoch_unit
@@ -48,7 +49,7 @@ _NO_SERIES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Leaf:
     """An array of numbers in a file of groups, not read yet.
 

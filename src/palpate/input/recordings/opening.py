@@ -18,6 +18,7 @@ from typing import IO, Any
 
 from rich.filesize import decimal as format_bytes
 
+from palpate._frozen import frozen
 from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
@@ -59,7 +60,7 @@ def size_of_deflate(packed: bytes, most: int) -> int:
     return size
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Request:
     """Request to a reader: channels, parts of the file and limits.
 
@@ -155,7 +156,7 @@ class Request:
             self.progress(min(max(fraction, 0.0), 1.0))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Format:
     """A file format.
 

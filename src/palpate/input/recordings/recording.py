@@ -4,12 +4,13 @@ import json
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 from palpate.errors import printable as visible
 from palpate.findings import Check, Finding
@@ -25,7 +26,7 @@ _THOUSANDS = re.compile(
 MOST_TEXT = 0.5  # largest fraction of text values in a channel of numbers
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Faults:
     """Values of a numeric channel that are not numbers.
 
@@ -44,7 +45,7 @@ class Faults:
     text: str
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Recording:
     """Channels as recorded, with units and origin; :func:`palpate.prepare` makes a contact of it.
 

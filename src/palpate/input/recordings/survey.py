@@ -1,12 +1,13 @@
 """The contents of a recording in numbers: clocks with rates and gaps, channels with ranges."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
+from palpate.method.rows import count_true, median
 from palpate.stages import log_stage
 from palpate.validation import Floats, Values
 
@@ -14,7 +15,7 @@ from palpate.validation import Floats, Values
 GAP = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ClockSurvey:
     """One clock and its channels.
 
@@ -65,7 +66,7 @@ class ClockSurvey:
         return self.stop - self.start
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ChannelSurvey:
     """One channel.
 
@@ -97,7 +98,7 @@ class ChannelSurvey:
     maximum: float = np.nan
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Survey:
     """All clocks and channels of a recording."""
 
@@ -114,9 +115,11 @@ def survey(recording: Recording) -> Survey:
     recording : Recording
         From :func:`palpate.input.recordings.open_recording`.
     """
+    candidates = named_clocks(recording)
     members: dict[tuple[str, int], list[str]] = {}
     for name, values in recording.channels.items():
-        members.setdefault((channel_clock(recording, name), len(values)), []).append(name)
+        clock = channel_clock(recording, name, candidates)
+        members.setdefault((clock, len(values)), []).append(name)
     # A time column is on its own clock; it does not count as one of the clock's channels.
     clocks = [
         _clock(recording, clock, count, (n for n in names if n != clock))
@@ -126,10 +129,23 @@ def survey(recording: Recording) -> Survey:
     return Survey(tuple(clocks), channels)
 
 
-def channel_clock(recording: Recording, name: str) -> str:
+def named_clocks(recording: Recording) -> list[tuple[int, int, str]]:
+    """Return the columns of a table whose names suggest times, with rank and place."""
+    return [
+        (rank, k, clock)
+        for k, (clock, values) in enumerate(recording.channels.items())
+        if (rank := clock_rank(clock)) is not None
+        and values.dtype.kind in "fiu"
+        and clock not in recording.clocks
+    ]
+
+
+def channel_clock(
+    recording: Recording, name: str, candidates: Sequence[tuple[int, int, str]]
+) -> str:
     """Return the name of the channel with the times of a channel; empty without one.
 
-    In a table, whose columns name no clock, it is the column whose name suggests times.
+    In a table, whose columns name no clock, it is one of the candidates of :func:`named_clocks`.
     """
     if clock := recording.clocks.get(name):
         return clock
@@ -138,11 +154,8 @@ def channel_clock(recording: Recording, name: str) -> str:
     count = len(recording.channels[name])
     ranked = [
         (rank, k, clock)
-        for k, (clock, values) in enumerate(recording.channels.items())
-        if (rank := clock_rank(clock)) is not None
-        and len(values) == count
-        and values.dtype.kind in "fiu"
-        and clock not in recording.clocks
+        for rank, k, clock in candidates
+        if len(recording.channels[clock]) == count
         # Both are in one group, or the times are in a group above.
         and name.startswith(clock[: max(clock.rfind("/"), clock.rfind(".")) + 1])
     ]
@@ -190,7 +203,7 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
     zero = float(values[finite][0]) * factor
     steps = np.diff(times)
     forward = steps[steps > 0.0]
-    step = float(np.median(forward)) if forward.size else np.nan
+    step = median(forward) if forward.size else np.nan
     gaps = forward[forward > GAP * step]
     return ClockSurvey(
         name,
@@ -202,8 +215,8 @@ def _clock(recording: Recording, name: str, count: int, channels: Iterable[str])
         step=step * factor,
         gaps=gaps.size,
         largest_gap=float(gaps.max(initial=0.0)) * factor,
-        repeated=int(np.count_nonzero(steps == 0.0)),
-        backward=int(np.count_nonzero(steps < 0.0)),
+        repeated=count_true(steps == 0.0),
+        backward=count_true(steps < 0.0),
     )
 
 

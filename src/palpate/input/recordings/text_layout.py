@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from itertools import starmap
 from typing import NamedTuple
 
+from palpate._frozen import frozen
 from palpate.errors import RecordingError
 from palpate.input.recordings.recording import number_in_text
 from palpate.input.recordings.times import is_timelike
@@ -114,7 +115,7 @@ class NumberBlock:
         return 0 if is_list else (1 + self.named) * self.numbers
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TextLayout:
     """The layout of a table.
 

@@ -7,7 +7,6 @@ import json
 import math
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 import zarr
 from zarr.storage import LocalStore, WrapperStore, ZipStore
 
+from palpate._frozen import frozen
 from palpate.input.recordings.opening import Request, check_members, excess, size_of_deflate
 
 # Codecs that only move, pack or scale numbers. Others run code, build objects, or state no size.
@@ -117,7 +117,7 @@ def _shard_of(codecs: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     return shard
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class _Packing:
     """How the chunks of an array are packed.
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 import numpy as np
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.input.channels.frames import interpolate_columns, rotate
 from palpate.input.wrench.consensus import BLOCK
@@ -18,7 +19,7 @@ from palpate.input.wrench.readings import Reading
 from palpate.input.wrench.search import SLOW, does_turn, find_payload
 from palpate.input.wrench.zeroing import without_zeroings
 from palpate.method.contact import Delay
-from palpate.method.rows import finite_rows, run_slices, typical_step
+from palpate.method.rows import finite_rows, median, run_slices, typical_step
 from palpate.method.settings import Configured
 from palpate.validation import Floats, Mask, arguments, check_choice, instance, number_in
 
@@ -30,7 +31,7 @@ RETARE = 3.0
 RETARE_BLOCKS = 10.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PosedWrench:
     """A wrench and the pose of its flange, each on its own clock.
 
@@ -196,7 +197,7 @@ def external_force(fit: PayloadFit, motion: FlangeMotion, time: Floats, force: F
     in_blocks = motion.mean(blocks.start - payload.delay, blocks.stop - payload.delay)
     means = payload.unload(blocks.wrench[:, :3], times, in_blocks)
     external = payload.unload(force, time, motion.at(time - payload.delay))
-    span = float(np.median(blocks.duration))
+    span = median(blocks.duration)
     reach = math.ceil(5.0 * RETARE / span)
     kernel = np.exp(-np.abs(np.arange(-reach, reach + 1)) * span / RETARE)
     columns = np.column_stack([fit.free, fit.free[:, None] * means])

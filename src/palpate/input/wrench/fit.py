@@ -14,7 +14,7 @@ from palpate.input.wrench.payload import TENSOR, Payload
 from palpate.input.wrench.zeroing import Zeroing
 from palpate.method.contact import Delay
 from palpate.method.estimators.least_squares import long_run_covariance
-from palpate.method.rows import count_true, norm, row_norms, run_slices, true_runs
+from palpate.method.rows import count_true, median, norm, row_norms, run_slices, true_runs
 from palpate.validation import Floats, Integers, Mask
 
 SHIFT = 30e-3  # s, of the difference for the clock
@@ -383,7 +383,7 @@ def _limit_move(move: Floats, fixed: Sequence[int]) -> Floats:
 
 def _free_runs(fitting: Mask, blocks: Blocks) -> Mask:
     """Return the runs of blocks that fit for long enough to be free air, without their ends."""
-    span = float(np.median(blocks.duration))
+    span = median(blocks.duration)
     least, margin = (math.ceil(time / span - 1e-6) for time in (SHORTEST_FREE, MARGIN))
     margin = max(margin, 1)
     free = np.zeros(len(fitting), dtype=bool)

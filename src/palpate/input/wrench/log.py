@@ -1,16 +1,15 @@
 """The payload of a log of pose and wrench, and the force in free air before and after it."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.input.wrench.compensation import Compensated
 from palpate.input.wrench.fit import skew
 from palpate.input.wrench.payload import Payload
 from palpate.validation import Floats
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PayloadLog:
     """A payload, and means of the force in free air.
 

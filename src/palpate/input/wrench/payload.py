@@ -4,12 +4,13 @@ import dataclasses
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, spoken, worst
@@ -29,7 +30,7 @@ def _unknown_vector() -> Floats:
     return np.full(3, math.nan)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Payload:
     """The tool on a wrist sensor, the mount of the sensor, and its reading without contact.
 

@@ -5,10 +5,10 @@ noise; that of a wrong reading is newtons off.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.input.recordings.units import GRAVITY
 from palpate.input.wrench.consensus import (
     Blocks,
@@ -34,7 +34,7 @@ FREE = 3.0
 FARTHEST = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Reading:
     """One way to read a log.
 

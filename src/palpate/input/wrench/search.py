@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.input.recordings.units import GRAVITY
@@ -119,7 +120,7 @@ def find_payload(
     return fit if delay is not None else _drop_uncertain_delay(fit)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _PayloadSearch:
     """Means of a wrench with one sign, without the zeroings of its sensor."""
 

@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from palpate._core import noise_of
+from palpate._frozen import frozen
 from palpate.input.wrench.consensus import Blocks, blocks_of, largest_consensus
 from palpate.input.wrench.payload import Payload
 from palpate.method.contact import Delay
@@ -24,7 +24,7 @@ EXPLAINED = 0.985  # cost of the consensus without the step, over that with it
 MOST_ZEROINGS = 3
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Zeroing:
     """A zeroing of the sensor: its time, s, and the step of the wrench there, shape (6,)."""
 

@@ -2,19 +2,20 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.validation import Floats, check_field, instance, number_in
 from palpate.writing import write_formatted
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Motion:
     """Sines around a mean depth.
 
@@ -118,7 +119,7 @@ _MOST_POINTS = 1_000_000
 _MOST_SAMPLES = 10_000_000
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class MotionCommand:
     """A motion from rest above the surface and back to it, with continuous acceleration.
 

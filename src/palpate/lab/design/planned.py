@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from textwrap import fill
 from typing import Any
 
+from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
@@ -27,7 +28,7 @@ from palpate.validation import Plain, instance, number_in, plain
 DURATIONS = (0.5, 1.0, 5.0, 20.0)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Design(PlannedMeasurement, Plain):
     """The predicted precision of a planned motion on a guessed material, and of a better one.
 

@@ -11,11 +11,12 @@ A sensor's rounding adds to it. A search finds a better motion within limits of 
 import math
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, fields
 from typing import Any
 
 import numpy as np
 
+from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab.design.motion import Motion
@@ -132,7 +133,7 @@ _QUICK = 20_000
 _FORCES = (0.9, 1.0, 1.1)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class PlannedMeasurement:
     """The guessed law, the sensor, and what else is estimated.
 
@@ -316,7 +317,7 @@ _DIGITS = 4
 _SLACK = 1e-3
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Limits:
     """Limits of a motion, of any duration.
 
@@ -448,7 +449,7 @@ def _round_for_typing(value: float) -> float:
 TARGETS = (0.05, 0.01)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class PredictedPrecision:
     """The predicted precision of one motion on a guessed material.
 

@@ -16,7 +16,16 @@ from palpate.force_laws import HuntCrossley
 from palpate.method.estimators.estimate import flag_findings
 from palpate.method.estimators.variable_projection import projection_settings, surfaces_in
 from palpate.method.settings import Scale
-from palpate.validation import Floats, all_good, arguments, instance, real_array, whole_in
+from palpate.validation import (
+    Floats,
+    Integers,
+    Mask,
+    all_good,
+    arguments,
+    instance,
+    real_array,
+    whole_in,
+)
 
 _SIGNALS = ("penetration", "velocity", "force")
 _AT_ONCE = 2_000_000  # samples per call of the core; Ctrl-C takes effect between calls
@@ -58,7 +67,7 @@ class CurveFits:
     covariance: Floats
     noise: Floats
     cost: Floats
-    taken: NDArray[np.int64]
+    taken: Integers
     flags: NDArray[np.uint8]
     status: NDArray[np.uint8]
 
@@ -80,9 +89,9 @@ class CurveFits:
         """The name of each curve's status."""
         return [STATUS_WORDS[code] for code in self.status.tolist()]
 
-    def where_status(self, name: str) -> NDArray[np.bool_]:
+    def where_status(self, name: str) -> Mask:
         """Mask of the curves with the status of this name, such as ``"no contact"``."""
-        curves: NDArray[np.bool_] = self.status == STATUS_WORDS.index(name)
+        curves: Mask = self.status == STATUS_WORDS.index(name)
         return curves
 
     def law(self, curve: int) -> HuntCrossley:
@@ -180,7 +189,7 @@ def _fit_rows(
     settings: tuple[Any, ...],
     threads: int,
     roles: NDArray[np.uint8] | None = None,
-) -> tuple[Floats, Floats, NDArray[np.int64], NDArray[np.uint8]]:
+) -> tuple[Floats, Floats, Integers, NDArray[np.uint8]]:
     """The core's results, one row per curve: numbers, covariance, samples taken, and codes.
 
     The numbers are K, B, n, F₀, d, noise, cost, scale (3), prior of F₀ (2) and σ² of the priors;

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
@@ -27,6 +27,7 @@ from palpate.method.settings import (
 )
 from palpate.validation import (
     Floats,
+    Integers,
     check_choice,
     instance,
     number_in,
@@ -288,7 +289,7 @@ def _time_steps(dt: "ArrayLike", samples: int) -> Floats:
     return steps
 
 
-def _rows(at: "ArrayLike | None", samples: int) -> NDArray[np.int64] | None:
+def _rows(at: "ArrayLike | None", samples: int) -> Integers | None:
     """Indices of the samples after which a trace contains the estimate; None: all samples."""
     if at is None:
         return None

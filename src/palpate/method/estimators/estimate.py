@@ -1,18 +1,19 @@
 """An estimator's current estimate, the trace of a replay, and the errors of that trace."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate._core import EstimateValue, Status
+from palpate._frozen import frozen
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
-from palpate.validation import Floats, number_in, shown, signals, whole_in
+from palpate.validation import Floats, Integers, Mask, number_in, shown, signals, whole_in
 
 # Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {
@@ -279,7 +280,7 @@ class Estimate(EstimateValue):
 Traced: TypeAlias = Literal[False, "full"] | int | float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Trace:
     """Predicted force, status and estimate at each sample of a replay.
 
@@ -305,16 +306,16 @@ class Trace:
         Indices of the samples after which the trace contains the estimates. None: all samples.
     """
 
-    parameters: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
-    predicted_force: NDArray[np.float64]
-    validity_margin: NDArray[np.float64]
+    parameters: Floats
+    standard_errors: Floats
+    predicted_force: Floats
+    validity_margin: Floats
     status: NDArray[np.uint8]
-    time: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    samples: NDArray[np.int64] | None = None
+    time: Floats = field(default_factory=lambda: np.empty(0))
+    samples: Integers | None = None
 
     @classmethod
-    def empty(cls, samples: int, size: int, at: NDArray[np.int64] | None = None) -> "Trace":
+    def empty(cls, samples: int, size: int, at: Integers | None = None) -> "Trace":
         """An empty trace of ``samples`` samples and ``size`` parameters, with estimates ``at``."""
         # One allocation: fewer new memory pages make a replay faster.
         rows = samples if at is None else len(at)
@@ -363,7 +364,7 @@ class Trace:
             samples,
         )
 
-    def _rows(self, window: slice) -> tuple[Any, NDArray[np.int64] | None]:
+    def _rows(self, window: slice) -> tuple[Any, Integers | None]:
         """Rows of the estimates within a window, and their sample indices in that window."""
         if self.samples is None:
             return window, None
@@ -378,7 +379,7 @@ class Trace:
         return self.samples is None
 
     @property
-    def after(self) -> NDArray[np.int64]:
+    def after(self) -> Integers:
         """Indices of the samples after which the trace contains the estimates; shape (m,)."""
         return np.arange(len(self)) if self.samples is None else self.samples
 
@@ -397,23 +398,23 @@ class Trace:
         return spread
 
     @property
-    def validity(self) -> NDArray[np.bool_]:
+    def validity(self) -> Mask:
         """Whether condition 10, |v| < 0.1 K/B, holds at each sample; shape (k,)."""
         return self.validity_margin > 0.0
 
     @property
-    def taken(self) -> NDArray[np.bool_]:
+    def taken(self) -> Mask:
         """Whether each sample entered the estimate; shape (k,)."""
-        taken: NDArray[np.bool_] = np.isin(
+        taken: Mask = np.isin(
             self.status,
             (Status.UPDATED, Status.GUARDED, Status.RESTARTED),
         )
         return taken
 
     @property
-    def rejected(self) -> NDArray[np.bool_]:
+    def rejected(self) -> Mask:
         """Whether each sample was rejected as an outlier; shape (k,)."""
-        rejected: NDArray[np.bool_] = self.status == Status.REJECTED
+        rejected: Mask = self.status == Status.REJECTED
         return rejected
 
 
@@ -441,7 +442,7 @@ def choose_trace_samples(
     trace: Traced,
     time: Floats,
     segments: "Sequence[slice]",
-) -> NDArray[np.int64] | None:
+) -> Integers | None:
     """Return the samples after which a contact's trace contains the estimate; None: all samples.
 
     If ``trace`` is an int: at most that many, evenly spread, up to the last sample. If it is in
@@ -489,7 +490,7 @@ def prediction_rmse_percent(trace: Trace, force: Floats, time_steps: Floats) -> 
     return rmse_percent(force[after_start_up], trace.predicted_force[after_start_up])
 
 
-def samples_in_estimate(trace: Trace) -> NDArray[np.bool_]:
+def samples_in_estimate(trace: Trace) -> Mask:
     """Return which samples the last estimate uses: those taken since the last restart."""
     taken = trace.taken
     restarts = np.flatnonzero(trace.status == Status.RESTARTED)

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.method.estimators.estimate import Estimate
@@ -22,7 +22,7 @@ _NAMES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Candidate(Plain):
     """A law that can compete in model selection.
 
@@ -72,7 +72,7 @@ UNDECIDED = 2.0
 STRONG = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class RankedModel:
     """The score of one competing law at the last verdict.
 
@@ -111,7 +111,7 @@ def band_about(frequency: float) -> tuple[float, float]:
     return 0.5 * frequency, 2.0 * frequency
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class LawVerdict(Plain):
     """The selected law and the evidence for it.
 
@@ -225,7 +225,7 @@ class LawVerdict(Plain):
         return band_about(self.frequency)
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class DynamicStiffness:
     """Stiffness and damping for small oscillations about a depth, which every law has.
 

@@ -4,13 +4,13 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 import palpate._core as _core
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
 from palpate.method.settings import Configured
-from palpate.validation import Floats, arguments, covariance_matrix, signal
+from palpate.validation import Floats, Mask, arguments, covariance_matrix, signal
 
 MOST_STEPS = 25
 # For this many rows without shared windows, up to three periods of the motion, there are too few
@@ -173,8 +173,8 @@ def least_squares(
 def nonnegative(
     gram: Floats,
     moment: Floats,
-    free: NDArray[np.bool_],
-    used: NDArray[np.bool_],
+    free: Mask,
+    used: Mask,
 ) -> Floats:
     """Return the factors c ≥ 0 that minimise ‖A c − y‖², from the normal equations.
 

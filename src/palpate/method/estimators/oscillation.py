@@ -7,17 +7,17 @@ laws that fit equally well. The diagnosis adds the rest.
 """
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate._core as _core
+from palpate._frozen import frozen
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.law_verdicts import CANDIDATES, Candidate
 from palpate.method.estimators.viscoelastic import ViscoelasticContact, build_law, dynamic_response
-from palpate.validation import Floats
+from palpate.method.rows import count_true
+from palpate.validation import Floats, Mask
 
 # A law fits equally well if its rms error is at most this multiple of the least.
 AS_WELL = 1.05
@@ -33,7 +33,7 @@ _SETTLED = 0.5
 _STEP = 1e-3  # step of the exponent for its derivative
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Oscillation:
     """Small oscillations by the selected law of an estimator and by the laws that fit as well.
 
@@ -60,7 +60,7 @@ class Oscillation:
         velocity: Floats,
         force: Floats,
         time_steps: Floats,
-        taken: NDArray[np.bool_],
+        taken: Mask,
     ) -> "Oscillation | None":
         """Return the small oscillations from an estimator's samples; None without a verdict.
 
@@ -169,7 +169,7 @@ class _Samples:
         velocity: Floats,
         force: Floats,
         steps: Floats,
-        taken: NDArray[np.bool_],
+        taken: Mask,
     ) -> None:
         self.estimator = estimator
         self.steps = steps
@@ -185,8 +185,8 @@ class _Samples:
         self,
         penetration: Floats,
         force: Floats,
-        taken: NDArray[np.bool_],
-    ) -> NDArray[np.bool_]:
+        taken: Mask,
+    ) -> Mask:
         """Whether each sample is one of the selected free-air samples, at most as many as taken."""
         touched = np.maximum.accumulate(np.where(self.path > 0.0, self.clock, -np.inf))
         air = (penetration < 0.0) & (self.clock - touched > _SETTLED) & np.isfinite(force)
@@ -198,7 +198,7 @@ class _Samples:
         if away > 5.0 * math.hypot(estimate.offset_standard_error, float(np.std(force[free]))):
             return np.zeros_like(taken)
         selected = np.zeros_like(taken)
-        selected[free[:: -(-free.size // max(int(np.count_nonzero(taken)), 1))]] = True
+        selected[free[:: -(-free.size // max(count_true(taken), 1))]] = True
         return selected
 
 

@@ -19,6 +19,7 @@ from palpate.method.estimators.contact_estimator import (
 from palpate.method.estimators.estimate import Estimate, Trace
 from palpate.method.estimators.law_verdicts import ONE_WAY
 from palpate.method.estimators.least_squares import least_squares, robust_covariance
+from palpate.method.rows import rms
 from palpate.method.settings import (
     SAMPLE_TIME,
     ChangeDetector,
@@ -302,7 +303,7 @@ def solve_in_box(contact: Contact, trace: Trace, estimate: Estimate) -> Constrai
     x = contact.penetration[taken] - estimate.surface
     v = contact.velocity[taken]
     force = contact.force[taken] - estimate.offset
-    one_way = abs(float(v.mean())) > ONE_WAY * math.sqrt(float(np.mean(v**2)))
+    one_way = abs(float(v.mean())) > ONE_WAY * rms(v)
     if not one_way or (low <= law.n <= high and law.B >= 0.0):
         return None
     width = max(x.size // BLOCKS, 1)

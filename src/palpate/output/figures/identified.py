@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate._core import __version__
+from palpate._frozen import frozen
 from palpate.digits import format_hertz, format_quantity, rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import RelaxationSpectrum
@@ -61,7 +61,7 @@ if TYPE_CHECKING:
 # Panels by name, and the figure that holds them.
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Panel:
     """One panel of a figure.
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import format_hertz, percent
 from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -82,7 +83,7 @@ def describe_fit(result: Identified) -> str:
 _STOPS = 200
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Course:
     """The estimated law over time, with stiffness and damping at one depth and their errors.
 
@@ -351,7 +352,7 @@ _LEAST_SPAN = 1e-5
 _MOST_MOVED = 10.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Final:
     """Final value of a quantity.
 
@@ -473,7 +474,7 @@ def draw_numbers(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
     head(axes, "Stiffness and damping, over their results")
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class _Line:
     """A quantity over time: its estimates, their errors, and the result at the end."""
 

@@ -7,13 +7,13 @@ import textwrap
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from palpate._frozen import frozen
 from palpate.digits import PLAIN
 from palpate.errors import MissingExtraError, RecordingError
 from palpate.method.contact import Contact
@@ -67,7 +67,7 @@ _LARGEST = 9.5
 _SMALLEST = 7.0
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Look:
     """Colours and width of a figure, and sizes that depend on the width.
 
@@ -391,7 +391,7 @@ _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"
 _POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class AxisScale:
     """Factor from SI values to drawn values, and the unit of the drawn values.
 
@@ -504,7 +504,7 @@ def broken(values: Floats, contact: Contact, keep: NDArray[np.intp]) -> Floats:
     return rendered
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class Scatter:
     """Distribution of samples along an axis: median and percentiles of consecutive pieces.
 

@@ -1,9 +1,11 @@
 """Colours of figures and pages; without matplotlib, because the live page uses them too."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
+
+from palpate._frozen import frozen
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Theme:
     """Colours of Okabe & Ito, which colour-blind readers can distinguish, for one background."""
 

@@ -1,9 +1,9 @@
 """Parameters of an identified law as rows: names, symbols, units, values, errors."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from palpate._frozen import frozen
 from palpate.digits import parameter, rounded
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 
@@ -20,7 +20,7 @@ _LAWS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class ParameterRow:
     """A parameter of a law."""
 

@@ -7,7 +7,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
+from palpate._frozen import frozen
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.findings import MARKS, Finding, worst
@@ -27,7 +28,8 @@ from palpate.input.recordings.recording import Recording
 from palpate.method.contact import Contact, Delay, VelocityFilter
 from palpate.method.estimators import LawVerdict
 from palpate.method.estimators.estimate import Trace
-from palpate.validation import Floats, finite_or_none, or_nan, plain
+from palpate.method.rows import count_true
+from palpate.validation import Floats, Values, finite_or_none, or_nan, plain
 
 if TYPE_CHECKING:
     import pandas
@@ -53,7 +55,7 @@ _CONTACT = {"time": "s", "penetration": "m", "velocity": "m/s", "force": "N"}
 FILE_NAMES = {name: f"{name}_{unit.replace('/', '_')}" for name, unit in _CONTACT.items()}
 
 
-def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[str, str]]:
+def trace_columns(result: "Identified") -> tuple[dict[str, Values], dict[str, str]]:
     """Return contact, predictions and the law after each sample as columns, and their units.
 
     Columns by name, of equal length: ``time``, ``penetration``, ``velocity``, ``force``,
@@ -64,7 +66,7 @@ def trace_columns(result: "Identified") -> tuple[dict[str, NDArray[Any]], dict[s
     contact = result.contact
     trace = result.trace
     law = result.law
-    columns: dict[str, NDArray[Any]] = {name: getattr(contact, name) for name in _CONTACT}
+    columns: dict[str, Values] = {name: getattr(contact, name) for name in _CONTACT}
     columns |= {
         "segment": contact.segment,
         "predicted_force": trace.predicted_force,
@@ -217,8 +219,8 @@ def result_dict(result: "Identified") -> dict[str, Any]:
         "fit_rmse_percent": finite_or_none(result.fit_rmse_percent),
         "violated_fraction": finite_or_none(result.violated_fraction),
         "changes": result.changes.tolist(),
-        "contact_samples": int(np.count_nonzero(trace.taken)),
-        "rejected_samples": int(np.count_nonzero(trace.rejected)),
+        "contact_samples": count_true(trace.taken),
+        "rejected_samples": count_true(trace.rejected),
         "flags": list(result.flags),
     }
 
@@ -273,7 +275,7 @@ RESULT = "result.json"
 TRACES = ("trace.parquet", "trace.csv")  # the second without pyarrow
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@frozen(eq=False)
 class SavedResult:
     """A result that :meth:`Identification.save` or ``palpate identify -o`` wrote.
 

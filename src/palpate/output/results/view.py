@@ -14,8 +14,6 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
-import numpy as np
-
 from palpate.digits import (
     format_hertz,
     format_quantity,
@@ -33,6 +31,7 @@ from palpate.identification.quantities.derived import motion_band
 from palpate.input.preparation.touch import find_touches
 from palpate.input.recordings.recording import read_truth
 from palpate.method.estimators import VariableProjection
+from palpate.method.rows import count_true
 from palpate.output.results.parameters import (
     RELAXATION,
     felt_times,
@@ -61,10 +60,6 @@ class Styled(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.before}{self.text}{self.after}"
-
-
-def _mark_cell(mark: str) -> Styled:
-    return Styled(spoken(mark), mark)
 
 
 #: A cell of a table; it may have several lines.
@@ -358,7 +353,7 @@ def _describe_fit(result: "Identified") -> str:
     parts = []
     if result.method != "variable-projection" and not result.estimator.chooses_law:
         parts.append(f"method {result.method}")
-    if rejected := int(np.count_nonzero(result.trace.rejected)):
+    if rejected := count_true(result.trace.rejected):
         parts.append(f"{rejected} outlier{'s' * (rejected > 1)} excluded")
     settings = () if result.segments else _describe_settings(estimate)  # of one law for all parts
     for part in (*parts, *settings):
@@ -676,7 +671,7 @@ def _both_marks(segment: "Identified") -> tuple[Cell, Cell]:
     """Return the marks of stiffness and damping; a dash for a damping without a value."""
     working_depth = segment.diagnosis.working_depth
     marks = working_depth.stiffness.mark, working_depth.damping.mark
-    first, second = ("–" if mark is None else _mark_cell(mark) for mark in marks)
+    first, second = ("–" if mark is None else Styled(spoken(mark), mark) for mark in marks)
     return first, second
 
 

@@ -19,6 +19,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg
 from rosbags.typesys import get_typestore as typestore
 
+from palpate._frozen import frozen
 from palpate.errors import PalpateError
 from palpate.validation import Integers, Mask, Values
 
@@ -36,7 +37,7 @@ class UndecodableError(PalpateError):
     """A ROS message or its definition cannot be decoded: the error message says why."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Number:
     """A number of fixed size, with its NumPy dtype without the byte order: ``f8``."""
 
@@ -48,12 +49,12 @@ class Number:
         return int(self.dtype[1:])
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Text:
     """A string."""
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Many:
     """A list, of fixed length unless ``length`` is None."""
 
@@ -61,7 +62,7 @@ class Many:
     length: int | None
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Group:
     """A message within a message: names and fields.
 
@@ -217,7 +218,7 @@ Bytes: TypeAlias = NDArray[np.uint8]
 Matrix: TypeAlias = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class NumberAt:
     """The position of a number in a message, with its NumPy dtype: ``<f8``."""
 
@@ -234,7 +235,7 @@ class NumberAt:
         return column.astype(dtype.newbyteorder("="))
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class TimeAt:
     """The position of a time or duration of two numbers, read as integer nanoseconds."""
 
@@ -251,7 +252,7 @@ class TimeAt:
 MessageNumber: TypeAlias = NumberAt | TimeAt
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Entity:
     """A set of channels with common rows: a topic, or one transform of a list of transforms.
 
@@ -311,7 +312,7 @@ class Layout:
         return same
 
 
-@dataclass(frozen=True, slots=True)
+@frozen
 class Block:
     """Messages of one topic in one array of bytes.
 
