@@ -13,7 +13,7 @@ HOME = Path(palpate.__file__).parent
 #: From the ground up. A package imports from those below it only, at the top of a file, inside a
 #: function and for type checking.
 FLOORS = (
-    "_core _frozen spelling _plugins _headers method input output", "errors",
+    "_core spelling _plugins _headers method input output", "errors",
     "validation digits writing stages",
     "rows settings force_laws findings", "contact", "estimators", "recordings", "channels",
     "wrench", "preparation", "diagnosis", "quantities", "identification", "results", "figures",
@@ -103,7 +103,7 @@ def test_no_imports_go_round_in_a_circle():
 LIMBS = {"exports": 0, "lab": 0, "live": 9, "fleet": 18}
 TRUNK = {*FLOOR} - {*LIMBS} - {"palpate", "_public", "cli", "__main__"}
 # Formats of numbers and files, errors and findings: the vocabulary of every package.
-VOCABULARY = {"_frozen", "errors", "validation", "digits", "findings", "writing", "stages"}
+VOCABULARY = {"errors", "validation", "digits", "findings", "writing", "stages"}
 
 
 def public_names():

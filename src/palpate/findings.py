@@ -5,9 +5,8 @@ from collections.abc import Mapping
 from enum import Enum, Flag, StrEnum, auto
 from typing import Any, Literal, Self, TypeAlias
 
-from palpate._frozen import frozen
 from palpate.spelling import spell_advice
-from palpate.validation import Plain, or_nan
+from palpate.validation import Plain, frozen, or_nan
 
 
 class NextStep(Enum):

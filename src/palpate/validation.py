@@ -1,10 +1,10 @@
-"""Checks of arguments, with the same error messages for every setting."""
+"""Values: their types, frozen classes of them, and checks with the same messages everywhere."""
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
-from dataclasses import fields
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar, dataclass_transform, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,21 @@ Integers = NDArray[np.int64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 Values = NDArray[Any]
+_Value = TypeVar("_Value")
+
+
+@overload
+def frozen(kind: type[_Value], /) -> type[_Value]: ...
+@overload
+def frozen(**options: bool) -> Callable[[type[_Value]], type[_Value]]: ...
+@dataclass_transform(frozen_default=True, field_specifiers=(field,))
+def frozen(kind: Any = None, /, **options: bool) -> Any:
+    """Make a class a dataclass with frozen fields in slots; other options are those of dataclass.
+
+    Classes that hold arrays take ``eq=False``, because arrays have no one truth value.
+    """
+    make = dataclass(frozen=True, slots=True, **options)
+    return make if kind is None else make(kind)
 
 
 def shown(value: Any, most: int = 80) -> str:

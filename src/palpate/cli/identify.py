@@ -86,14 +86,11 @@ def identify(
     if panels == "help":
         print_panels()
         return 0
-    from palpate.findings import Check
     from palpate.identifying import identify as run
 
     query = deriving.query
     depth = judging.depth
-    drawing.check()
-    if panels is not None and drawing.figure is None:
-        raise InvalidParameterError("--panels needs a figure: pass --figure FILE too")
+    names = _panel_names(panels, drawing)
     destination = None
     if output is not None:  # once it is known that it can be written there
         from palpate.output.reports.identification import Destination
@@ -115,7 +112,6 @@ def identify(
     if hold_out:
         result = result.hold_out()
     result = _identify_parts(result if depth is None else result.at_depth(depth), changes=changes)
-    names = None if panels is None else [name.strip() for name in panels.split(",")]
     drawing.save("palpate.output.figures.draw", result, names)
     if destination is not None:
         options = {**choosing.options, **({"changes": True} if changes else {})}
@@ -124,13 +120,33 @@ def identify(
         compared = reading.compared(contact, watch=watch, known=result)
         destination.save(result, options=options, compared=compared)
     print_identifications(files, [result], drawing.figure, as_json=as_json, folder=output)
-    if drawing.is_plain and not as_json:
-        print_caption(result, names)
-    for finding in result.findings if hold_out and not as_json else ():
-        if finding.check == Check.HOLD_OUT:
-            print_hold_out(finding)
+    if not as_json:
+        _print_beside(result, drawing, names, hold_out=hold_out)
     asked = query.frequency is not None or query.impact_speed is not None
     return judging.status([result.diagnosis.verdict], damping=asked)
+
+
+def _panel_names(panels: str | None, drawing: FigureOptions) -> list[str] | None:
+    """Return the names of the panels, once it is known that the figure can be drawn."""
+    drawing.check()
+    if panels is None:
+        return None
+    if drawing.figure is None:
+        raise InvalidParameterError("--panels needs a figure: pass --figure FILE too")
+    return [name.strip() for name in panels.split(",")]
+
+
+def _print_beside(
+    result: "Identification", drawing: FigureOptions, panels: list[str] | None, *, hold_out: bool
+) -> None:
+    """Print what belongs to an answer only on request: a caption, and a forecast of one half."""
+    from palpate.findings import Check
+
+    if drawing.is_plain:
+        print_caption(result, panels)
+    for finding in result.findings if hold_out else ():
+        if finding.check == Check.HOLD_OUT:
+            print_hold_out(finding)
 
 
 def _estimator(

@@ -10,13 +10,12 @@ from typing import ClassVar
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import ExportRefusedError
 from palpate.exports.motion import MOST_SAMPLES, ExportRequest, ProbeMotion
 from palpate.exports.replay_errors import Drop, restitution_by
 from palpate.findings import Check, Finding
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Floats, check_choice
+from palpate.validation import Floats, check_choice, frozen
 
 
 @frozen(eq=False)

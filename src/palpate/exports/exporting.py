@@ -6,12 +6,11 @@ from dataclasses import field
 from hashlib import sha256
 from pathlib import Path
 
-from palpate._frozen import frozen
 from palpate.errors import ExportRefusedError, InvalidParameterError
 from palpate.exports.engine import Engine, Fragment, engine_called
 from palpate.exports.motion import ExportRequest
 from palpate.exports.statement import Exportable, ExportedLaw, Statement, compare_errors
-from palpate.validation import number_in
+from palpate.validation import frozen, number_in
 from palpate.writing import (
     as_json,
     check_own,

@@ -8,12 +8,11 @@ from typing import TypeAlias
 import numpy as np
 
 from palpate import lab
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
 from palpate.output.results.saved import SavedResult
-from palpate.validation import Floats, Integers, Mask
+from palpate.validation import Floats, Integers, Mask, frozen
 
 #: Most states at which an engine computes the force; slow engines have a lower limit.
 MOST_SAMPLES = 20_000

@@ -4,12 +4,11 @@ import math
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.replay_errors import force_error
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.method.estimators.least_squares import least_squares
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 _EXPONENTS = (0.5, 3.0)  # a little beyond x and x²
 

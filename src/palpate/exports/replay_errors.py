@@ -5,11 +5,10 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.identification.quantities.restitution import restitution
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Mask, frozen
 
 # Steps per half period of the spring alone: restitution e is accurate to 10⁻⁶.
 _STEPS = 1000

@@ -14,7 +14,6 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from palpate._core import __version__
-from palpate._frozen import frozen
 from palpate.digits import format_hertz, parameter, rounded
 from palpate.errors import (
     ExportRefusedError,
@@ -39,7 +38,7 @@ from palpate.identification.quantities.elastic_modulus import Sphere
 from palpate.identifying import Identification, identify
 from palpate.method.estimators import VariableProjection
 from palpate.output.results.saved import SavedResult
-from palpate.validation import Floats, finite_or_none, shown
+from palpate.validation import Floats, finite_or_none, frozen, shown
 
 #: Types that can be exported.
 Exportable: TypeAlias = Identification | SavedResult | ForceLaw

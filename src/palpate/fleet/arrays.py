@@ -18,7 +18,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.errors import FleetError, InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding
 from palpate.fleet.rows import (
@@ -46,7 +45,7 @@ from palpate.input.recordings.recording import Recording, printable
 from palpate.method.contact import Contact, VelocityFilter
 from palpate.method.estimators import ContactEstimator, VariableProjection
 from palpate.method.estimators.batch_fit import CurveFits, fit_curves
-from palpate.validation import Floats, Integers, Mask, number_in, real_array, whole_in
+from palpate.validation import Floats, Integers, Mask, frozen, number_in, real_array, whole_in
 
 
 @frozen(eq=False)

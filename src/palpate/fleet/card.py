@@ -9,7 +9,6 @@ from pathlib import Path, PurePosixPath
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.errors import MissingExtraError
 from palpate.findings import spoken
@@ -17,7 +16,7 @@ from palpate.fleet import maps
 from palpate.fleet.files import CARD, CARD_PAGE, read_manifest, read_results
 from palpate.fleet.rows import AT_DEPTH, touches_nothing
 from palpate.fleet.tasks import Table
-from palpate.validation import Floats, Indices, Mask
+from palpate.validation import Floats, Indices, Mask, frozen
 from palpate.writing import escape_markdown, write_text
 
 #: Most episodes that the card names.

@@ -15,13 +15,12 @@ from typing import Any
 import numpy as np
 
 from palpate._core import __version__
-from palpate._frozen import frozen
 from palpate.errors import FleetError, RecordingError
 from palpate.fleet.arrays import Curves
 from palpate.fleet.tasks import Batch, ContactSource, Settings, Table, needed, sources_digest
 from palpate.input.recordings import datasets, opening, units
 from palpate.input.recordings.recording import printable
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 from palpate.writing import as_json, make_folder, write_bytes, write_text
 
 _ZARR_ENDINGS = (".zarr", ".zarr.zip")

@@ -10,14 +10,13 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, rounded, with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, spoken
 from palpate.fleet.rows import AT_DEPTH, values_for_depth
 from palpate.fleet.tasks import Table
 from palpate.force_laws import FORCE_LAWS, law_from
-from palpate.validation import Floats, Mask, number_in, shown
+from palpate.validation import Floats, Mask, frozen, number_in, shown
 
 #: Quantities at working depth whose repeats are compared with their errors.
 JUDGED = ("stiffness", "damping")

@@ -13,7 +13,6 @@ import numpy as np
 
 from palpate import errors
 from palpate._core import __version__
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import ForceLaw
 from palpate.identification.quantities.derived import QueryOptions
@@ -24,7 +23,7 @@ from palpate.input.preparation.gate import requested_gate
 from palpate.input.preparation.settings import Preparation
 from palpate.method.contact import Contact
 from palpate.method.estimators import ContactEstimator, VariableProjection, ViscoelasticContact
-from palpate.validation import shown
+from palpate.validation import frozen, shown
 
 #: A pyarrow table; pyarrow has no type stubs and is imported only where a table is made.
 Table: TypeAlias = Any

@@ -7,10 +7,9 @@ contact does; a law does not. Laws from the literature are in :mod:`palpate.forc
 
 import math
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.generalised import GeneralisedHuntCrossley
-from palpate.validation import above_zero, not_below_zero, number, number_in
+from palpate.validation import above_zero, frozen, not_below_zero, number, number_in
 
 
 @frozen

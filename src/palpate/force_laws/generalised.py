@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.digits import format_time, with_error
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.laws import (
@@ -33,6 +32,7 @@ from palpate.force_laws.relaxation import (
 from palpate.validation import (
     all_good,
     broadcast_contact,
+    frozen,
     instance,
     number,
     number_in,

@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError
 from palpate.force_laws.relaxation import steps_over_breaks
 from palpate.validation import Floats as Floats
-from palpate.validation import broadcast_contact, check_choice, number, shown, together
+from palpate.validation import broadcast_contact, check_choice, frozen, number, shown, together
 
 
 class ForceLaw:

@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, all_good, check_field, number, same_length, signal
+from palpate.validation import Floats, all_good, check_field, frozen, number, same_length, signal
 
 #: Range of relaxation times, s: it includes 4096 sample times of any allowed sample time.
 SHORTEST = 1e-12

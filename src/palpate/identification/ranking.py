@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.findings import MARKS, Check
 from palpate.identification.diagnosis import Quantity
@@ -14,7 +13,7 @@ from palpate.identification.diagnosis.causes import CARE
 from palpate.identification.identified import Identified
 from palpate.method.estimators import ViscoelasticContact
 from palpate.method.estimators.estimate import rmse_percent
-from palpate.validation import Mask
+from palpate.validation import Mask, frozen
 
 EXCLUDED = 3.0  # standard errors of the difference; chosen by hand
 

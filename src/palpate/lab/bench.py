@@ -6,7 +6,6 @@ from dataclasses import field, replace
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.input.preparation import prepare
 from palpate.input.preparation.resolution import deviation_of_mean
@@ -24,7 +23,7 @@ from palpate.lab.rig import (
 from palpate.lab.trajectories import Command, Trajectory, smooth_step
 from palpate.method.contact import Contact
 from palpate.stages import log_stage
-from palpate.validation import Floats, instance, number_in
+from palpate.validation import Floats, frozen, instance, number_in
 
 
 @frozen(eq=False)

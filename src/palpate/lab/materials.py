@@ -8,10 +8,9 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import FlatSpectrum, ForceLaw, GeneralisedHuntCrossley, HuntCrossley
-from palpate.validation import Floats, instance, number, number_in
+from palpate.validation import Floats, frozen, instance, number, number_in
 
 #: Force [N] at a time [s], lateral position [m], penetration [m] and velocity [m/s]; call it in
 #: the order of time, as a material may have memory.

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, require_mujoco
 from palpate.lab.materials import Material, Touch, force_of_touch
 from palpate.lab.trajectories import Command, Trajectory, arccos, arctan2, cos, sin
-from palpate.validation import Floats, number_in
+from palpate.validation import Floats, frozen, number_in
 
 if TYPE_CHECKING:
     import mujoco

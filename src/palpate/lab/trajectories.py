@@ -9,10 +9,9 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.lab.design.motion import PAPER_MOTION, Motion
-from palpate.validation import Floats, instance, number_in, signals
+from palpate.validation import Floats, frozen, instance, number_in, signals
 
 # Elementary functions of the C library, over arrays.
 #

@@ -4,12 +4,11 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, Literal, get_args
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.method.estimators import ESTIMATORS, ContactEstimator, estimator_named
 from palpate.method.estimators.viscoelastic import Damping, Memory
 from palpate.method.settings import ChangeDetector, ConstantForgetting, OutlierRejection
-from palpate.validation import number_in, shown
+from palpate.validation import frozen, number_in, shown
 
 #: Settings that are either off or at the library's default.
 SWITCHES = {"outlier_rejection": OutlierRejection, "change_detector": ChangeDetector}

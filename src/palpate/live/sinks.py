@@ -10,9 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS, Memory, RowReader, SharedJson
-from palpate.validation import Floats, or_nan
+from palpate.validation import Floats, frozen, or_nan
 from palpate.writing import abandon_output
 
 # Printing to a terminal that may have gone.

@@ -6,10 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, import_extra
 from palpate.method.contact import Contact
-from palpate.validation import number_in, shown
+from palpate.validation import frozen, number_in, shown
 
 #: A number, or a vector in the frame of the source.
 Value: TypeAlias = float | tuple[float, float, float]

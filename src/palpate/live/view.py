@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, parameter, rounded, with_error
 from palpate.findings import Check, Finding, spoken
 from palpate.force_laws import GeneralisedHuntCrossley
@@ -18,7 +17,7 @@ from palpate.method.estimators.estimate import Estimate
 from palpate.method.estimators.law_verdicts import LawVerdict
 from palpate.method.estimators.viscoelastic import unpack_verdict
 from palpate.output.results import view
-from palpate.validation import or_nan
+from palpate.validation import frozen, or_nan
 
 # Effective sample size over samples: AR(1) noise of 0.875 gives 1/15, of 0.9 it gives 1/19.
 _FEW = 1.0 / 15.0

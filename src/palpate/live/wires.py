@@ -20,7 +20,6 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import parameter
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.live.choices import State
@@ -36,7 +35,7 @@ from palpate.live.sources import (
     find_wire,
 )
 from palpate.live.view import verdict_on
-from palpate.validation import Floats, check_choice, number_in, shown, whole_in
+from palpate.validation import Floats, check_choice, frozen, number_in, shown, whole_in
 
 # The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
 

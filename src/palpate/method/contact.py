@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.method.rows import median
@@ -21,6 +20,7 @@ from palpate.validation import (
     Mask,
     Plain,
     check_field,
+    frozen,
     number,
     same_length,
     shown,

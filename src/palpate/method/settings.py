@@ -4,9 +4,8 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Literal, Self, TypeVar
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, Mask, check_field, shown
+from palpate.validation import Floats, Mask, check_field, frozen, shown
 
 # The C++ headers define and explain each default.
 _FADING = _core.defaults["FadingForgetting"]

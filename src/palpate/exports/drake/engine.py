@@ -10,7 +10,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.exports.drake.running import (
     Plant,
@@ -27,7 +26,7 @@ from palpate.exports.nearest_law import fit_with_one_exponent, is_kelvin_voigt, 
 from palpate.exports.replay_errors import Drop, force_error
 from palpate.exports.texts import digits, hash_comment, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 SDF_TIP = """\
       <collision name="{name}">

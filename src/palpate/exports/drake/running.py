@@ -13,10 +13,9 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from palpate._frozen import frozen
 from palpate.exports.motion import Pointwise, ProbeMotion
 from palpate.exports.replay_errors import Drop, came_back, drop_restitution, state_by_state
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 #: A body that has not returned after this multiple of the time down counts as at rest.
 LONGEST = 20.0

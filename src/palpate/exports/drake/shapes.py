@@ -7,10 +7,9 @@ are fitted by least squares.
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.least_squares import least_squares, nonnegative
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 #: Spheres are added until the spring's error is below this, %: about six for x^1.5, eight for x².
 #: The exponent identified from Drake's force is then right within one or two standard errors.

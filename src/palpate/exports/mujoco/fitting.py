@@ -18,13 +18,12 @@ from itertools import combinations
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.nearest_law import kelvin_voigt
 from palpate.exports.replay_errors import Drop, course, drop_to, force_error, half_period
 from palpate.force_laws import GeneralisedHuntCrossley
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 #: MuJoCo's limits of an impedance (mjMINIMP, mjMAXIMP).
 LEAST = 1e-4

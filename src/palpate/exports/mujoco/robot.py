@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError, require_mujoco
 from palpate.exports.engine import make_refusals, make_warnings
 from palpate.exports.exporting import STATEMENT
@@ -21,7 +20,7 @@ from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.fitting import PairRow
 from palpate.exports.texts import digits, template, xml_comment
 from palpate.findings import Finding
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 #: Names of the coincident surfaces in the user's model, one per row.
 PADS = ("palpate_pad", "palpate_pad_damper")

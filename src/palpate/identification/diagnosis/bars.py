@@ -6,7 +6,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.identification.diagnosis.causes import (
@@ -33,7 +32,7 @@ from palpate.identification.diagnosis.misfit import (
 from palpate.identification.diagnosis.outcome import Quantity, WorkingDepth
 from palpate.input.preparation.velocity import filter_gain
 from palpate.method.contact import VelocityFilter
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 # Multiples of the relative misfit that are in the stiffness and, over ω, in the damping, and of the
 # change of the damping by a cause that is found: with the cause another damping may fit as well.

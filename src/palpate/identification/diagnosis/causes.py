@@ -8,12 +8,11 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import MAY_CAP, Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.fit import SIGNIFICANT, AugmentedFit, Fit, fit_with_column
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 # A skew δ between the clocks of force and position is a force that is δ late. For a law that
 # relaxes, and for the damper of a half-space, B′ = B − K′ δ exactly: no recording of the material

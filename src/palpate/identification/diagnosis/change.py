@@ -6,7 +6,6 @@ from operator import attrgetter
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, NextStep, Remedy
 from palpate.force_laws import ForceLaw
@@ -14,7 +13,7 @@ from palpate.identification.diagnosis.causes import MisfitHypothesis, SeveralLaw
 from palpate.identification.diagnosis.fit import WINDOWS_A_PERIOD, Fit
 from palpate.method.estimators.by_law import linear_in
 from palpate.method.estimators.least_squares import Fitted, least_squares, robust_covariance
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 BLOCKS = 48  # changes are searched for at the borders of these blocks
 MOST_CHANGES = 3

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.force_laws import ForceLaw, steps_over_breaks
 from palpate.identification.diagnosis.outcome import ModelSelection
 from palpate.identification.diagnosis.recording import Data
@@ -19,7 +18,7 @@ from palpate.method.estimators.least_squares import column_sizes, least_squares,
 from palpate.method.estimators.oscillation import Oscillation
 from palpate.method.estimators.viscoelastic import RelaxingEstimate
 from palpate.method.rows import count_true, median, rms
-from palpate.validation import Floats, Indices, Integers, Mask, Values
+from palpate.validation import Floats, Indices, Integers, Mask, Values, frozen
 
 if TYPE_CHECKING:
     from palpate.identification.diagnosis.equivalent import EquivalentEstimate

@@ -6,7 +6,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.identification.diagnosis.causes import CARE
@@ -18,7 +17,7 @@ from palpate.identification.diagnosis.fit import (
 from palpate.method.estimators.least_squares import column_sizes, robust_covariance
 from palpate.method.estimators.variable_projection import ConstrainedEstimate
 from palpate.method.rows import rms
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 # Chosen by hand.
 UNEXPLAINED = 0.05

@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.findings import Check, Finding, Mark, Remedy, spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.method.estimators import ContactEstimator, LawVerdict
 from palpate.method.estimators.law_verdicts import judge_evidence
-from palpate.validation import Plain
+from palpate.validation import Plain, frozen
 
 
 @frozen

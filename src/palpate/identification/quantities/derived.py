@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import format_hertz, rounded
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check
@@ -19,7 +18,7 @@ from palpate.method.estimators import ContactEstimator
 from palpate.method.estimators.estimate import Estimate, Trace
 from palpate.method.estimators.law_verdicts import band_about
 from palpate.method.estimators.oscillation import Oscillation
-from palpate.validation import Floats, Integers, Plain, instance, number, number_in
+from palpate.validation import Floats, Integers, Plain, frozen, instance, number, number_in
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

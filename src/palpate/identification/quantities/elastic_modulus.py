@@ -10,13 +10,12 @@ import math
 from dataclasses import fields
 from typing import Any, ClassVar
 
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, percent
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.bars import STOPPED, TRUSTED
 from palpate.identification.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity, WorkingDepth
-from palpate.validation import check_field, finite_or_none
+from palpate.validation import check_field, finite_or_none, frozen
 
 # Depth over radius, and strain: beyond these the assumption of small strains may fail.
 SMALL_DEPTH = SMALL_STRAIN = 0.1

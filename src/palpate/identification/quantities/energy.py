@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
@@ -14,7 +13,7 @@ from palpate.input.preparation.gate import choose_gate
 from palpate.input.preparation.touch import find_touches
 from palpate.method.contact import Contact
 from palpate.method.rows import median
-from palpate.validation import Floats, Indices, Integers, Mask, Plain, finite_or_none
+from palpate.validation import Floats, Indices, Integers, Mask, Plain, finite_or_none, frozen
 
 # Fraction of the depth's range: a crossing counts if the probe goes this far on both sides.
 HYSTERESIS = 0.10

@@ -24,7 +24,6 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Check, Finding, Mark, worst
@@ -43,7 +42,7 @@ from palpate.input.recordings import Recording
 from palpate.method.contact import Contact
 from palpate.method.estimators.batch_fit import fit_curves
 from palpate.method.rows import count_true, median, rms
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 POSITION = "tip position"
 FORCE = "force"

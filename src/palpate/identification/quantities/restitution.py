@@ -26,11 +26,10 @@ from typing import overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.force_laws import ForceLaw
 from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity, WorkingDepth
-from palpate.validation import Floats, Plain, all_good, together
+from palpate.validation import Floats, Plain, all_good, frozen, together
 
 # Below it e = 1 − 2d/3 + 4d²/9 is exact: the next term, 44 d³/135, is under 10⁻¹⁵. It follows from
 # φ(d) = e² φ(−d e), where φ(z) = 2 [z − ln(1 + z)]/z² = 1 − 2z/3 + z²/2 − …: in e = 1 + p d + q d²

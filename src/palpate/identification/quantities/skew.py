@@ -15,7 +15,6 @@ from functools import cached_property
 import numpy as np
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.digits import percent, rounded, with_error
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Mark
@@ -27,7 +26,7 @@ from palpate.method.contact import Contact
 from palpate.method.estimators.least_squares import robust_covariance
 from palpate.method.rows import median, norm, rms
 from palpate.spelling import spell_advice
-from palpate.validation import Floats, Indices, Mask, Plain
+from palpate.validation import Floats, Indices, Mask, Plain, frozen
 
 #: Loss factor that a steel spring with its mount may have; a spring alone has less than 1e-4.
 LOSS_FACTOR = 1e-3

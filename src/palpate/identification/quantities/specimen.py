@@ -7,11 +7,10 @@ compression: a homogeneous material, plates without friction, small strains.
 import math
 from typing import Any
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.identification.diagnosis.outcome import UNKNOWN, Diagnosis, Quantity
 from palpate.identification.quantities.elastic_modulus import SMALL_STRAIN
-from palpate.validation import Plain, check_field, finite_or_none
+from palpate.validation import Plain, check_field, finite_or_none, frozen
 
 
 @frozen

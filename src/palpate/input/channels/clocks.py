@@ -7,12 +7,11 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.findings import Check, Finding, Severity
 from palpate.input.recordings.units import unit_size
 from palpate.method.contact import SHORTEST_STEP, run_slices
 from palpate.method.rows import count_true, median
-from palpate.validation import Floats, Indices, Integers, Mask, Values
+from palpate.validation import Floats, Indices, Integers, Mask, Values, frozen
 
 Times: TypeAlias = Integers | Floats
 

@@ -12,12 +12,11 @@ from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import RecordingError, list_names
 from palpate.findings import Check, Finding, Severity
 from palpate.input.recordings.recording import Recording
 from palpate.method.rows import count_true, row_norms, typical_step
-from palpate.validation import Floats, Integers, Mask, Values, check_choice
+from palpate.validation import Floats, Integers, Mask, Values, check_choice, frozen
 
 UNIT_LENGTH = 0.02  # deviation of a quaternion's norm from 1 by rounding and interpolation
 GAP = 10.0  # median steps: palpate does not interpolate across longer ones

@@ -10,7 +10,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import MissingChannelError, RecordingError, list_names
 from palpate.findings import Check, Finding
 from palpate.input.channels.frames import (
@@ -43,6 +42,7 @@ from palpate.input.recordings.units import (
     is_wanted,
     split_name,
 )
+from palpate.validation import frozen
 
 #: Channels that have one role together: one channel, or the components of a vector.
 Names: TypeAlias = tuple[str, ...]

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.input.channels.clocks import (
@@ -27,7 +26,7 @@ from palpate.input.recordings import Recording
 from palpate.input.recordings.units import unit_size
 from palpate.method.contact import number_runs
 from palpate.method.rows import count_true, typical_step
-from palpate.validation import Floats, Integers, Mask
+from palpate.validation import Floats, Integers, Mask, frozen
 
 Channels: TypeAlias = dict[str, NDArray[np.generic]]
 

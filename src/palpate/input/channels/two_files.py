@@ -7,14 +7,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import RecordingError
 from palpate.input.channels.clocks import Times
 from palpate.input.channels.roles import Columns, Offer, offer_of
 from palpate.input.channels.signals import SINCE_LONG_AGO, Stream, origin_of, stream_of
 from palpate.input.recordings import Recording
 from palpate.input.recordings.units import unit_size
-from palpate.validation import Floats, Values
+from palpate.validation import Floats, Values, frozen
 
 Label = TypeVar("Label")
 

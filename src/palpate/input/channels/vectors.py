@@ -4,8 +4,8 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable
 
-from palpate._frozen import frozen
 from palpate.input.recordings.units import divide_unit, split_name
+from palpate.validation import frozen
 
 _INDEX = re.compile(r"^(.*)\[(\d+)\]$")
 _LETTERS = ("xyzw", "xyz")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.findings import Finding
 from palpate.input.channels.clocks import settle_stamps
@@ -27,7 +26,7 @@ from palpate.input.recordings import Recording
 from palpate.input.recordings.units import UNITS, unit_size
 from palpate.method.contact import Contact, add_step
 from palpate.stages import stage
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 from palpate.validation import signals as checked_signals
 
 if TYPE_CHECKING:

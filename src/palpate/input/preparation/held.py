@@ -4,11 +4,10 @@ import math
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
 from palpate.method.rows import count_true, median, typical_step
-from palpate.validation import Floats, Indices, Mask
+from palpate.validation import Floats, Indices, Mask, frozen
 
 LONGEST = 60  # samples between two changes
 IN_STEP = 0.9  # least fraction of the changes on one phase

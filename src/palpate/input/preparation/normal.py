@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, NoContactError, RecordingError
 from palpate.findings import Check, Finding, Mark
 from palpate.input.preparation.resolution import noise_of
 from palpate.input.preparation.touch import depends_on_position
 from palpate.method.rows import finite_rows, norm, row_norms
-from palpate.validation import Floats, shown
+from palpate.validation import Floats, frozen, shown
 
 AXES = {
     f"{sign}{axis}": float(f"{sign}1") * row

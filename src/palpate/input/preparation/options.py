@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
-from palpate._frozen import frozen
+from palpate.validation import frozen
 
 # Only here, because --help shows these texts and answers without NumPy.
 if TYPE_CHECKING:

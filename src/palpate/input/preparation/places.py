@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import percent
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -23,7 +22,7 @@ from palpate.input.preparation.velocity import describe_filter, estimate_velocit
 from palpate.method.contact import Contact, VelocityFilter, add_step
 from palpate.method.rows import count_true, median, norm, row_norms, run_slices, true_runs
 from palpate.stages import log_stage
-from palpate.validation import Floats, Mask, Values
+from palpate.validation import Floats, Mask, Values, frozen
 
 
 @frozen(eq=False)

@@ -11,7 +11,6 @@ from typing import Any, ParamSpec, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, NoContactError
 from palpate.findings import Check, Finding
 from palpate.input.channels.roles import Columns, Roles, choose_roles, contact_groups
@@ -28,7 +27,7 @@ from palpate.input.recordings.opening import within
 from palpate.input.recordings.units import is_wanted
 from palpate.method.contact import Contact, VelocityFilter
 from palpate.stages import stage
-from palpate.validation import Integers, Values
+from palpate.validation import Integers, Values, frozen
 
 _LOGGER = logging.getLogger(__name__)
 

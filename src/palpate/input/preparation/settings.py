@@ -5,14 +5,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from typing import Any, get_args
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
 from palpate.input.channels.roles import Columns
 from palpate.input.preparation.options import Options, SurfaceRule
 from palpate.input.recordings.units import UNITS, unit_size
 from palpate.method.contact import Delay
 from palpate.method.settings import ForceFrame
-from palpate.validation import check_choice, instance, number_in, pair_in, shown, vector_in
+from palpate.validation import check_choice, frozen, instance, number_in, pair_in, shown, vector_in
 
 FLIPPED = ("force", "penetration")
 LONGEST_DELAY = 10.0  # s

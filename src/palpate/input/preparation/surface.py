@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.findings import Check, Finding
 from palpate.input.preparation.options import SurfaceRule
@@ -12,7 +11,7 @@ from palpate.input.preparation.resolution import deviation_of_mean, noise_of
 from palpate.method.contact import add_step
 from palpate.method.estimators.least_squares import fit_surface_position, robust_covariance
 from palpate.method.rows import count_true, finite_rows, median, rms, true_runs
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Mask, frozen
 
 NOISES_OF_CONTACT = 6.0  # σ
 # Limits of the light branch, which shows the surface, over the peak force. Drag and drift stay

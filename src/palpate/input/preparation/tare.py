@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.errors import RecordingError
 from palpate.findings import Check, Finding
@@ -16,7 +15,7 @@ from palpate.input.preparation.resolution import correlation_inflation, noise_of
 from palpate.input.preparation.settings import Preparation
 from palpate.method.contact import add_step
 from palpate.method.rows import count_true, finite_rows, norm, row_norms, typical_step
-from palpate.validation import Floats, Integers, Mask
+from palpate.validation import Floats, Integers, Mask, frozen
 
 # Samples out of contact: as many as half a second has, within these limits. On 180 simulated
 # episodes at 30 Hz 7 % of the stiffnesses were wrong by more than 10 % with 50, and 2 % with 20.

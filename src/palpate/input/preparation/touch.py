@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.digits import percent
 from palpate.findings import Check, Finding
 from palpate.input.preparation.gate import choose_gate
@@ -15,7 +14,7 @@ from palpate.input.preparation.resolution import noise_of
 from palpate.method.contact import Contact
 from palpate.method.rows import count_true, finite_rows, row_norms, run_slices, true_runs
 from palpate.method.settings import ContactGate
-from palpate.validation import Floats, Integers, Mask, Plain
+from palpate.validation import Floats, Integers, Mask, Plain, frozen
 
 BREAK = 0.8  # force at which contact ends, as a fraction of that at which it begins
 # s. A shorter time out of contact is noise at the surface, or a bounce.

@@ -17,12 +17,11 @@ from typing import Any, BinaryIO, Literal, NamedTuple
 import numpy as np
 from rich.filesize import decimal as format_bytes
 
-from palpate._frozen import frozen
 from palpate.errors import import_extra
 from palpate.input.recordings.nested import OBJECTS, UNIT_FIELDS, Arrays, no_class, plain_numbers
 from palpate.input.recordings.opening import Request
 from palpate.input.recordings.recording import Recording
-from palpate.validation import Values
+from palpate.validation import Values, frozen
 
 Order = Literal["little", "big"]
 

@@ -6,11 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.input.recordings.opening import FAULTS, Draft, first_line, within
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import clock_rank, detect_epoch_unit
-from palpate.validation import Values
+from palpate.validation import Values, frozen
 
 #: An array with more columns than this is an image or another kind of table.
 MOST_COLUMNS = 256

@@ -18,12 +18,11 @@ from typing import IO, Any
 
 from rich.filesize import decimal as format_bytes
 
-from palpate._frozen import frozen
 from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
 from palpate.input.recordings.recording import Faults, Recording, printable
-from palpate.validation import Values, shown
+from palpate.validation import Values, frozen, shown
 from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)

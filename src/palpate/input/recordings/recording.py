@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, MissingChannelError, RecordingError
 from palpate.errors import printable as visible
 from palpate.findings import Check, Finding
 from palpate.force_laws import ForceLaw, law_from
 from palpate.input.recordings.units import find_unit, find_unit_in_name, plain_unit
-from palpate.validation import Floats, Values, reject_masks, shown
+from palpate.validation import Floats, Values, frozen, reject_masks, shown
 
 # With an apostrophe or a narrow space, or with a comma that cannot be the decimal mark.
 _THOUSANDS = re.compile(

@@ -4,12 +4,11 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
 from palpate.method.rows import count_true, median
 from palpate.stages import log_stage
-from palpate.validation import Floats, Values
+from palpate.validation import Floats, Values, frozen
 
 #: Least length of a gap in median steps; shorter ones are single missed samples and jitter.
 GAP = 10.0

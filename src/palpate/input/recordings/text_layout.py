@@ -8,7 +8,6 @@ from dataclasses import dataclass, field
 from itertools import starmap
 from typing import NamedTuple
 
-from palpate._frozen import frozen
 from palpate.errors import RecordingError
 from palpate.input.recordings.recording import number_in_text
 from palpate.input.recordings.times import is_timelike
@@ -21,7 +20,7 @@ from palpate.input.recordings.units import (
     plain_unit,
     unit_in_name,
 )
-from palpate.validation import shown
+from palpate.validation import frozen, shown
 
 DELIMITERS = ",;\t|"
 SPACES = " "  # as a delimiter: any run of spaces and tabs

@@ -14,8 +14,8 @@ import numpy as np
 import zarr
 from zarr.storage import LocalStore, WrapperStore, ZipStore
 
-from palpate._frozen import frozen
 from palpate.input.recordings.opening import Request, check_members, excess, size_of_deflate
+from palpate.validation import frozen
 
 # Codecs that only move, pack or scale numbers. Others run code, build objects, or state no size.
 _CODECS = frozenset((

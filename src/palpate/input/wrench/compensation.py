@@ -7,7 +7,6 @@ from typing import Any, Literal
 import numpy as np
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.input.channels.frames import interpolate_columns, rotate
 from palpate.input.wrench.consensus import BLOCK
@@ -21,7 +20,7 @@ from palpate.input.wrench.zeroing import without_zeroings
 from palpate.method.contact import Delay
 from palpate.method.rows import finite_rows, median, run_slices, typical_step
 from palpate.method.settings import Configured
-from palpate.validation import Floats, Mask, arguments, check_choice, instance, number_in
+from palpate.validation import Floats, Mask, arguments, check_choice, frozen, instance, number_in
 
 # In a log.
 

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.input.wrench.compensation import Compensated
 from palpate.input.wrench.fit import skew
 from palpate.input.wrench.payload import Payload
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 
 @frozen(eq=False)

@@ -10,13 +10,12 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, spoken, worst
 from palpate.input.channels.frames import interpolate_columns
 from palpate.input.recordings.units import GRAVITY
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 from palpate.writing import as_toml, write_text
 
 VERSION = 1  # of the fields

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.input.recordings.units import GRAVITY
 from palpate.input.wrench.consensus import (
     Blocks,
@@ -23,7 +22,7 @@ from palpate.input.wrench.payload import Payload
 from palpate.method.contact import Delay
 from palpate.method.rows import count_true, row_norms
 from palpate.method.settings import ForceFrame
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Mask, frozen
 
 SECOND_BEST = 1.5  # times what the best reading leaves; a reading that leaves less may be right
 # Share of the log in free air; a smaller one fits by chance, up to so many times better.

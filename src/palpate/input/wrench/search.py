@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import with_error
 from palpate.errors import RecordingError
 from palpate.input.recordings.units import GRAVITY
@@ -25,7 +24,7 @@ from palpate.input.wrench.motion import FlangeMotion
 from palpate.input.wrench.payload import Payload
 from palpate.input.wrench.zeroing import Zeroing, remove_zeroings
 from palpate.method.contact import Delay
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 # s of the filter of the motion in free air, against the noise of the pose. A tool that does not
 # turn has the shorter one: its mass is told by an acceleration that the filter attenuates.

@@ -6,12 +6,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from palpate._core import noise_of
-from palpate._frozen import frozen
 from palpate.input.wrench.consensus import Blocks, blocks_of, largest_consensus
 from palpate.input.wrench.payload import Payload
 from palpate.method.contact import Delay
 from palpate.method.rows import norm, row_norms, true_runs, typical_step
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 # s of a mean on either side, and samples between the two
 STEP_WINDOW = 0.01

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from palpate._frozen import frozen
 from palpate.errors import InvalidParameterError
-from palpate.validation import Floats, check_field, instance, number_in
+from palpate.validation import Floats, check_field, frozen, instance, number_in
 from palpate.writing import write_formatted
 
 

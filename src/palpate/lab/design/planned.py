@@ -6,7 +6,6 @@ from dataclasses import asdict
 from textwrap import fill
 from typing import Any
 
-from palpate._frozen import frozen
 from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import HuntCrossley
@@ -22,7 +21,7 @@ from palpate.lab.design.precision import (
     predict_precision,
 )
 from palpate.stages import log_stage
-from palpate.validation import Plain, instance, number_in, plain
+from palpate.validation import Plain, frozen, instance, number_in, plain
 
 #: Default durations for which the precision is predicted, s.
 DURATIONS = (0.5, 1.0, 5.0, 20.0)

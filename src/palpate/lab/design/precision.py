@@ -16,11 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from palpate._frozen import frozen
 from palpate.digits import percent, rounded
 from palpate.force_laws import ForceLaw, HuntCrossley
 from palpate.lab.design.motion import Motion
-from palpate.validation import Floats, number_in, plain
+from palpate.validation import Floats, frozen, number_in, plain
 
 # Harmonics of the rounding error that are treated apart from white noise: 87 % of its power.
 _MOST = 4

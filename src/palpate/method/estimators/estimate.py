@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from palpate._core import EstimateValue, Status
-from palpate._frozen import frozen
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
 from palpate.findings import Check, Finding, NextStep, Remedy
 from palpate.force_laws import ForceLaw
-from palpate.validation import Floats, Integers, Mask, number_in, shown, signals, whole_in
+from palpate.validation import Floats, Integers, Mask, frozen, number_in, shown, signals, whole_in
 
 # Keys: the bits of IdentifiabilityFlag in include/palpate/estimate.hpp.
 ADVICE = {

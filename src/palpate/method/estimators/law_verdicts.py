@@ -5,11 +5,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, TypeAlias
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.digits import format_quantity, rounded
 from palpate.findings import Check, Finding, Mark, NextStep, Remedy
 from palpate.method.estimators.estimate import Estimate
-from palpate.validation import Plain, finite_or_none, or_nan
+from palpate.validation import Plain, finite_or_none, frozen, or_nan
 
 # In the order of the compiled enumerations.
 DAMPINGS = ("none", "hunt-crossley", "half-space", "linear")

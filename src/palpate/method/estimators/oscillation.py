@@ -12,12 +12,11 @@ from functools import cached_property
 import numpy as np
 
 import palpate._core as _core
-from palpate._frozen import frozen
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.method.estimators.law_verdicts import CANDIDATES, Candidate
 from palpate.method.estimators.viscoelastic import ViscoelasticContact, build_law, dynamic_response
 from palpate.method.rows import count_true
-from palpate.validation import Floats, Mask
+from palpate.validation import Floats, Mask, frozen
 
 # A law fits equally well if its rms error is at most this multiple of the least.
 AS_WELL = 1.05

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate._core import __version__
-from palpate._frozen import frozen
 from palpate.digits import format_hertz, format_quantity, rounded
 from palpate.errors import InvalidParameterError
 from palpate.force_laws import RelaxationSpectrum
@@ -52,6 +51,7 @@ from palpate.output.figures.style import (
 from palpate.output.results.parameters import law_name, parameter_rows
 from palpate.output.results.view import short_answer
 from palpate.stages import log_stage
+from palpate.validation import frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate._frozen import frozen
 from palpate.digits import format_hertz, percent
 from palpate.findings import spoken
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
@@ -43,7 +42,7 @@ from palpate.output.figures.style import (
 )
 from palpate.output.results.parameters import parameter_rows
 from palpate.output.results.view import NumberLine, number_lines
-from palpate.validation import Floats
+from palpate.validation import Floats, frozen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from palpate._frozen import frozen
 from palpate.digits import PLAIN
 from palpate.errors import MissingExtraError, RecordingError
 from palpate.method.contact import Contact
 from palpate.output.results.colours import DARK, LIGHT, Theme
-from palpate.validation import Floats, number_in
+from palpate.validation import Floats, frozen, number_in
 from palpate.writing import check_writable, write_bytes
 
 try:

@@ -2,7 +2,7 @@
 
 from dataclasses import asdict
 
-from palpate._frozen import frozen
+from palpate.validation import frozen
 
 
 @frozen

@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from palpate._frozen import frozen
 from palpate.digits import parameter, rounded
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.validation import frozen
 
 if TYPE_CHECKING:
     from palpate.identification.identified import Identified

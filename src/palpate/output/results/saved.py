@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate._core import Status, __version__
-from palpate._frozen import frozen
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, RecordingError, import_extra
 from palpate.findings import MARKS, Finding, worst
@@ -29,7 +28,7 @@ from palpate.method.contact import Contact, Delay, VelocityFilter
 from palpate.method.estimators import LawVerdict
 from palpate.method.estimators.estimate import Trace
 from palpate.method.rows import count_true
-from palpate.validation import Floats, Values, finite_or_none, or_nan, plain
+from palpate.validation import Floats, Values, finite_or_none, frozen, or_nan, plain
 
 if TYPE_CHECKING:
     import pandas

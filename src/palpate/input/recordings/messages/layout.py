@@ -19,9 +19,8 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, TypesysError, get_types_from_idl, get_types_from_msg
 from rosbags.typesys import get_typestore as typestore
 
-from palpate._frozen import frozen
 from palpate.errors import PalpateError
-from palpate.validation import Integers, Mask, Values
+from palpate.validation import Integers, Mask, Values, frozen
 
 # A list of more elements is a scan or an image, not a vector, a matrix or a set of joints.
 LONGEST_LIST = 64
