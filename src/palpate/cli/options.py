@@ -165,10 +165,12 @@ class FigureOptions:
     @property
     def is_plain(self) -> bool:
         """Whether the figure is so narrow that its caption stands beside it."""
-        from palpate.output.figures.identified import PLAIN
-
         width = None if self.figure is None else self._metres()
-        return width is not None and width <= PLAIN
+        if width is None:
+            return False
+        from palpate.output.figures import PLAIN
+
+        return width <= PLAIN
 
     def _metres(self) -> float | None:
         from palpate.output.figures.style import NARROWEST, WIDEST
