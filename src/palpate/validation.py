@@ -1,6 +1,7 @@
 """Checks of arguments, with the same error messages for every setting."""
 
 import math
+import sys
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -70,7 +71,7 @@ def number(name: str, value: Any) -> float:
         return value  # the fast path: each estimate that a caller reads checks its parameters
     try:
         # float() accepts some of these, but none is one real number.
-        if isinstance(value, str | bytes | bytearray | complex) or np.ma.is_masked(value):
+        if isinstance(value, str | bytes | bytearray | complex) or is_masked(value):
             raise TypeError
         if isinstance(value, np.ndarray) and value.ndim:
             raise TypeError
@@ -192,6 +193,11 @@ def _floats(values: Any) -> Floats | None:
 
 def together(**arrays: ArrayLike) -> tuple[Floats, ...]:
     """Each array checked by :func:`real_array`, all broadcast to one shape."""
+    usual: Any = [np.array(each) if type(each) is float else each for each in arrays.values()]
+    if all(type(each) is np.ndarray and each.dtype == np.float64 for each in usual) and all(
+        each.shape == usual[0].shape for each in usual
+    ):
+        return tuple(usual)
     given = {name: real_array(name, values) for name, values in arrays.items()}
     try:
         return tuple(np.broadcast_arrays(*given.values()))
@@ -225,12 +231,19 @@ def all_good(name: str, values: Floats, good: NDArray[np.bool_], range_: str) ->
 
 def reject_masks(name: str, values: Any) -> None:
     """Raise if a mask hides some of an array, because NumPy would ignore the mask."""
-    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
+    if is_masked(values):
         count = int(np.count_nonzero(np.ma.getmaskarray(values)))
         raise InvalidParameterError(
             f"{name} must not be masked, but {count} values are; fill them, with NaN for invalid "
             "samples"
         )
+
+
+def is_masked(values: Any) -> bool:
+    """Whether a mask hides some; without a loaded numpy.ma, whose import takes 10 ms, none does."""
+    if "numpy.ma" not in sys.modules:
+        return False
+    return isinstance(values, np.ma.MaskedArray) and bool(np.ma.is_masked(values))
 
 
 def signal(name: str, values: ArrayLike) -> Floats:
@@ -269,7 +282,7 @@ def positive(name: str, values: ArrayLike) -> Floats:
 
 def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
     """A positive definite matrix from a scalar, a diagonal or a matrix."""
-    given = None if np.ma.is_masked(value) else _floats(value)
+    given = None if is_masked(value) else _floats(value)
     if given is None:
         raise InvalidParameterError(f"{name} must be numbers, not {shown(value)}")
     if given.ndim == 0:

@@ -404,9 +404,9 @@ class Trace:
     @property
     def taken(self) -> NDArray[np.bool_]:
         """Whether each sample entered the estimate; shape (k,)."""
-        taken: NDArray[np.bool_] = np.isin(
-            self.status,
-            (Status.UPDATED, Status.GUARDED, Status.RESTARTED),
+        status = self.status
+        taken: NDArray[np.bool_] = (
+            (status == Status.UPDATED) | (status == Status.GUARDED) | (status == Status.RESTARTED)
         )
         return taken
 
