@@ -1,7 +1,6 @@
 """Checks of arguments, with the same error messages for every setting."""
 
 import math
-import sys
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -71,7 +70,7 @@ def number(name: str, value: Any) -> float:
         return value  # the fast path: each estimate that a caller reads checks its parameters
     try:
         # float() accepts some of these, but none is one real number.
-        if isinstance(value, str | bytes | bytearray | complex) or is_masked(value):
+        if isinstance(value, str | bytes | bytearray | complex) or np.ma.is_masked(value):
             raise TypeError
         if isinstance(value, np.ndarray) and value.ndim:
             raise TypeError
@@ -231,19 +230,12 @@ def all_good(name: str, values: Floats, good: NDArray[np.bool_], range_: str) ->
 
 def reject_masks(name: str, values: Any) -> None:
     """Raise if a mask hides some of an array, because NumPy would ignore the mask."""
-    if is_masked(values):
+    if isinstance(values, np.ma.MaskedArray) and np.ma.is_masked(values):
         count = int(np.count_nonzero(np.ma.getmaskarray(values)))
         raise InvalidParameterError(
             f"{name} must not be masked, but {count} values are; fill them, with NaN for invalid "
             "samples"
         )
-
-
-def is_masked(values: Any) -> bool:
-    """Whether a mask hides some; without a loaded numpy.ma, whose import takes 10 ms, none does."""
-    if "numpy.ma" not in sys.modules:
-        return False
-    return isinstance(values, np.ma.MaskedArray) and bool(np.ma.is_masked(values))
 
 
 def signal(name: str, values: ArrayLike) -> Floats:
@@ -282,7 +274,7 @@ def positive(name: str, values: ArrayLike) -> Floats:
 
 def covariance_matrix(name: str, value: ArrayLike, size: int) -> Floats:
     """A positive definite matrix from a scalar, a diagonal or a matrix."""
-    given = None if is_masked(value) else _floats(value)
+    given = None if np.ma.is_masked(value) else _floats(value)
     if given is None:
         raise InvalidParameterError(f"{name} must be numbers, not {shown(value)}")
     if given.ndim == 0:

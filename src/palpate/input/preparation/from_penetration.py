@@ -26,7 +26,7 @@ from palpate.input.recordings import Recording
 from palpate.input.recordings.units import UNITS, unit_size
 from palpate.method.contact import Contact, add_step
 from palpate.stages import stage
-from palpate.validation import Floats, is_masked
+from palpate.validation import Floats
 from palpate.validation import signals as checked_signals
 
 if TYPE_CHECKING:
@@ -172,7 +172,7 @@ def _settle_arrays(channels: dict[str, ArrayLike]) -> tuple[Finding, ...]:
     if time.ndim != 1 or time.dtype.kind not in "iuf":
         return ()
     for name, array in arrays.items():
-        if array.shape != time.shape or is_masked(channels[name]):
+        if array.shape != time.shape or np.ma.is_masked(channels[name]):
             return ()
     others = [array for name, array in arrays.items() if name != "time"]
     stamps, keep, findings = settle_stamps(time, others)
