@@ -146,7 +146,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of its five parameters, in their order."""
-        return [name for name in names_of_fields(cls) if name != "relaxation"]
+        names = names_of_fields(cls)  # type: ignore[arg-type]  # a class has a hash
+        return [name for name in names if name != "relaxation"]
 
     def with_parameters(self, parameters: "ArrayLike") -> "GeneralisedHuntCrossley":
         """Return the law with other parameters and the same relaxation; M scales a spectrum.
