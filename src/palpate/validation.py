@@ -208,6 +208,11 @@ def _floats(values: Any) -> Floats | None:
 
 def together(**arrays: ArrayLike) -> tuple[Floats, ...]:
     """Each array checked by :func:`real_array`, all broadcast to one shape."""
+    usual: Any = [np.array(each) if type(each) is float else each for each in arrays.values()]
+    if all(type(each) is np.ndarray and each.dtype == np.float64 for each in usual) and all(
+        each.shape == usual[0].shape for each in usual
+    ):
+        return tuple(usual)
     given = {name: real_array(name, values) for name, values in arrays.items()}
     try:
         return tuple(np.broadcast_arrays(*given.values()))

@@ -122,6 +122,23 @@ def test_progress_runs_from_nothing_to_all(tmp_path, monkeypatch):
     assert said[-1] == 1.0
 
 
+def test_python_without_lzma_reads_a_csv_and_says_why_it_reads_no_xz(tmp_path):
+    """As in a browser, where ``import lzma`` fails."""
+    plain = written(tmp_path / "c.csv", text_of(rows_of()))
+    packed = written(tmp_path / "d.csv.xz", lzma.compress(plain.read_bytes()))
+    script = (
+        "import sys; sys.modules.update(lzma=None, _lzma=None); import palpate\n"
+        "print(len(palpate.open_recording(sys.argv[1]).rows))\n"
+        "try: palpate.open_recording(sys.argv[2])\n"
+        "except palpate.RecordingError as error: print(error)"
+    )
+    words = [sys.executable, "-c", script, plain, packed]
+    rows, refusal = subprocess.check_output(words, text=True).splitlines()
+    assert rows == "600"
+    assert "d.csv.xz" in refusal
+    assert "lacks the module lzma" in refusal
+
+
 def test_compressed_recordings_of_any_name_are_read(tmp_path):
     content = text_of(rows_of()).encode()
     # Members that follow each other, and zeros behind them, are one text.

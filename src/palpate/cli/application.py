@@ -7,10 +7,11 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import is_dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
-from cyclopts import App, CycloptsError, Group, Parameter
+from cyclopts import App, ArgumentCollection, CycloptsError, Group, Parameter
 from cyclopts.config import Toml
 
 from palpate._plugins import SWITCH
@@ -36,9 +37,28 @@ _ANY = Group("Any command", sort_key=10)
 _VERBOSE = Parameter(name=["--verbose", "-v"], count=True, show_default=False, group=_ANY)
 
 
+class _Application(App):
+    """Keeps the options that it has assembled until they are bound.
+
+    Cyclopts assembles those of a command and those of any command anew in each of its steps, six
+    times in all, which is a tenth of the CPU of a short command.
+    """
+
+    def __init__(self, *arguments: Any, **settings: Any) -> None:
+        super().__init__(*arguments, **settings)
+        self._assembled = dict[Any, ArgumentCollection]()
+
+    def assemble_argument_collection(self, **settings: Any) -> ArgumentCollection:
+        key = (self.app_stack.default_parameter, *settings.items())
+        kept = self._assembled.get(key)
+        if kept is None or any(argument.has_tokens for argument in kept):
+            kept = self._assembled[key] = super().assemble_argument_collection(**settings)
+        return kept
+
+
 def application(words: Sequence[str] = ()) -> App:
     """Return the command line; if words name a command, no other command's module is imported."""
-    app = App(
+    app = _Application(
         name="palpate",
         help_format="markdown",
         console=Terminal(least=_NARROWEST_HELP),
@@ -49,10 +69,11 @@ def application(words: Sequence[str] = ()) -> App:
         print_error=False,
         result_action="return_value",
     )
+    every = not set(COMMANDS) & set(words)
     for name, module in COMMANDS.items():
-        app.command(f"palpate.cli.{module}:{name}", name=name)
-        if not set(COMMANDS) & set(words):
-            app[name]  # imports it
+        place = f"palpate.cli.{module}"
+        needed = every or name in words
+        app.command(getattr(import_module(place), name) if needed else f"{place}:{name}", name=name)
 
     @app.command(name="--install-completion")
     def install_completion(

@@ -17,6 +17,7 @@ from palpate.force_laws.laws import (
     ForceLaw,
     HuntCrossley,
     KelvinVoigt,
+    names_of_fields,
     register,
 )
 from palpate.force_laws.relaxation import (
@@ -146,7 +147,8 @@ class GeneralisedHuntCrossley(CompiledLaw):
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of its five parameters, in their order."""
-        return [each.name for each in fields(cls) if each.name != "relaxation"]
+        names = names_of_fields(cls)  # type: ignore[arg-type]  # a class has a hash
+        return [name for name in names if name != "relaxation"]
 
     def with_parameters(self, parameters: "ArrayLike") -> "GeneralisedHuntCrossley":
         """Return the law with other parameters and the same relaxation; M scales a spectrum.

@@ -476,9 +476,11 @@ class Fit:
             else:
                 both = law.force_and_gradient(parameters[:names], x, motion.v)
                 force, gradient = map(motion.band.mean, both)
-            gradient[:, self.fixed] = 0.0  # a fixed parameter has no gradient
-            zero = np.full(len(gradient), float(self.with_offset))
-            return motion.force - force - parameters[names], np.column_stack([gradient, zero])
+            columns = np.empty((len(gradient), names + 1))
+            columns[:, :names] = gradient
+            columns[:, self.fixed] = 0.0  # a fixed parameter has no gradient
+            columns[:, names] = self.with_offset
+            return motion.force - force - parameters[names], columns
 
         fitted = least_squares(model, np.array([*law.parameters, offset]), (low, high), enough)
         law = law.from_parameters(fitted.parameters[:names])

@@ -4,7 +4,6 @@ import bz2
 import codecs
 import gzip
 import itertools
-import lzma
 import re
 import sys
 import warnings
@@ -45,6 +44,13 @@ from palpate.input.recordings.times import (
 )
 from palpate.validation import Values
 
+try:
+    import lzma
+    from lzma import LZMAError
+except ImportError:  # Python for the browser, or built without the library
+    lzma = None  # type: ignore[assignment]
+    LZMAError = EOFError  # type: ignore[assignment,misc]
+
 CHUNK = 1 << 20
 BLOCK = 4 << 20  # bytes in a parsed block
 LONGEST_LINE = 4 * BLOCK
@@ -70,8 +76,10 @@ _CONTROLS = bytes({*range(32), 127} - set(b"\t\n\r\f\x1b"))
 _PACKED: dict[bytes, Callable[[IO[bytes]], Any]] = {
     b"\x1f\x8b": gzip.open,
     b"BZh": bz2.open,
-    b"\xfd7zXZ\0": lzma.open,
 }
+_XZ = b"\xfd7zXZ\0"
+if lzma is not None:
+    _PACKED[_XZ] = lzma.open
 
 
 def read(path: Path, request: Request) -> Recording:
@@ -199,6 +207,11 @@ class _Text:
         with self.path.open("rb") as raw:
             begin = raw.peek(8)
             unpack = next((_PACKED[mark] for mark in _PACKED if begin.startswith(mark)), None)
+            if unpack is None and begin.startswith(_XZ):
+                raise self.request.error(
+                    "this file is compressed with xz, and this Python lacks the module lzma; "
+                    "unpack it first: unxz"
+                )
             self.compressed = unpack is not None
             size = 0
             with unpack(raw) if unpack else nullcontext(raw) as file:
@@ -210,7 +223,7 @@ class _Text:
                         if size > self.request.max_size:
                             message = excess("its text takes", size, self.request.max_size)
                             raise self.request.error(message)
-                except (EOFError, OSError, zlib.error, lzma.LZMAError) as error:
+                except (EOFError, OSError, zlib.error, LZMAError) as error:
                     if not size:
                         raise self.request.error(
                             f"the compressed file cannot be read ({first_line(error)}); "

@@ -229,7 +229,10 @@ def _search_delay(
 
 def _squares(g: Floats, f: Floats, mass: Floats, mount: Floats, bias: Floats) -> Floats:
     """Return |f − m Qᵀg − b|² of each block by each hypothesis, N²."""
-    residual = f - mass[:, None, None] * g @ mount - bias[:, None]
-    x, y, z = np.moveaxis(residual**2, 2, 0)
-    squares: Floats = x + y + z
+    # With the blocks along the last axis, sums of three terms run over whole rows.
+    weights = np.swapaxes(mass[:, None, None] * mount, 1, 2)
+    residual = weights @ np.swapaxes(g, -1, -2)
+    residual += bias[:, :, None]
+    residual -= np.swapaxes(f, -1, -2)
+    squares: Floats = np.square(residual, out=residual).sum(axis=1)
     return squares

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from palpate.input.channels.frames import quaternion_of_vector, rotate
+from palpate.input.channels.frames import cross, quaternion_of_vector, rotate
 from palpate.input.recordings.units import GRAVITY
 from palpate.input.wrench.consensus import LONGEST_DELAY, Blocks, largest_consensus
 from palpate.input.wrench.payload import TENSOR, Payload
@@ -78,7 +78,7 @@ def regressors(motion: Floats, mount: Floats, lever: Floats) -> Floats:
     square = np.trace(products, axis1=1, axis2=2)[:, None, None]
     swing = square * np.eye(3) - skew(a) - products
     by_moment = -skew(g + swing @ lever)
-    by_inertia = np.moveaxis(-(a @ TENSORS) - np.cross(w, w @ TENSORS), 0, 2)
+    by_inertia = np.moveaxis(-(a @ TENSORS) - cross(w, w @ TENSORS), 0, 2)
     columns = np.zeros((len(g), 6, 13))
     columns[:, :3, MASS] = g
     columns[:, :3, ARM] = columns[:, :3, LEVER] = swing
@@ -437,7 +437,7 @@ def _slopes(blocks: Blocks, theta: Floats, mount: Floats) -> Floats:
     # A mount turned further by φ changes g to g + g × φ.
     turned = skew(motion[:, :3] @ mount)
     by_mount = np.hstack([theta[MASS] * turned, skew(theta[ARM]) @ turned])
-    by_clock = np.hstack([-theta[MASS] * rate, -np.cross(theta[ARM], rate)])[:, :, None]
+    by_clock = np.hstack([-theta[MASS] * rate, -cross(theta[ARM], rate)])[:, :, None]
     by_load = regressors(motion, mount, _lever_of(theta))
     return np.concatenate([by_load, by_mount, by_clock], axis=2)
 

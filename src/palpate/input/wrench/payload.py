@@ -13,7 +13,7 @@ import numpy as np
 from palpate.digits import rounded, with_error
 from palpate.errors import RecordingError
 from palpate.findings import MARKS, Finding, Mark, spoken, worst
-from palpate.input.channels.frames import interpolate_columns
+from palpate.input.channels.frames import cross, interpolate_columns
 from palpate.input.recordings.units import GRAVITY
 from palpate.validation import Floats, frozen
 from palpate.writing import as_toml, write_text
@@ -154,12 +154,12 @@ class Payload:
 
         def swing(arm: Floats) -> Floats:
             """−(α× + ω×ω×) arm."""
-            turned: Floats = -np.cross(a, arm) - np.cross(w, np.cross(w, arm))
+            turned: Floats = -cross(a, arm) - cross(w, cross(w, arm))
             return turned
 
         at_sensor = g + swing(self.lever)
         force = self.mass * at_sensor + swing(moment)
-        torque = np.cross(moment, at_sensor) - a @ inertia - np.cross(w, w @ inertia)
+        torque = cross(moment, at_sensor) - a @ inertia - cross(w, w @ inertia)
         return np.hstack([force, torque])
 
     def unload(self, force: Floats, time: Floats, motion: Floats) -> Floats:

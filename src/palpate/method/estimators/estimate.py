@@ -404,9 +404,9 @@ class Trace:
     @property
     def taken(self) -> Mask:
         """Whether each sample entered the estimate; shape (k,)."""
-        taken: Mask = np.isin(
-            self.status,
-            (Status.UPDATED, Status.GUARDED, Status.RESTARTED),
+        status = self.status
+        taken: Mask = (
+            (status == Status.UPDATED) | (status == Status.GUARDED) | (status == Status.RESTARTED)
         )
         return taken
 

@@ -210,6 +210,7 @@ class _Columns:
     def __init__(self, samples: _Samples, candidate: Candidate, numbers: Floats) -> None:
         self.candidate = candidate
         self.numbers = numbers
+        self._errors = dict[tuple[float, float], Floats]()
         times, _, _, start = samples.estimator._spectrum().numbers()
         self.times = times
         active = np.flatnonzero(numbers[4:])
@@ -273,7 +274,10 @@ class _Columns:
         return errors
 
     def standard_errors(self, depth: float, frequency: float) -> Floats:
-        """Standard errors of K′ and B′."""
+        """Standard errors of K′ and B′, computed once for a depth and a frequency."""
+        place_of_motion = (depth, frequency)
+        if place_of_motion in self._errors:
+            return self._errors[place_of_motion]
         gradient = np.zeros((2, len(self.numbers)))
         for place in self.moved:
             size = abs(self.numbers[place]) or 1e-3 * np.abs(self.numbers).max()
@@ -284,7 +288,8 @@ class _Columns:
                 numbers[3] = _power(self.candidate, numbers[1])
                 law = build_law(self.times, numbers)
                 gradient[:, place] += dynamic_response(law, depth, frequency) / (2.0 * side)
-        return self.errors(gradient)
+        self._errors[place_of_motion] = self.errors(gradient)
+        return self._errors[place_of_motion]
 
     def error_after(self, depth: float, time: float) -> float:
         """Standard error of n xⁿ⁻¹ [K + Σ mᵢ exp(−t/τᵢ)] by the delta method."""
