@@ -107,7 +107,7 @@ def test_no_number_of_a_damping_is_given(result, tmp_path):
 
 
 def test_the_figure_shows_each_parameter_of_the_spring_over_the_samples(result):
-    axes = result.plot().axes
+    axes = result.plot(["all"]).axes
     assert not [each for each in axes if "N·s" in each.get_ylabel()]
     [exponent] = [each for each in axes if each.get_ylabel().startswith("n")]
     assert exponent.lines[0].get_ydata()[-1] == pytest.approx(result.law.n, rel=0.01)

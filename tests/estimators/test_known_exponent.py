@@ -172,7 +172,9 @@ def test_a_fixed_exponent_is_shown_as_fixed(tmp_path, undrawn):
     result = identify(contact_of(), palpate.VariableProjection(exponent=1.5))
     assert "1.5 (fixed)" in result.summary()
     assert "1.5 (fixed)" in result._repr_html_()
-    titles = [axes.get_title(loc) for axes in draw(result).axes for loc in ("left", "center")]
+    titles = [
+        axes.get_title(loc) for axes in draw(result, ["n"]).axes for loc in ("left", "center")
+    ]
     assert any("1.5\N{NO-BREAK SPACE}(fixed)" in title for title in titles)
     assert result.to_pandas().attrs["fixed"] == ["n"]
     assert result.to_xarray().attrs["fixed"] == ["n"]
