@@ -156,6 +156,7 @@ SEVERAL = {
     ALL: "every panel",
 }
 _DEFAULT = ("force", "loop", "numbers")
+_SEVERAL = ("loop", "stiffness", "damping")
 _SEGMENTED = ("force", "loop", "stiffness", "damping")
 _TRAVELLED = ("map", "map-error")
 # Height of a line of a legend in a column, mm.
@@ -287,16 +288,22 @@ def choose_panels(names: Sequence[str] | None, results: Sequence[Identified]) ->
         else:
             known = ", ".join([*PANELS, PARAMETERS, ALL])
             raise InvalidParameterError(f"panels has no {name!r}: choose from {known}")
+    if not chosen:
+        raise InvalidParameterError(
+            "panels shows nothing of this result: no parameter was estimated"
+        )
     return chosen
 
 
-def _usual_panels(results: Sequence[Identified]) -> Sequence[str]:
+def _usual_panels(results: Sequence[Identified]) -> list[str]:
+    usual: tuple[str, ...]
     if len(results) > 1:
-        return ("loop", "stiffness", "damping")
-    if _travels(results[0]):
-        return _TRAVELLED
-    usual = _SEGMENTED if results[0].segments else _DEFAULT
-    return [name for name in usual if PANELS[name].shows(results[0])]
+        usual = _SEVERAL
+    elif _travels(results[0]):
+        usual = _TRAVELLED
+    else:
+        usual = _SEGMENTED if results[0].segments else _DEFAULT
+    return [name for name in usual if all(map(PANELS[name].shows, results))]
 
 
 def _estimated(results: Sequence[Identified]) -> list[str]:

@@ -447,11 +447,12 @@ def draw_at_depth(
 def _known_numbers(result: Identified) -> list[NumberLine]:
     """Return the numbers of an answer that are given and are not zero."""
     at_depth = result.diagnosis.working_depth
-    return [
-        number
-        for number in number_lines(result)
-        if number.mark is not None and getattr(at_depth, number.name).value
-    ]
+    known = []
+    for number in number_lines(result):
+        value = getattr(at_depth, number.name).value
+        if number.mark is not None and math.isfinite(value) and value:
+            known.append(number)
+    return known
 
 
 def has_numbers(result: Identified) -> bool:
