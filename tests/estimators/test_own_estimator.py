@@ -235,7 +235,7 @@ def test_a_custom_law_works_in_every_command(run, tmp_path, registered, undrawn)
     assert list(results)[-2:] == list(TRUTHS)
     best = min(results.values(), key=lambda each: each.fit_rmse_percent)
     assert best.law.kind == "fung"
-    figure = figures.draw(results["fung"])
+    figure = figures.draw(results["fung"], ["stiffness", "parameters"])
     labels = {"A [N]", "d [m]", "B [N·s/m²]"}
     assert labels <= {axes.get_ylabel() for axes in figure.axes}
     bound = cramer_rao_bound(FUNG, *exciting(FUNG).arrays[:2], 0.05)

@@ -147,7 +147,7 @@ class GeneralisedHuntCrossley(CompiledLaw):
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of its five parameters, in their order."""
-        names = names_of_fields(cls)  # type: ignore[arg-type]  # a class has a hash
+        names = names_of_fields(cls)
         return [name for name in names if name != "relaxation"]
 
     def with_parameters(self, parameters: "ArrayLike") -> "GeneralisedHuntCrossley":

@@ -7,7 +7,6 @@ Dynamic Models of Contact Environments*, IEEE T-RO 28(3), 2012.
 import re
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
-from functools import cache
 from typing import Any, ClassVar, Self, TypeVar, overload
 
 import numpy as np
@@ -85,7 +84,7 @@ class ForceLaw:
     @classmethod
     def names(cls) -> list[str]:
         """Return the names of the parameters, in their order."""
-        return list(names_of_fields(cls))  # type: ignore[arg-type]  # a class has a hash
+        return list(names_of_fields(cls))
 
     def as_dict(self) -> dict[str, float]:
         """Return the parameters by name, SI."""
@@ -240,9 +239,8 @@ class ForceLaw:
         return float(force), stiffness, self.damping_at(depth)
 
 
-@cache
 def names_of_fields(law: Any) -> tuple[str, ...]:
-    """Names of a law's fields: a diagnosis needs those of 500 laws."""
+    """Names of a law's fields."""
     return tuple(each.name for each in fields(law))
 
 

@@ -2,9 +2,8 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
-
-from palpate.validation import frozen
 
 # Only here, because --help shows these texts and answers without NumPy.
 if TYPE_CHECKING:
@@ -17,7 +16,7 @@ RADIUS = 2e-3  # m; as in published recordings that were cut by hand
 SurfaceRule = Literal["threshold", "baseline", "fit", "estimate"]
 
 
-@frozen(kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True)  # help shows it without NumPy
 class Options:
     """The options of :func:`palpate.prepare`.
 
