@@ -444,6 +444,11 @@ def draw_at_depth(
     head(axes, f"{at}{words}")
 
 
+# Up to this width, m, a legend has symbols for stiffness and damping.
+_SHORT_NAMES = 0.075
+_SYMBOLS = {"stiffness": "K′", "damping": "B′"}
+
+
 def _known_numbers(result: Identified) -> list[NumberLine]:
     """Return the numbers of an answer that are given and are not zero."""
     at_depth = result.diagnosis.working_depth
@@ -466,7 +471,8 @@ def draw_numbers(axes: "Axes", subjects: Sequence[Subject], look: Look) -> None:
     for subject in subjects:
         for place, number in enumerate(_known_numbers(subject.result)):
             mark = spoken(number.mark or "")
-            words = f"{subject.name} {number.name} {number.value}: {mark}"
+            name = number.name if look.width > _SHORT_NAMES else _SYMBOLS[number.name]
+            words = f"{subject.name} {name} {number.value}: {mark}"
             colour = subject.colour if len(subjects) > 1 else look.colour(place)
             line = _line_at_depth(subject, number.name)
             lines.append(line.over_result(100.0, colour, words.strip()))

@@ -165,6 +165,8 @@ def head(axes: Axes, title: str, *, legend: bool = True) -> None:
     while columns > 1 and _legend_width(labels, columns, size) > room:
         columns -= 1
     rows = -(-len(labels) // columns)
+    if not rows and (present := axes.get_legend()) is not None:
+        present.remove()
     if rows:
         axes.legend(
             handles,
