@@ -102,8 +102,8 @@ void spline_rows(const InputArray& time, const InputRows& position, double step,
   each_row(position.shape(0), 2 * pairs, threads, [&](std::size_t row, double* sums) {
     const double* const own = position.data() + row * samples;
     if (palpate::find_knots(own, samples).beat > 1) {
-      penalty.data()[row] = NAN;
-      std::fill_n(velocity.data() + row * samples, samples, NAN);
+      penalty.data()[row] = rows::unknown;
+      std::fill_n(velocity.data() + row * samples, samples, rows::unknown);
       return;
     }
     std::fill_n(sums, 2 * pairs, 0.0);
@@ -123,7 +123,7 @@ double end_of_range(const InputArray& time, const InputArray& penetration,
   const HuntCrossley model{.K = parameters[0], .B = parameters[1], .n = parameters[2]};
   const auto law = [&](double x, double v) noexcept { return model.force(x, v); };
   OutlierRejection rejection{OutlierRejection::Settings{}};
-  double before = NAN;
+  double before = rows::unknown;
   for (std::size_t k = 0; k < count; ++k) {
     const Sample sample{penetration.data()[k], velocity.data()[k], force.data()[k]};
     if (!detail::finite(sample)) continue;
@@ -193,13 +193,13 @@ void write(const CurveFit& fit, std::size_t row, const CurveColumns& to) {
   double* numbers = to.numbers + numbers_per_curve * row;
   const bool found = fit.status != CurveStatus::no_contact;
   for (std::size_t i = 0; i < 5; ++i) {
-    numbers[i] = found ? fit.parameters[i] : NAN;
+    numbers[i] = found ? fit.parameters[i] : rows::unknown;
     for (std::size_t j = 0; j < 5; ++j) {
-      to.covariance[25 * row + 5 * i + j] = found ? fit.covariance[i][j] : NAN;
+      to.covariance[25 * row + 5 * i + j] = found ? fit.covariance[i][j] : rows::unknown;
     }
   }
-  numbers[5] = found ? fit.noise : NAN;
-  numbers[6] = found ? fit.cost : NAN;
+  numbers[5] = found ? fit.noise : rows::unknown;
+  numbers[6] = found ? fit.cost : rows::unknown;
   const Triple scale{fit.scale.penetration, fit.scale.velocity, fit.scale.force};
   std::copy(scale.begin(), scale.end(), numbers + 7);
   numbers[10] = fit.offset_mean;

@@ -15,6 +15,8 @@
 
 namespace palpate::rows {
 
+inline constexpr double unknown = std::numeric_limits<double>::quiet_NaN();
+
 // Order statistics of many numbers without NaN, in linear time.
 //
 // The numbers are first distributed into cells of equal width: only those of one or two cells are
@@ -223,7 +225,7 @@ inline double step_of(Channel channel, double* spare) noexcept {
 inline double resolution_of(Channel penetration, double* spare) noexcept {
   const double rounding = step_of(penetration, spare) / std::sqrt(12.0);
   const double deviation = 2.0 * std::max(noise_of(penetration, spare), rounding);
-  return deviation > 0.0 && deviation < 1e30 ? deviation : NAN;
+  return deviation > 0.0 && deviation < 1e30 ? deviation : unknown;
 }
 
 // Whether some sample may differ from its two neighbours as a spike does. A spike is 8 σ off the
@@ -368,7 +370,7 @@ inline std::array<double, 2> working_depths(const Pressed& in, double* spare) no
   const Numbers firm = chosen(in.penetration, in.count, spare, [&](std::size_t k) noexcept {
     return (in.penetration[k] > gate.minimum_penetration) & (in.force[k] > gate.make_force);
   });
-  if (firm.count == 0) return {NAN, NAN};
+  if (firm.count == 0) return {unknown, unknown};
   const double deepest = detail::ends_of(firm)[1];
   return {percentile(firm, 0.5), deepest};
 }
