@@ -1,6 +1,6 @@
 """Write the pictures of the docs that show a result: the README's, one a panel, and the gallery.
 
-python examples/make_pictures.py
+python docs/images/make_pictures.py
 """
 
 import runpy
@@ -11,8 +11,8 @@ import matplotlib
 import palpate
 from palpate import InvalidParameterError, figures, lab
 
-HERE = Path(__file__).parent
-IMAGES = HERE.parent / "docs" / "images"
+IMAGES = Path(__file__).parent
+EXAMPLES = IMAGES.parents[1] / "examples"
 THUMBNAIL = 60e-3  # m
 
 
@@ -26,10 +26,10 @@ def write(figure: "matplotlib.figure.Figure", name: str) -> None:
 def main() -> None:
     """Write all of them."""
     matplotlib.use("agg")
-    ball = palpate.identify(HERE / "recordings" / "ball.csv")
+    ball = palpate.identify(EXAMPLES / "recordings" / "ball.csv")
     for dark, ending in ((False, ""), (True, "-dark")):
         write(figures.draw(ball, dark=dark), f"ball{ending}")
-    single = palpate.identify(HERE / "recordings" / "ball.csv", "single-stage")
+    single = palpate.identify(EXAMPLES / "recordings" / "ball.csv", "single-stage")
     touch = lab.Bench(lab.TISSUE, lab.THREE_SINES, lab.IdealProbe()).run(seed=1).contact
     relaxing = palpate.identify(touch)
     for name in (*figures.PANELS, "n"):
@@ -39,7 +39,7 @@ def main() -> None:
             except InvalidParameterError:  # not a panel of this result
                 continue
             break
-    for script in sorted((HERE / "gallery").glob("*.py")):
+    for script in sorted((EXAMPLES / "gallery").glob("*.py")):
         write(runpy.run_path(str(script))["figure"], f"gallery/{script.stem}")
 
 
