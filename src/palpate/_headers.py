@@ -22,5 +22,6 @@ def get_include() -> str:
     True
     """
     package = Path(__file__).parent
-    wheel, source = package / "include", package.parents[1] / "include"
+    wheel = package / "include"
+    source = package.parents[1] / "include"
     return str(wheel if wheel.is_dir() else source)

@@ -156,14 +156,15 @@ SEVERAL = {
     ALL: "every panel",
 }
 _DEFAULT = ("force", "loop", "numbers")
-_SEVERAL = ("loop", "stiffness", "damping")
+_COMPARED = ("loop", "stiffness", "damping")
 _SEGMENTED = ("force", "loop", "stiffness", "damping")
 _TRAVELLED = ("map", "map-error")
 # Height of a line of a legend in a column, mm.
 _LEGEND_LINE = 4.0
 # Height of a row of a wide figure, inches.
 _ROW = 2.5
-#: Up to this width a figure has no title and no caption: a journal sets them below it.
+#: Up to this width, m, a figure has no title and no caption: a journal sets them below it. A hair
+#: above 0.1, since 100 mm need not be that to the last bit.
 PLAIN = 0.1001
 
 
@@ -240,10 +241,7 @@ def draw(
             for each, letter in zip(axes, letters if len(axes) > 1 else [""], strict=True):
                 head(each, letter)
         else:
-            lines = 2 if look.narrow else 1
-            set_titles(
-                figure, look, _title(subjects), _describe_bars(chosen, subjects), lines=lines
-            )
+            set_titles(figure, look, _title(subjects), _describe_bars(chosen, subjects[0].result))
     return figure
 
 
@@ -298,7 +296,7 @@ def choose_panels(names: Sequence[str] | None, results: Sequence[Identified]) ->
 def _usual_panels(results: Sequence[Identified]) -> list[str]:
     usual: tuple[str, ...]
     if len(results) > 1:
-        usual = _SEVERAL
+        usual = _COMPARED
     elif _travels(results[0]):
         usual = _TRAVELLED
     else:
@@ -394,16 +392,14 @@ def caption(
     parts = [panel.words for panel in chosen]
     if len(parts) > 1:
         parts = [f"({chr(ord('a') + place)}) {words}" for place, words in enumerate(parts)]
-    subjects = [Subject(each, "") for each in results]
-    words = f"{'; '.join(parts)}. {_describe_bars(chosen, subjects)}".strip()
+    words = f"{'; '.join(parts)}. {_describe_bars(chosen, results[0])}".strip()
     return words[0].upper() + words[1:]
 
 
-def _describe_bars(chosen: Sequence[Panel], subjects: Sequence[Subject]) -> str:
+def _describe_bars(chosen: Sequence[Panel], result: Identified) -> str:
     """Say what bands and bars are, if a panel has any."""
     if not any(panel.over_time for panel in chosen):
         return ""
-    result = subjects[0].result
     white = ", which assumes white noise" * bool(result.estimator.minimises)
     if result.segments:
         bars = "Boxes: result of each segment, ±2 standard errors (statistical and systematic)"
