@@ -194,13 +194,14 @@ def measure_projection() -> Section:
     }
     # Its time, what that is compared with, and the limit of the ratio.
     calls: dict[str, tuple[Case, str, Limit | None]] = {
-        PROJECTION: (partial(seconds_per_update, projection, samples), UPDATE, Limit(2.5)),
+        # 2.45 to 2.9 were measured of one and the same core on one day.
+        PROJECTION: (partial(seconds_per_update, projection, samples), UPDATE, Limit(3.0)),
         "VariableProjection.update, first 2 s": (
             # A search for the exponent comes at most every 64th sample once there are thousands,
             # and more often before.
             partial(seconds_per_update, projection, samples[:2000]), EARLY, Limit(4.0)),
         "VariableProjection.estimate": (
-            lambda: _without_arguments(learned.estimate, 2000), UPDATE, Limit(10.0)),
+            lambda: _without_arguments(learned.estimate, 2000), PROJECTION, Limit(10.0)),
         "… with a ChangeDetector": (
             partial(seconds_per_update, detecting, samples), PROJECTION, None),
         "… with an OutlierRejection": (
