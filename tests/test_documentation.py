@@ -93,9 +93,9 @@ def briefly(monkeypatch):
     monkeypatch.setattr(lab.Bench, "run", short)
 
 
-FIRST = ROOT / "README.md", ROOT / "docs" / "identifying.md"
+FIRST = ROOT / "README.md", ROOT / "docs" / "start" / "first-answer.md"
 # They draw, or call what is not installed everywhere; other tests do the same.
-SLOW = {"results.md", "figures.md", "fleet.md", "exports.md", "exports-tutorial.md"}
+SLOW = {"results.md", "figures.md", "many-contacts.md", "engines.md", "simulator.md"}
 
 
 def marked(page: Path):
@@ -180,20 +180,20 @@ def test_the_readme_and_the_docs_have_snippets_to_run():
 
 
 def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
-    command, shown = SNIPPETS[ROOT / "docs" / "designing.md"][:2]
+    command, shown = SNIPPETS[ROOT / "docs" / "how-to" / "motion.md"][:2]
     [words] = command.commands
     assert run(*words)[1].split() == shown.text.split()
 
 
 def test_the_payload_that_is_shown_is_the_payload_that_is_printed(run, at_home):
-    simulation, command, shown = SNIPPETS[ROOT / "docs" / "tool-weight.md"][:3]
+    simulation, command, shown = SNIPPETS[ROOT / "docs" / "how-to" / "payload.md"][:3]
     exec(simulation.compiled(), {"__name__": "snippet"})
     [words] = command.commands
     printed = run(*words)[1].split()
     assert printed[: len(shown.text.split())] == shown.text.split()
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/identifying.md"])
+@pytest.mark.parametrize("page", ["README.md", "docs/start/first-answer.md"])
 def test_the_result_that_is_shown_is_the_result_that_is_printed(page, run, monkeypatch):
     monkeypatch.chdir(ROOT)
     shown = next(each for each in SNIPPETS[ROOT / page] if each.language == "text")
@@ -202,7 +202,9 @@ def test_the_result_that_is_shown_is_the_result_that_is_printed(page, run, monke
 
 def test_the_statement_that_is_shown_is_the_statement_that_is_printed(run, at_home, undrawn):
     mujoco = pytest.importorskip("mujoco")
-    [shown] = [s for s in SNIPPETS[ROOT / "docs" / "exports.md"] if s.language == "text"]
+    [shown] = [
+        s for s in SNIPPETS[ROOT / "docs" / "reference" / "engines.md"] if s.language == "text"
+    ]
     if f"MuJoCo {mujoco.__version__}" not in shown.text:
         pytest.skip("the page shows another version of MuJoCo")
     run("identify", "examples/recordings/ball.csv", "-o", "ball")
@@ -211,7 +213,9 @@ def test_the_statement_that_is_shown_is_the_statement_that_is_printed(run, at_ho
 
 
 def test_the_json_that_is_shown_has_the_keys_that_are_printed(run):
-    [shown] = [s for s in SNIPPETS[ROOT / "docs" / "results.md"] if s.language == "json"]
+    [shown] = [
+        s for s in SNIPPETS[ROOT / "docs" / "reference" / "results.md"] if s.language == "json"
+    ]
     recording = ROOT / "examples" / "recordings" / "ball.csv"
     printed = json.loads(run("identify", recording, "--json")[1])
     [result] = printed["results"]
@@ -328,8 +332,10 @@ def _shown(cell) -> list[tuple[str, ...]]:
 
 
 def test_the_docs_name_each_check():
-    text = (ROOT / "docs" / "diagnosis.md").read_text("utf-8").lower()
-    subjects = {check.subject for check in Check} - {"export"}  # of which docs/exports.md speaks
+    text = (ROOT / "docs" / "explain" / "marks.md").read_text("utf-8").lower()
+    subjects = {check.subject for check in Check} - {
+        "export"
+    }  # of which docs/reference/engines.md speaks
     assert {f"### {subject}\n" in text for subject in subjects} == {True}
     named = text.replace("penetration, force, time unit", "penetration unit, force unit, time unit")
     assert [check for check in MAY_CAP if check not in named] == []

@@ -30,7 +30,7 @@ FAULTS = [fault for fault in SENSOR_FAULTS if fault.shown]
 LIMITS = {"stiffness": 0.10, "damping": 0.20}
 STOPS = {"stiffness": 0.25, "damping": 0.60}
 ROOT = Path(__file__).parents[2]
-PAGE, QUOTING = "docs/validation/mix.md", ("README.md", "docs/diagnosis.md")
+PAGE, QUOTING = "docs/validation/mix.md", ("README.md", "docs/explain/marks.md")
 MARKED = re.compile(r"(?<=<!-- mix -->\n).*?(?=<!-- /mix -->)", re.DOTALL)
 
 

@@ -151,7 +151,7 @@ CAPS, TIMELESS = Holds
 
 
 class Check(StrEnum):
-    """The id of every check, with its subject: a heading of ``docs/diagnosis.md``.
+    """The id of every check, with its subject: a heading of ``docs/explain/marks.md``.
 
     The sentence of a finding is written in the file that makes the finding. A finding that may not
     cap a mark only changes error bars.

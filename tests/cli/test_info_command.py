@@ -160,7 +160,7 @@ def test_faults_types_and_frames_are_printed(run, tmp_path, monkeypatch):
 
 def test_the_description_that_is_shown_is_the_one_that_is_printed(run, tmp_path, monkeypatch):
     root = Path(__file__).parents[2]
-    page = (root / "docs" / "recordings" / "hdf5.md").read_text()
+    page = (root / "docs" / "reference" / "files" / "hdf5.md").read_text()
     (tmp_path / "examples").symlink_to(root / "examples")
     monkeypatch.chdir(tmp_path)
     exec(re.search(r"```python\n(.*?)```", page, re.DOTALL)[1], {})

@@ -1,4 +1,4 @@
-"""The law of ``docs/extending.md``, added to a copy of the package as the page says."""
+"""The law of ``docs/contributing/extending.md``, added to a copy of the package as the page says."""
 
 import re
 import shutil
@@ -31,7 +31,9 @@ LISTED = {
 @pytest.mark.long
 def test_the_law_of_the_page_passes_the_tests_of_a_law(tmp_path):
     [code] = re.findall(
-        r"```python\n(@register.*?)```", (ROOT / "docs/extending.md").read_text(), re.DOTALL
+        r"```python\n(@register.*?)```",
+        (ROOT / "docs/contributing/extending.md").read_text(),
+        re.DOTALL,
     )
     ignored = shutil.ignore_patterns("__pycache__", "*.so")
     shutil.copytree(ROOT / "src", tmp_path / "src", ignore=ignored)

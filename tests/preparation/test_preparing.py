@@ -428,7 +428,7 @@ def test_a_commanded_position_calls_for_care(name):
     )
 
 
-PREPARING = Path(__file__).parents[2] / "docs" / "preparing.md"
+PREPARING = Path(__file__).parents[2] / "docs" / "explain" / "preparation.md"
 
 
 @pytest.mark.parametrize("name", [option.name for option in dataclasses.fields(Options)])

@@ -42,7 +42,7 @@ def hunt_crossley_1975(
     """Return F = K xⁿ (1 + 3 (1 − e)/(2 v₀) v): the dissipation that Hunt & Crossley chose.
 
     *J. Applied Mechanics* 42 (1975) 440–445. For e near 1; ``palpate.dissipation_for`` is exact,
-    and docs/quantities.md has the errors of this and the next two.
+    and docs/explain/numbers.md has the errors of this and the next two.
 
     Parameters
     ----------

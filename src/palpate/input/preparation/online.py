@@ -35,7 +35,7 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
     The velocity is the slope at the middle of a window of the least-squares parabola through its
     positions: the centred filter of ``prepare``, half a window late. Penetration and force are
     delayed as much, unfiltered, so that the three match; the delay does not affect the estimate
-    (``docs/online.md``).
+    (``docs/how-to/controller.md``).
 
     Like ``prepare`` it excludes dropouts of the position and returns no sample for them. Detecting
     one takes the two following samples, which delays all outputs by these two.

@@ -1,7 +1,7 @@
 """Batch fits of whole curves: the Hunt–Crossley law, thousands of curves a second.
 
 The same least squares as :class:`VariableProjection`, for complete contacts that need only the
-final estimate; ``docs/curves.md`` defines the cost and explains how it is minimised.
+final estimate; ``docs/reference/curves.md`` defines the cost and explains how it is minimised.
 """
 
 from dataclasses import dataclass
@@ -126,7 +126,7 @@ def fit_curves(
     The selection of samples, the priors and the error bars are the same as in
     :class:`VariableProjection`. At a known surface, that estimator's sample-by-sample result is
     within a tenth of a standard error of this minimum. Outliers are not rejected.
-    ``docs/curves.md`` defines the cost.
+    ``docs/reference/curves.md`` defines the cost.
 
     Parameters
     ----------

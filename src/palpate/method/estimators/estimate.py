@@ -94,7 +94,7 @@ class Estimate(EstimateValue):
     stiffness, damping : ResponseNumber
         K′ = ∂F/∂x [N/m] and B′ = ∂F/∂v [N·s/m] of small oscillations at ``depth`` and
         ``frequency``, each with its ``value``, ``standard_error`` and whether it is ``usable``:
-        what a controller may act on (``docs/online.md``). NaN for a method written in Python.
+        what a controller may act on (``docs/how-to/controller.md``). NaN for a method written in Python.
     depth, frequency : float
         Penetration, m, and angular frequency of the motion so far, rad/s.
     age : float
@@ -117,7 +117,7 @@ class Estimate(EstimateValue):
     samples : int
         Number of samples taken.
     guarded : int
-        Number of samples at which the covariance guard acted (``docs/numerics.md``).
+        Number of samples at which the covariance guard acted (``docs/reference/numerics.md``).
     restarts : int
         Number of detected changes of the material, each of which restarts the estimate.
     rejected : int

@@ -27,7 +27,7 @@ def long_run_covariance(
 ) -> Floats:
     """Covariance of Σ u e for a correlated residual e.
 
-    Σ d_k D_k of Haar levels, with t₀.₉₇₅(ν)/1.96, as in ``docs/variable-projection.md``. All
+    Σ d_k D_k of Haar levels, with t₀.₉₇₅(ν)/1.96, as in ``docs/explain/default-method.md``. All
     standard errors of palpate come from it.
 
     Parameters

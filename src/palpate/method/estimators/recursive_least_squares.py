@@ -175,7 +175,7 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
     low. Low-force samples weigh as much as high-force ones, so set the gate above the noise: an
     estimate has a flag if light contact makes its standard errors too small by 1.4 or more. They
     are too small in general, as a finding of each estimate says: like the paper's, they assume
-    white noise of ln F and no force offset (``docs/numerics.md``).
+    white noise of ln F and no force offset (``docs/reference/numerics.md``).
 
     With a known exponent, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 

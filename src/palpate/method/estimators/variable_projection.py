@@ -87,7 +87,7 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
         Selects the samples in contact. With a ``make_force`` of 0 (the default) the estimator
         selects among the samples deeper than ``minimum_penetration``, from the force of each
         sample's neighbours; a selection by the sample's own force would bias the law
-        (``docs/variable-projection.md``). A positive ``make_force`` applies as it is.
+        (``docs/explain/default-method.md``). A positive ``make_force`` applies as it is.
     sample_time : float
         Time between samples when ``update`` gets no ``dt``, s, in (0, 1e6]. Default: 1 ms.
     scale : Scale, optional

@@ -110,7 +110,7 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     criterion (BIC) with twice the penalty, and with the effective sample size N_eff for the
     residual's correlation. A law with memory must also reduce the error of the others by 5 %. The
     computation is spread over the samples; :meth:`finish_pending` completes it. See
-    ``docs/viscoelastic.md``.
+    ``docs/explain/relaxation.md``.
 
     The relaxation state follows from the penetration and continues through loss of contact. If the
     samples begin in contact, the state is unknown, and two decaying forces model it.

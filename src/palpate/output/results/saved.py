@@ -1,6 +1,6 @@
 """Save and load a result: options as TOML, numbers as JSON, the trace as columns.
 
-``docs/results.md`` documents the fields of ``result.json``, which ``--json`` prints too.
+``docs/reference/results.md`` documents the fields of ``result.json``, which ``--json`` prints too.
 """
 
 import hashlib
@@ -309,7 +309,7 @@ class SavedResult:
     law_verdict : LawVerdict, optional
         The selected law and the evidence; None if no laws were compared.
     description : dict
-        The content of ``result.json``, documented in ``docs/results.md``.
+        The content of ``result.json``, documented in ``docs/reference/results.md``.
     """
 
     folder: Path
