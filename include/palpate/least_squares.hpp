@@ -6,7 +6,8 @@
 // hold. If they would wind P up or make it indefinite, the guard takes the sample with λ = 1 and π
 // = 0. If one sample holds so much more information than P that P lacks the digits for both, its
 // weight is limited to what P can represent. If even that fails, P stays and only θ changes, which
-// contracts the error in the norm of P⁻¹ and so is stable for every φ. See docs/reference/numerics.md.
+// contracts the error in the norm of P⁻¹ and so is stable for every φ. See
+// docs/reference/numerics.md.
 #pragma once
 
 #include <algorithm>

@@ -1,4 +1,4 @@
-"""The law of ``docs/contributing/extending.md``, added to a copy of the package as the page says."""
+"""The law of ``docs/contributing/extending.md``, added to a copy of the package as it says."""
 
 import re
 import shutil

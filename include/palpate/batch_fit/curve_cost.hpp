@@ -3,7 +3,8 @@
 //   J = Σ (F − f)² + σ² [(n − n₀)²/s_n² + (c/k − b₀)²/s_b² + F₀²/s_F²],
 //
 // over the samples that were selected once, with σ² from the residual at the minimum of J itself:
-// the solution is the point where J, with the σ² of that point, is least. See docs/reference/curves.md.
+// the solution is the point where J, with the σ² of that point, is least. See
+// docs/reference/curves.md.
 #pragma once
 
 #include <algorithm>

@@ -3,7 +3,8 @@
 //   min over (k, c, F₀, n) of Σ (F − k ξⁿ − c ξⁿ w − F₀)²,   ξ = x/x_r, w = v/V,
 //
 // without a logarithm, condition 10 or starting values. For a fixed n the law is linear in (k, c,
-// F₀), so that only a function J(n) of one variable is minimised. See docs/explain/default-method.md.
+// F₀), so that only a function J(n) of one variable is minimised. See
+// docs/explain/default-method.md.
 //
 // The fit of whole curves (batch_fit/curve_fit.hpp) iterates over the samples instead. An estimate
 // after every sample, within 0.3 µs, has neither the time nor the memory for that.

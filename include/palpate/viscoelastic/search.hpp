@@ -205,10 +205,10 @@ inline Matrix<unknowns> covariance_of(const Problem& problem, const Point& minim
 //   score = N_eff ln(RSS/N) + 2 p ln N_eff
 //
 // The lowest score is selected: Schwarz's criterion with twice the penalty, and with the effective
-// sample size for correlated residuals (docs/explain/relaxation.md). A law with memory must also have an
-// rms residual below `clearly` times that of the others, because faults of the velocity or of a
-// filter look like memory. On a one-way motion at nearly constant speed all laws are functions of
-// the depth alone and any may win; then the Hunt–Crossley law is selected.
+// sample size for correlated residuals (docs/explain/relaxation.md). A law with memory must also
+// have an rms residual below `clearly` times that of the others, because faults of the velocity or
+// of a filter look like memory. On a one-way motion at nearly constant speed all laws are functions
+// of the depth alone and any may win; then the Hunt–Crossley law is selected.
 struct Verdict {
   static constexpr std::size_t count = candidates.size();
   static constexpr double clearly = 0.95;

@@ -448,7 +448,8 @@ def _local(text: str, results: str) -> Iterator[ContactSource]:
             yield from _list_path(Path(each), (results,))
         return
     if not path.exists():
-        remote = "; copy the objects to a disk first: docs/how-to/many-contacts.md" if "://" in text else ""
+        page = "docs/how-to/many-contacts.md"
+        remote = f"; copy the objects to a disk first: {page}" if "://" in text else ""
         raise RecordingError(f"{printable(text)}: no such file or folder{remote}")
     if os.path.realpath(path) == results:
         raise RecordingError(f"{printable(path)}: is the results folder; choose another with -o")

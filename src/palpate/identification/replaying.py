@@ -169,8 +169,8 @@ def _widening_factors(contact: Contact, trace: Trace, estimator: ContactEstimato
     Their squares are the ratio of the variances in C = (Σ w JJᵀ)⁻¹ [Σ w² d D] (Σ w JJᵀ)⁻¹ to those
     of white noise, (Σ w JJᵀ)⁻¹ Σ w r²/(N − p). Here r is the residual of the force, J are its
     slopes, and w is 1, or 1/F̂² for a least squares of ln F. D and d are the information and the
-    noise by frequency (``docs/explain/default-method.md``); C includes t₀.₉₇₅(ν)/1.96. The samples are
-    those taken since the last restart. A fixed parameter has the factor 1.
+    noise by frequency (``docs/explain/default-method.md``); C includes t₀.₉₇₅(ν)/1.96. The samples
+    are those taken since the last restart. A fixed parameter has the factor 1.
     """
     estimate = estimator.estimate()
     law = estimate.law

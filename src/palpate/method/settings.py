@@ -72,7 +72,8 @@ class ConstantForgetting:
     """A constant forgetting factor λ; 1 forgets nothing (plain RLS).
 
     With a constant factor below 1 the covariance winds up whenever the motion stops exciting the
-    estimator (the paper: "instability occurs"); ``docs/reference/numerics.md`` explains the guard against it.
+    estimator (the paper: "instability occurs"); ``docs/reference/numerics.md`` explains the guard
+    against it.
 
     Parameters
     ----------

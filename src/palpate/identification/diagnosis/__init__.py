@@ -3,7 +3,7 @@
 ``recording`` checks the data. ``fit`` fits the law again to window means. ``sensor``,
 ``delay``, ``material``, ``change``, ``geometry``, ``excitation``, ``forecast`` and ``misfit``
 search that fit for causes and faults. ``causes`` names one cause and weighs all of them, ``bars``
-computes error bars, and ``verdict`` runs everything. ``docs/explain/marks.md`` explains each message.
+computes error bars, and ``verdict`` runs everything. ``docs/explain/marks.md`` explains the marks.
 """
 
 from palpate.identification.diagnosis.outcome import Diagnosis as Diagnosis

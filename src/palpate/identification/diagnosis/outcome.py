@@ -71,7 +71,7 @@ class Quantity(Plain):
     standard_error : float
         Statistical part, from the long-run covariance of the residual; NaN if unknown.
     systematic : float
-        Other laws, misfit, causes and distance from the least squares, as in ``docs/explain/marks.md``.
+        Other laws, misfit, causes and distance from the least squares (``docs/explain/marks.md``).
     mark : str, optional
         ``"trust"``, ``"with-care"`` or ``"do-not-trust"``; None if nothing judges the number.
     reason : str

@@ -94,7 +94,8 @@ class Estimate(EstimateValue):
     stiffness, damping : ResponseNumber
         K′ = ∂F/∂x [N/m] and B′ = ∂F/∂v [N·s/m] of small oscillations at ``depth`` and
         ``frequency``, each with its ``value``, ``standard_error`` and whether it is ``usable``:
-        what a controller may act on (``docs/how-to/controller.md``). NaN for a method written in Python.
+        what a controller may act on (``docs/how-to/controller.md``). NaN for a method written in
+        Python.
     depth, frequency : float
         Penetration, m, and angular frequency of the motion so far, rad/s.
     age : float

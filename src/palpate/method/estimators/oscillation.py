@@ -2,8 +2,8 @@
 
 The residual of such a law is correlated, its spectrum is estimated too, and the law's own
 covariance is too small if a stiffness is held at 0. An error bar therefore has two parts
-(``docs/explain/relaxation.md``): the largest sandwich over blocks of the residual, and the spread over
-laws that fit equally well. The diagnosis adds the rest.
+(``docs/explain/relaxation.md``): the largest sandwich over blocks of the residual, and the spread
+over laws that fit equally well. The diagnosis adds the rest.
 """
 
 import math
