@@ -41,6 +41,8 @@ def main() -> None:
             break
     for script in sorted((EXAMPLES / "gallery").glob("*.py")):
         write(runpy.run_path(str(script))["figure"], f"gallery/{script.stem}")
+    for name, picture in runpy.run_path(str(IMAGES / "explain.py"))["pictures"]():
+        write(picture, name)
 
 
 if __name__ == "__main__":

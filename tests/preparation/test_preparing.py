@@ -4,10 +4,8 @@ import dataclasses
 import inspect
 import math
 import pickle
-import re
 import sys
 import types
-from pathlib import Path
 
 import faults
 import numpy as np
@@ -428,9 +426,6 @@ def test_a_commanded_position_calls_for_care(name):
     )
 
 
-PREPARING = Path(__file__).parents[2] / "docs" / "explain" / "preparation.md"
-
-
 @pytest.mark.parametrize("name", [option.name for option in dataclasses.fields(Options)])
 def test_each_option_is_described_once(name):
     parameter = inspect.signature(prepare).parameters[name]
@@ -439,10 +434,6 @@ def test_each_option_is_described_once(name):
     described = describe_option(name)
     assert described.endswith(".")
     assert described[:20] in " ".join(prepare.__doc__.replace('``"', "").replace('"``', "").split())
-    entry = re.search(rf"\n    {name} : (.*)\n((?: {{8}}.*\n)+)", Options.__doc__)
-    kind, text = (" ".join(part.split()) for part in entry.groups())
-    row = re.sub(r"``|:\w+:`", "`", f"| `{name}` | {kind} | {text} |")  # Markdown, not Sphinx
-    assert row in PREPARING.read_text(encoding="utf-8").splitlines()
 
 
 def test_a_wrong_argument_of_prepare_is_named_by_python():

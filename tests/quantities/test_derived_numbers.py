@@ -357,8 +357,10 @@ def test_json_has_the_numbers_of_every_method():
 
 def test_the_page_shows_the_keys_that_there_are():
     root = Path(__file__).parents[2]
-    page = root / "docs" / "explain" / "numbers.md"
-    [shown] = re.findall(r"^```json\n(.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S)
+    page = root / "docs" / "reference" / "results.md"
+    [_, shown] = re.findall(
+        r"^```text\n(\{.*?)^```$", page.read_text(encoding="utf-8"), re.M | re.S
+    )
     recording = "examples/recordings/tapping.csv"
     wanted = QueryOptions(impact_speed=0.3, tip=palpate.Cone(math.radians(60.0)))
     numbers = derived_dict(identify(root / recording).with_query(wanted))
