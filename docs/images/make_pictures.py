@@ -7,13 +7,19 @@ import runpy
 from pathlib import Path
 
 import matplotlib
+import matplotlib.pyplot as plt
 
 import palpate
 from palpate import InvalidParameterError, figures, lab
+from palpate.fleet.figures import draw_map
+from palpate.fleet.maps import map_of
 
 IMAGES = Path(__file__).parent
 EXAMPLES = IMAGES.parents[1] / "examples"
 THUMBNAIL = 60e-3  # m
+PAPER = "#16181c"  # of the dark figures
+LIGHT: dict[str, str] = {}
+DARK = ["dark_background", {"figure.facecolor": PAPER, "axes.facecolor": PAPER}]
 
 
 def write(figure: "matplotlib.figure.Figure", name: str) -> None:
@@ -41,6 +47,14 @@ def main() -> None:
             break
     for script in sorted((EXAMPLES / "gallery").glob("*.py")):
         write(runpy.run_path(str(script))["figure"], f"gallery/{script.stem}")
+    survey = runpy.run_path(str(EXAMPLES / "gallery" / "hard_spot.py"))["table"]
+    for style, ending in ((LIGHT, ""), (DARK, "-dark")):
+        places = map_of(survey, ("x", "y"), depth=5e-3)
+        write(draw_map(places, dark=style is DARK, width=180e-3), f"map{ending}")
+        with plt.style.context(style):
+            for name in ("usable", "mujoco_contact"):
+                script = EXAMPLES / "gallery" / f"{name}.py"
+                write(runpy.run_path(str(script))["figure"], f"{name.replace('_', '-')}{ending}")
 
 
 if __name__ == "__main__":
