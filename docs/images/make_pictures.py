@@ -52,9 +52,8 @@ def main() -> None:
         places = map_of(survey, ("x", "y"), depth=5e-3)
         write(draw_map(places, dark=style is DARK, width=180e-3), f"map{ending}")
         with plt.style.context(style):
-            for name in ("usable", "mujoco_contact"):
-                script = EXAMPLES / "gallery" / f"{name}.py"
-                write(runpy.run_path(str(script))["figure"], f"{name.replace('_', '-')}{ending}")
+            usable = runpy.run_path(str(EXAMPLES / "gallery" / "usable.py"))["figure"]
+        write(usable, f"usable{ending}")
 
 
 if __name__ == "__main__":
