@@ -185,8 +185,9 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
     assert run(*words)[1].split() == shown.text.split()
 
 
-def test_the_payload_that_is_shown_is_the_payload_that_is_printed(run, at_home):
-    simulation, command, shown = SNIPPETS[ROOT / "docs" / "how-to" / "payload.md"][:3]
+@pytest.mark.parametrize("page", ["payload.md", "late-force.md"])
+def test_what_a_page_shows_of_its_simulation_is_printed(page, run, at_home):
+    simulation, command, shown = SNIPPETS[ROOT / "docs" / "how-to" / page][:3]
     exec(simulation.compiled(), {"__name__": "snippet"})
     [words] = command.commands
     printed = run(*words)[1].split()

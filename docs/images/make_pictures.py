@@ -29,6 +29,28 @@ def write(figure: "matplotlib.figure.Figure", name: str) -> None:
     figures.save(figure, path)
 
 
+def draw_late_force() -> "matplotlib.figure.Figure":
+    """Draw a stroke at each of two frequencies of a spring, as recorded and without the delay."""
+    touch = runpy.run_path(str(EXAMPLES / "gallery" / "late_force.py"))
+    delay = touch["delay"].value
+    figure, axes = plt.subplots(1, 2, figsize=(6.9, 2.9), sharey=True, layout="constrained")
+    for panel, seconds in zip(axes, (0.0, delay), strict=True):
+        contact = palpate.prepare(
+            time=touch["time"], penetration=touch["depth"], force=touch["late"], delay=seconds
+        )
+        for label, colour, start, stop in (
+            ("4 Hz", "#0072b2", 6.0, 6.25),
+            ("1 Hz", "#e69f00", 3.0, 4.0),
+        ):
+            stroke = contact.window(start, stop)
+            panel.plot(1e3 * stroke.penetration, stroke.force, color=colour, label=label)
+        panel.set_xlabel("penetration [mm]")
+    axes[0].set(ylabel="force [N]", title="as recorded")
+    axes[1].set(title=f"{1e3 * delay:.1f} ms taken out")
+    axes[0].legend(frameon=False)
+    return figure
+
+
 def main() -> None:
     """Write all of them."""
     matplotlib.use("agg")
@@ -52,8 +74,10 @@ def main() -> None:
         places = map_of(survey, ("x", "y"), depth=5e-3)
         write(draw_map(places, dark=style is DARK, width=180e-3), f"map{ending}")
         with plt.style.context(style):
-            usable = runpy.run_path(str(EXAMPLES / "gallery" / "usable.py"))["figure"]
-        write(usable, f"usable{ending}")
+            for name in ("usable", "payload"):
+                figure = runpy.run_path(str(EXAMPLES / "gallery" / f"{name}.py"))["figure"]
+                write(figure, f"{name}{ending}")
+            write(draw_late_force(), f"late-force{ending}")
 
 
 if __name__ == "__main__":
