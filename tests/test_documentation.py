@@ -95,7 +95,15 @@ def briefly(monkeypatch):
 
 FIRST = ROOT / "README.md", ROOT / "docs" / "start" / "first-answer.md"
 # They draw, or call what is not installed everywhere; other tests do the same.
-SLOW = {"results.md", "figures.md", "many-contacts.md", "map.md", "engines.md", "simulator.md"}
+SLOW = {
+    "results.md",
+    "figures.md",
+    "many-contacts.md",
+    "map.md",
+    "fleet.md",
+    "engines.md",
+    "simulator.md",
+}
 
 
 def marked(page: Path):
