@@ -94,7 +94,15 @@ def briefly(monkeypatch):
 
 FIRST = ROOT / "README.md", ROOT / "docs" / "start" / "first-answer.md"
 # They draw, or call what is not installed everywhere; other tests do the same.
-SLOW = {"results.md", "figures.md", "many-contacts.md", "engines.md", "simulator.md"}
+SLOW = {
+    "results.md",
+    "figures.md",
+    "many-contacts.md",
+    "map.md",
+    "fleet.md",
+    "engines.md",
+    "simulator.md",
+}
 
 
 def marked(page: Path):
@@ -184,8 +192,9 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
     assert run(*words)[1].split() == shown.text.split()
 
 
-def test_the_payload_that_is_shown_is_the_payload_that_is_printed(run, at_home):
-    simulation, command, shown = SNIPPETS[ROOT / "docs" / "how-to" / "payload.md"][:3]
+@pytest.mark.parametrize("page", ["payload.md", "late-force.md"])
+def test_what_a_page_shows_of_its_simulation_is_printed(page, run, at_home):
+    simulation, command, shown = SNIPPETS[ROOT / "docs" / "how-to" / page][:3]
     exec(simulation.compiled(), {"__name__": "snippet"})
     [words] = command.commands
     printed = run(*words)[1].split()
