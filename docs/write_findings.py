@@ -17,18 +17,25 @@ HEAD = """\
 
 # What each finding means
 
-`palpate diagnose` prints each finding with its numbers and the next step; `palpate explain` prints the text below:
+`palpate diagnose` prints each finding with its numbers and the next step.
+`palpate explain` prints the text below:
 
 ```sh
 palpate explain clock offset
 ```
 
-Each item says what happened, what it means for the numbers, and after the arrow what to do.
+Each item says what happened, what it means for the numbers, and what to do.
 Most findings widen an error bar, and [the bar decides the mark](../explain/marks.md).
-*May lower a mark* stands where no error bar covers the fault: such a finding lowers a mark by itself.
+*May lower a mark* stands where no error bar covers the fault: the finding lowers a mark by itself.
 """
 #: What the picture of a finding shows; ``docs/images/make_pictures.py`` draws them.
-PICTURES = {}
+PICTURES = {
+    Check.FORCE_JUMP: "Force over time: from one sample on the recorded force is 1.6 N lower",
+    Check.SPIKES: "Force over time: single samples stand far above their neighbours",
+    Check.SATURATION: "Force over time: the recorded force is cut off at 3.7 N",
+    Check.DEAD_BAND: "Force over time: the recorded force is zero until it jumps to 0.8 N",
+    Check.DELAY: "Force over penetration: the loop of a force that is 20 ms late is narrower",
+}
 #: The pages that say more.
 MORE = {
     Check.CHANNELS: "../explain/preparation.md",
@@ -56,8 +63,9 @@ PICTURE = """\
 
 def item(check: Check) -> str:
     """Return the item of one check."""
-    happened, _, rest = check.meaning.partition("\n")
-    parts = [f"### {check}", f"**{happened}**" + (" *May lower a mark.*" if check in MAY_CAP else "")]
+    happened, _, rest = check.meaning.replace("→ ", "*What to do:* ").partition("\n")
+    lowers = " *May lower a mark.*" if check in MAY_CAP else ""
+    parts = [f"### {check}", happened + lowers]
     if check in PICTURES:
         parts.append(PICTURE.format(check.anchor, PICTURES[check]))
     page = MORE.get(check)

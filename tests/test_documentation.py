@@ -19,7 +19,7 @@ from ruamel.yaml import YAML
 
 import palpate
 from palpate import lab
-from palpate.findings import MAY_CAP, Check
+from palpate.findings import Check
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -28,7 +28,8 @@ FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^``
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
 COMMAND = re.compile(
     r"(?:^|/)palpate "
-    r"((?:identify|diagnose|compare|info|payload|skew|fleet|map|design|lab|export) [^#&\n]+)",
+    r"((?:identify|diagnose|compare|explain|info|payload|skew|fleet|map|design|lab|export) "
+    r"[^#&\n]+)",
     re.M,
 )
 
@@ -331,11 +332,17 @@ def _shown(cell) -> list[tuple[str, ...]]:
     return kinds
 
 
-def test_the_docs_name_each_check():
-    text = (ROOT / "docs" / "explain" / "marks.md").read_text("utf-8").lower()
-    subjects = {check.subject for check in Check} - {
-        "export"
-    }  # of which docs/reference/engines.md speaks
-    assert {f"### {subject}\n" in text for subject in subjects} == {True}
-    named = text.replace("penetration, force, time unit", "penetration unit, force unit, time unit")
-    assert [check for check in MAY_CAP if check not in named] == []
+def test_the_page_of_findings_is_fresh_and_has_one_item_and_one_anchor_for_each_check():
+    written = runpy.run_path(str(ROOT / "docs" / "write_findings.py"))
+    page = written["PAGE"].read_text("utf-8")
+    assert page == written["page"](), "run python docs/write_findings.py"
+    headings = re.findall(r"^#+ (.+)$", page, re.M)
+    anchors = [heading.lower().replace(" ", "-") for heading in headings]
+    assert len(set(anchors)) == len(anchors)
+    items = {part.partition("\n")[0]: part for part in page.split("\n### ")[1:]}
+    assert list(items) == list(Check)
+    assert [title for title, item in items.items() if "*What to do:* " not in item] == []
+    assert {check.anchor for check in Check} <= set(anchors)
+    pictures = written["PICTURES"]
+    drawn = {path.stem for path in (ROOT / "docs" / "images" / "findings").iterdir()}
+    assert drawn == {check.anchor + end for check in pictures for end in ("", "-dark")}

@@ -29,7 +29,10 @@ def explain(*check: str) -> None:
     console = Terminal()
     if not check:
         for subject, checks in groupby(Check, lambda each: each.subject):
-            rows = [(each.value, each.meaning.translate(_NO_MARKUP).partition("\n")[0]) for each in checks]
+            rows = [
+                (each.value, each.meaning.translate(_NO_MARKUP).partition("\n")[0])
+                for each in checks
+            ]
             headings = (subject, "what happened")
             print_table(console, headings, rows, prose=headings[1:])
             console.print()

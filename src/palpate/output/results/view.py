@@ -126,8 +126,8 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
     shown = sort_by_verdict(places)[:3] or list(result.segments)
     yield from segment_table(replace(result, segments=tuple(shown)))
     deciding = result.diagnosis.deciding
-    explained = f", palpate explain {deciding.check}" if deciding else ""
-    more = ("more", f"palpate diagnose {' '.join(names)}{explained}, or -v, -o report/")
+    others = f"palpate explain {deciding.check}" if deciding else "or -v, -o report/"
+    more = ("more", f"palpate diagnose {' '.join(names)}, {others}")
     yield ViewSection("", headings=("", ""), rows=[*fit_rows(result), more], prose=1)
 
 
