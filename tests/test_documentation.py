@@ -19,6 +19,7 @@ from ruamel.yaml import YAML
 
 import palpate
 from palpate import lab
+from palpate.findings import Check
 
 ROOT = Path(__file__).parents[1]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
@@ -27,7 +28,8 @@ FENCED = re.compile(r"^(?P<above>[^\n]*)\n```(?P<language>\w+)\n(?P<text>.*?)^``
 NOT_RUN = re.compile(r"<!-- not run: .+ -->")
 COMMAND = re.compile(
     r"(?:^|/)palpate "
-    r"((?:identify|diagnose|compare|info|payload|skew|fleet|map|design|lab|export) [^#&\n]+)",
+    r"((?:identify|diagnose|compare|explain|info|payload|skew|fleet|map|design|lab|export) "
+    r"[^#&\n]+)",
     re.M,
 )
 
@@ -359,3 +361,19 @@ def _shown(cell) -> list[tuple[str, ...]]:
         if kind or kinds[-1:] != [()]:  # printed lines come in as many pieces as they like
             kinds.append(kind)
     return kinds
+
+
+def test_the_page_of_findings_is_fresh_and_has_one_item_and_one_anchor_for_each_check():
+    written = runpy.run_path(str(ROOT / "docs" / "write_findings.py"))
+    page = written["PAGE"].read_text("utf-8")
+    assert page == written["page"](), "run python docs/write_findings.py"
+    headings = re.findall(r"^#+ (.+)$", page, re.M)
+    anchors = [heading.lower().replace(" ", "-") for heading in headings]
+    assert len(set(anchors)) == len(anchors)
+    items = {part.partition("\n")[0]: part for part in page.split("\n### ")[1:]}
+    assert list(items) == list(Check)
+    assert [title for title, item in items.items() if "*What to do:* " not in item] == []
+    assert {check.anchor for check in Check} <= set(anchors)
+    pictures = written["PICTURES"]
+    drawn = {path.stem for path in (ROOT / "docs" / "images" / "findings").iterdir()}
+    assert drawn == {check.anchor + end for check in pictures for end in ("", "-dark")}

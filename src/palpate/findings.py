@@ -2,7 +2,10 @@
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from enum import Enum, Flag, StrEnum, auto
+from functools import cache
+from pathlib import Path
 from typing import Any, Literal, Self, TypeAlias
 
 from palpate.spelling import spell_advice
@@ -151,10 +154,10 @@ CAPS, TIMELESS = Holds
 
 
 class Check(StrEnum):
-    """The id of every check, with its subject: a heading of ``docs/explain/marks.md``.
+    """The id of every check, with its subject: a heading of ``docs/reference/findings.md``.
 
-    The sentence of a finding is written in the file that makes the finding. A finding that may not
-    cap a mark only changes error bars.
+    The sentence of a finding is written in the file that makes the finding; what it means stands in
+    ``findings.md``. A finding that may not cap a mark only changes error bars.
     """
 
     subject: str
@@ -194,6 +197,7 @@ class Check(StrEnum):
     OFFSET_PRIOR = "offset prior", "sensor", TIMELESS
     OFFSET_DRIFT = "offset drift", "sensor"
     SENSOR_GAIN = "sensor gain", "sensor"
+    GUIDE_FRICTION = "guide friction", "sensor"
     INERTIA = "inertia", "sensor"
     MOVING_MASS = "moving mass", "sensor", CAPS
     FREE_AIR = "free air", "sensor"
@@ -216,7 +220,6 @@ class Check(StrEnum):
     RELAXED_STIFFNESS = "relaxed stiffness", "material"
     UNKNOWN_LAW = "unknown law", "material", CAPS | TIMELESS
     FRICTION = "friction", "material"
-    GUIDE_FRICTION = "guide friction", "sensor"
     DAMPING_FORM = "damping form", "material"
     DAMPING_WITH_DEPTH = "damping with depth", "material"
     SHAPE = "shape", "material"
@@ -295,8 +298,43 @@ class Check(StrEnum):
         step = remedy if remedy is None or isinstance(remedy, Remedy) else stated(remedy)
         return Finding(self, message, step, severity, z, *marks, *moves_percent, brief)
 
+    @property
+    def meaning(self) -> str:
+        """What happened, on the first line; what it means for the numbers; what to do."""
+        return _meanings()[self.value]
+
+    @property
+    def anchor(self) -> str:
+        """The id in one word, as of a heading of the page of findings."""
+        return self.value.replace(" ", "-")
+
+    @property
+    def link(self) -> str:
+        """The address of its item in the documentation; empty where the build was given none."""
+        return f"{_documentation()}/reference/findings.html#{self.anchor}" * bool(_documentation())
+
     def __repr__(self) -> str:
         return repr(self.value)
+
+
+@cache
+def _meanings() -> Mapping[str, str]:
+    text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")
+    sections = (part.partition("\n") for part in text.split("\n## ")[1:])
+    return {title: meaning.strip() for title, _, meaning in sections}
+
+
+@cache
+def _documentation() -> str:
+    """Return the address that ``distribution/addresses.py`` wrote; empty without one."""
+    from importlib.metadata import PackageNotFoundError, metadata  # slow, and rarely needed
+
+    with suppress(PackageNotFoundError):
+        for entry in metadata("palpate").get_all("Project-URL", []):
+            name, _, address = entry.partition(", ")
+            if name == "Documentation":
+                return str(address).rstrip("/")
+    return ""
 
 
 CHECKS_BY_ID: Mapping[str, Check] = {check.value: check for check in Check}
@@ -370,6 +408,16 @@ class Finding(Plain):
         for name in ("z", "moves_stiffness_percent", "moves_damping_percent"):
             given[name] = or_nan(given.get(name))  # JSON's null is NaN
         return cls(**given)
+
+    @property
+    def link(self) -> str:
+        """The address of the check's item; empty without one, as for a check of your own."""
+        return self.check.link if isinstance(self.check, Check) else ""
+
+    @property
+    def titled(self) -> str:
+        """The sentence and its next step, after the id of the check."""
+        return f"{self.check}: {self}"
 
     def __str__(self) -> str:
         return f"{self.message} ({self.remedy})" if self.remedy else self.message

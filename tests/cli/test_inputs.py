@@ -12,7 +12,7 @@ NEEDED = {
     "payload": ["FILE"], "skew": ["FILE"], "live": ["FILE"], "fleet": ["FILE", "-o", "results"],
     "lab": ["hunt-crossley", "-o", "new.csv"], "map": ["results"],
     "export": ["result", "--to", "usd"],
-    "design": ["FILE", "--noise", "1"],
+    "design": ["FILE", "--noise", "1"], "explain": [],
 }  # fmt: skip
 # Positional texts and texts of options that may name files, besides all options of type Path.
 TEXTS = {"live": ["SOURCE"], "fleet": ["SOURCES"], "lab": ["MATERIAL", "--trajectory"]}

@@ -318,7 +318,8 @@ def is_verbose() -> bool:
 def _cell(cell: "str | Styled") -> Cell:
     if isinstance(cell, str):
         return cell
-    return Text.assemble(cell.before, (cell.text, STYLES[cell.mark]), cell.after)
+    style = f"{STYLES[cell.mark]} link {cell.link}" if cell.link else STYLES[cell.mark]
+    return Text.assemble(cell.before, (cell.text, style), cell.after)
 
 
 def _format_line(line: "Line") -> Text:

@@ -147,12 +147,14 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
         said = str(error)
         return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}
     rows = (f"{name}: {text}".replace("\n", "  ") for name, text in view.fit_rows(result))
+    deciding = {each.check: each.link for each in diagnosis.limits if each is not None}
     return {
         **page,
         "said": answer(lines),
         "verdict": diagnosis.verdict.as_dict(),
         "lines": [
             *([text, ""] for text in (diagnosis.remedy, *rows) if text),
+            *([f"palpate explain {check}", "", link] for check, link in deciding.items()),
             [
                 f"{about}, by {result.method}; ± of stiffness and damping includes the systematic "
                 "uncertainty",

@@ -137,7 +137,7 @@ class LawsInForce:
         learned = len(self.turns) > 0  # an initial estimate is not a result
         return {
             **estimator.pack_verdict(with_estimate=learned),
-            "flags": [*map(str, estimator.estimate().findings)],
+            "flags": [each.titled for each in estimator.estimate().findings],
             "time": finite_or_none(self.time),
             "changes": self.changes,
             "turns": list(self.turns),

@@ -186,7 +186,7 @@ class Replay:
 
 def _hindsight(contact: Contact) -> list[str]:
     """Return messages about results from the whole recording, which a robot would not have."""
-    said = [f"{finding.check}: {finding}" for finding in contact.findings]
+    said = [finding.titled for finding in contact.findings]
     found = {"tare": contact.tare_deviation, "surface": contact.surface_deviation}
     names = [name for name, deviation in found.items() if deviation is not None]
     if contact.prepared is not None and contact.prepared.normal is not None:

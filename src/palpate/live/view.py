@@ -163,8 +163,9 @@ def verdict_on(status: Mapping[str, Any]) -> LiveVerdict | None:
         return None
     verdict, estimate = unpack_verdict(page)
     learned = estimate.samples > 0
-    flags = [*page["flags"], *(verdict.flags if learned else ())]
-    flags += map(str, _open(page, verdict, estimate) if verdict.known else ())
+    findings = [*(verdict.findings if learned else ())]
+    findings += _open(page, verdict, estimate) if verdict.known else ()
+    flags = [*page["flags"], *(finding.titled for finding in findings)]
     turns = [(time, law) for time, law, _ in page["turns"]]
     time = or_nan(page["time"])
     return LiveVerdict(verdict, estimate, learned, flags, page["changes"], turns, time)

@@ -139,7 +139,10 @@ def render_sections(sections: "Iterable[ViewSection]") -> Iterator[str]:
 def _cell(cell: "Cell", folds: bool) -> str:
     if not isinstance(cell, str):
         before, after = (escape(part).replace("\n", "<br>") for part in (cell.before, cell.after))
-        return f"{before}{badge(cell.mark, cell.text)}{after}"
+        shown = badge(cell.mark, cell.text)
+        if cell.link:
+            shown = f'<a href="{escape(cell.link)}">{shown}</a>'
+        return f"{before}{shown}{after}"
     sentence = escape(cell).replace("\n", "<br>")
     return f"<p>{sentence}</p>" if folds else sentence
 

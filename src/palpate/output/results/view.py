@@ -57,6 +57,8 @@ class Styled(NamedTuple):
     mark: str
     before: str = ""
     after: str = ""
+    #: Address of a page about it.
+    link: str = ""
 
     def __str__(self) -> str:
         return f"{self.before}{self.text}{self.after}"
@@ -123,7 +125,9 @@ def short_answer(result: "Identified", names: Sequence[str]) -> Iterator[ViewSec
     # The worst three places, or every segment between changes.
     shown = sort_by_verdict(places)[:3] or list(result.segments)
     yield from segment_table(replace(result, segments=tuple(shown)))
-    more = ("more", f"palpate diagnose {' '.join(names)}, or -v, -o report/")
+    deciding = result.diagnosis.deciding
+    others = f"palpate explain {deciding.check}" if deciding else "or -v, -o report/"
+    more = ("more", f"palpate diagnose {' '.join(names)}, {others}")
     yield ViewSection("", headings=("", ""), rows=[*fit_rows(result), more], prose=1)
 
 
@@ -186,7 +190,10 @@ _QUALITY = (
     "prediction: one-step prediction error after 0.2 s; fit: error of the final law; both as % rms "
     "of the force. |v| ≥ 0.1 K/B: part of the contact in which the single-stage method is biased"
 )
-_CHECKS = "z: significance in standard errors; S, C: stiffness and damping at working depth"
+_CHECKS = (
+    "z: significance in standard errors; S, C: stiffness and damping at working depth; palpate "
+    "explain CHECK says what a finding means"
+)
 _FOLD = 69, 73  # columns of text next to the labels of two tables, which together fit in 80
 
 
@@ -530,7 +537,8 @@ def findings_section(result: "Identified") -> ViewSection:
         text = "\n→ ".join(filter(None, (finding.message, finding.remedy)))
         z = "–" if math.isnan(finding.z) else rounded(finding.z, 3)
         moves = _format_changes(finding.moves_stiffness_percent, finding.moves_damping_percent)
-        rows.append((Styled(finding.check, finding.severity), text, z, moves))
+        check = Styled(finding.check, finding.severity, link=finding.link)
+        rows.append((check, text, z, moves))
     lines = [Line(_CHECKS, tone="soft")]
     for episode in result.diagnosis.episodes:
         terms = (f"{name} = {rounded(v, 4)}" for name, v in episode.law.as_dict().items())
