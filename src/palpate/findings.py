@@ -345,7 +345,7 @@ class Finding(Plain):
     Examples
     --------
     >>> import palpate
-    >>> findings = palpate.diagnose("examples/recordings/tapping.csv").findings
+    >>> findings = palpate.identify("examples/recordings/tapping.csv").diagnosis.findings
     >>> findings[0].check, findings[0].severity
     ('moving mass', 'with-care')
     """
