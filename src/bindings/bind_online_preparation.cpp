@@ -26,6 +26,28 @@ using Online = OnlinePreparation<longest_window>;
 // The result of update(). `time` is not in the tuple, so *sample are the estimator's arguments.
 PyTypeObject* sample_type = nullptr;
 
+constexpr const char* sample_doc =
+    R"(A delayed sample with its velocity, for ``estimator.update(*sample)``.
+
+Attributes
+----------
+penetration, force : float
+    m and N, as measured; the force minus the tare.
+velocity : float
+    m/s, positive while penetrating.
+dt : float
+    Time since the previous returned sample, s.
+time : float
+    By the times passed to ``update``, otherwise since the first call, s; not in the tuple.
+
+Examples
+--------
+>>> import palpate
+>>> online = palpate.OnlinePreparation(sample_time=0.001)
+>>> samples = [online.update(1e-5 * k, 0.02 * k) for k in range(100)]
+>>> round(samples[-1].velocity, 6), round(samples[-1].dt, 6)  # m/s and s
+(0.01, 0.001))";
+
 void bind_sample(nb::module_& module) {
   static PyStructSequence_Field fields[] = {
       {"penetration", "m, as measured."},
@@ -34,9 +56,8 @@ void bind_sample(nb::module_& module) {
       {"dt", "s, since the previous returned sample."},
       {"time", "s, by the times passed to update(), otherwise since the first call."},
       {nullptr, nullptr}};
-  static PyStructSequence_Desc description = {
-      "palpate._core.PreparedSample",
-      "A delayed sample with its velocity, for ``estimator.update(*sample)``.", fields, 4};
+  static PyStructSequence_Desc description = {"palpate._core.PreparedSample", sample_doc, fields,
+                                              4};
   sample_type = PyStructSequence_NewType(&description);
   if (!sample_type) throw nb::python_error();
   module.attr("PreparedSample") = nb::handle(reinterpret_cast<PyObject*>(sample_type));

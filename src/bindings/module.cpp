@@ -73,8 +73,19 @@ nb::object covariance_of(const EstimateValue& e, std::size_t count) {
       .cast(nb::rv_policy::copy);
 }
 
+constexpr const char* status_doc = R"(Result of one ``update``.
+
+Examples
+--------
+>>> import palpate
+>>> estimator = palpate.KelvinVoigtRLS()
+>>> estimator.update(0.001, 0.1, 2.0)
+Status.UPDATED
+>>> estimator.update(0.001, 0.1, float("nan")) is palpate.Status.NOT_FINITE
+True)";
+
 void bind_status(nb::module_& module) {
-  nb::enum_<Status>(module, "Status", nb::is_arithmetic(), "Result of one ``update``.")
+  nb::enum_<Status>(module, "Status", nb::is_arithmetic(), status_doc)
       .value("WAITING", Status::waiting, "No contact so far.")
       .value("UPDATED", Status::updated, "In contact; the sample was taken.")
       .value("GUARDED", Status::guarded,

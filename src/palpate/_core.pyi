@@ -22,7 +22,18 @@ def hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None
 def generalised_hunt_crossley_force(arg0: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg1: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg2: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], arg3: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], /) -> None: ...
 
 class Status(enum.IntEnum):
-    """Result of one ``update``."""
+    """
+    Result of one ``update``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.KelvinVoigtRLS()
+    >>> estimator.update(0.001, 0.1, 2.0)
+    Status.UPDATED
+    >>> estimator.update(0.001, 0.1, float("nan")) is palpate.Status.NOT_FINITE
+    True
+    """
 
     WAITING = 0
     """No contact so far."""

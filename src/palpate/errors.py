@@ -15,18 +15,48 @@ def printable(text: str) -> str:
 
 
 class PalpateError(Exception):
-    """Base class of palpate's errors."""
+    """Base class of palpate's errors.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> try:
+    ...     palpate.identify("examples/recordings/ball.csv", method="kalman")
+    ... except palpate.PalpateError as error:
+    ...     print(type(error).__name__)
+    InvalidParameterError
+    """
 
     def __str__(self) -> str:
         return spell_advice(super().__str__())
 
 
 class InvalidParameterError(PalpateError, ValueError):
-    """An argument is outside its range: the message names it, its value and the range."""
+    """An argument is outside its range: the message names it, its value and the range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> try:
+    ...     palpate.Sphere(radius=-1.0)
+    ... except palpate.InvalidParameterError as error:
+    ...     print(error)
+    radius must be in (0, 1], not -1.0
+    """
 
 
 class RecordingError(PalpateError, ValueError):
-    """A recording cannot be used: the message names the file, the channel and the row."""
+    """A recording cannot be used: the message names the file, the channel and the row.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> try:
+    ...     palpate.open_recording("no_such.csv")
+    ... except palpate.RecordingError as error:
+    ...     print(error)
+    no_such.csv: No such file or directory; check the path
+    """
 
     _reason = ""
 
@@ -62,20 +92,43 @@ class ExportRefusedError(PalpateError, ValueError):
 
 
 class FleetError(PalpateError, RuntimeError):
-    """A fleet cannot run, because of its scheduler, its workers or its results folder."""
+    """A fleet cannot run, because of its scheduler, its workers or its results folder.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> from pathlib import Path
+    >>> from palpate.fleet.files import read_results
+    >>> try:
+    ...     read_results(Path("."))
+    ... except palpate.FleetError as error:
+    ...     print(error)
+    .: holds no results of palpate fleet; pass the folder of its option -o
+    """
 
 
 class MissingChannelError(RecordingError):
     """A recording has no channel of the requested name, or none that could have a role.
 
-    Attributes
+    Parameters
     ----------
     channel : str
         The requested name, or the role: ``"position"`` or ``"force"``.
     available : list of str
         The channels of the recording.
+    source : str
+        The name of the file.
     missing : str
         Recorded and missing quantities, as text, if no channel could have the role.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> try:
+    ...     palpate.prepare("examples/recordings/ball.csv", columns=palpate.Columns(force="Fz"))
+    ... except palpate.MissingChannelError as error:
+    ...     print(error.channel, error.available)
+    Fz ['time_s', 'penetration_m', 'force_N']
     """
 
     def __init__(
@@ -105,7 +158,17 @@ def list_names(names: list[str]) -> str:
 
 
 class MissingExtraError(PalpateError, ImportError):
-    """An optional package is not installed: the message names the extra that installs it."""
+    """An optional package is not installed: the message names the extra that installs it.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> error = palpate.MissingExtraError.named("a figure", "matplotlib", "figures")
+    >>> print(error)
+    a figure needs matplotlib: pip install '.[figures]' in a checkout of palpate
+    >>> isinstance(error, ImportError)
+    True
+    """
 
     @staticmethod
     def remedy(extra: str) -> str:

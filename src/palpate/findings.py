@@ -358,7 +358,7 @@ def spoken(mark: str) -> str:
 class Finding(Plain):
     """One message about a recording, its preparation or its identification.
 
-    Attributes
+    Parameters
     ----------
     check : str
         The id of the :class:`Check`, such as ``"delay"``, or of a check of your own.
@@ -379,6 +379,13 @@ class Finding(Plain):
         Change of stiffness and damping, in per cent of their size; NaN if unknown.
     brief : str
         A shorter message for the line of a number; empty if the message is short enough.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> findings = palpate.identify("examples/recordings/tapping.csv").diagnosis.findings
+    >>> findings[0].check, findings[0].severity
+    ('moving mass', 'with-care')
     """
 
     check: str

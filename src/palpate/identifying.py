@@ -35,7 +35,7 @@ class Identification(Identified):
     The base class computes the numbers in a package below tables, figures, reports and files, where
     they are needed too. This class adds only the methods that call these packages.
 
-    Attributes
+    Parameters
     ----------
     contact : Contact
         The identified contact.
@@ -69,6 +69,17 @@ class Identification(Identified):
         determine the estimator's own; :attr:`estimate` is then this one.
     selected : Identification, optional
         The identification that selected the law, if variable projection then identified that law.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv")
+    >>> round(result.law.K, -2), round(result.law.n, 2)
+    (2000.0, 1.0)
+    >>> print(result.stiffness, result.damping, sep=", ")  # N/m and N·s/m
+    2000.7 ± 0.8 (trust), 17.56 ± 0.06 (trust)
+    >>> print(result.force_at(5e-3))  # N
+    9.982 ± 0.013
     """
 
     segments: tuple["Identification", ...]
@@ -222,15 +233,24 @@ def identify(
         Units of channels, such as ``{"penetration": "mm"}``, as in :func:`prepare`.
     exponent : float, optional
         Known n of the law, from the shape of the tip. Default: identified.
-    time, penetration, force : array_like, shape (k,), optional
-        s, m (positive inside the material) and N (compression positive), instead of ``source``.
+    time : array_like, shape (k,), optional
+        s, with the arrays that follow, instead of ``source``.
     rate : float, optional
         Sample rate, Hz, instead of ``time``.
+    penetration : array_like, shape (k,), optional
+        m, positive inside the material.
     position : array_like, shape (k,) or (k, 3), optional
         m, instead of ``penetration``: a coordinate, or a position in space; :func:`prepare` finds
         its direction and the surface. ``force`` may have the same shape.
+    force : array_like, shape (k,), optional
+        N, compression positive.
     velocity : array_like, shape (k,), optional
         m/s, positive while penetrating, in addition to these arrays. Default: differentiated.
+
+    Returns
+    -------
+    Identification
+        Law, numbers with error bars and marks, and the estimator with its trace.
 
     Raises
     ------
@@ -240,6 +260,15 @@ def identify(
     InvalidParameterError
         The source or ``trace`` has another type; there is no such method or law; or arguments
         exclude each other.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv")
+    >>> print(result.stiffness.combined.format("N/m"), result.stiffness.mark)
+    2000.7 ± 0.8 N/m trust
+    >>> round(result.law.K, -2), round(result.law.B, -2), round(result.law.n, 2)
+    (2000.0, 2000.0, 1.0)
     """
     if arrays:
         raise InvalidParameterError(BY_NAME)
@@ -272,10 +301,25 @@ def diagnose(
     source : Contact, Recording, path or frame
         As for :func:`identify`.
     estimator : ContactEstimator or str, optional
+        As for :func:`identify`.
     method, law : str, optional
         As for :func:`identify`.
     depth : float, optional
         The working depth, m. Default: the median penetration in contact.
+
+    Returns
+    -------
+    Diagnosis
+        Marks, findings, and the numbers at working depth with their error bars.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> diagnosis = palpate.diagnose("examples/recordings/tapping.csv")
+    >>> diagnosis.verdict.stiffness
+    'with-care'
+    >>> diagnosis.deciding.check
+    'moving mass'
     """
     result = identify(source, estimator, method=method, law=law, trace=False)
     return (result if depth is None else result.at_depth(depth)).diagnosis
@@ -323,6 +367,15 @@ def compare(
     -------
     Comparison
         A dict: an :class:`Identification` for each method's name, in the order of ``ESTIMATORS``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> results = palpate.compare("examples/recordings/ball.csv")
+    >>> round(results["variable-projection"].fit_rmse_percent, 2)
+    0.4
+    >>> round(results["kelvin-voigt"].fit_rmse_percent, 2)
+    0.66
     """
     traced = check_trace(trace)
     contact = source if isinstance(source, Contact) else prepare(source)

@@ -573,6 +573,14 @@ def identify_many(
         outside its range.
     MissingExtraError
         pyarrow is not installed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> files = [f"examples/recordings/{name}.csv" for name in ("ball", "sponge")]
+    >>> table = palpate.identify_many(files)
+    >>> [round(stiffness, -1) for stiffness in table["stiffness"].to_pylist()]  # N/m
+    [2000.0, 300.0]
     """
     chosen = resolve_estimator(VariableProjection() if method is None else method)
     usual = type(chosen)().settings

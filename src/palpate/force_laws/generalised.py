@@ -76,6 +76,18 @@ class GeneralisedHuntCrossley(CompiledLaw):
     InvalidParameterError
         A parameter is not finite, there is a relaxation stiffness without ``relaxation``, or it is
         not the sum of the stiffnesses of a RelaxationSpectrum to 1e-9.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> memory = palpate.SingleRelaxation(time=0.5)
+    >>> law = palpate.GeneralisedHuntCrossley(
+    ...     K=800.0, n=1.0, B=5.0, p=0.0, M=200.0, relaxation=memory
+    ... )
+    >>> law.force(0.01, 0.1)  # N, relaxed
+    8.5
+    >>> law.relaxation_time  # s
+    0.5
     """
 
     K: float

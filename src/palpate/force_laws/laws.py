@@ -24,10 +24,19 @@ class ForceLaw:
     """Force as a function of penetration and velocity: a frozen dataclass of coefficients, SI.
 
     Coefficients have the symbols of the law as names, and are passed by keyword: K, B, n.
-    ``stiffness`` and ``damping`` are what is felt at a depth, ∂F/∂x [N/m] and ∂F/∂v [N·s/m].
+    :meth:`stiffness_at` and :meth:`damping_at` give ∂F/∂x [N/m] and ∂F/∂v [N·s/m] at a depth.
 
     Your own law derives from this class, defines ``kind``, ``units``, ``symbols``, ``_force`` and
     the two gradients, and is registered by :func:`register`; see ``CONTRIBUTING.md``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> law = palpate.identify("examples/recordings/ball.csv").law
+    >>> isinstance(law, palpate.ForceLaw)
+    True
+    >>> law.kind, law.names(), law.units
+    ('hunt-crossley', ['K', 'B', 'n'], ('N/mⁿ', 'N·s/mⁿ⁺¹', ''))
     """
 
     __slots__ = ()
@@ -38,7 +47,7 @@ class ForceLaw:
     symbols: ClassVar[tuple[str, ...]]
     #: Parameters, and other entries of the description, that have a default.
     optional: ClassVar[tuple[str, ...]] = ()
-    #: Whether condition 10 of the paper, |v| < 0.1 K/B, concerns it.
+    #: Whether condition 10 of the paper, abs(v) < 0.1 K/B, concerns it.
     has_condition_10: ClassVar[bool] = False
     #: Number of leading parameters in which the force is linear: F = Σ θᵢ ∂F/∂θᵢ.
     linear: ClassVar[int] = 0
@@ -264,7 +273,14 @@ FELT = frozenset(("force", "stiffness", "damping"))
 
 
 class LawRegistry(dict[str, type[ForceLaw]]):
-    """Laws by ``kind``; those of other packages are loaded when their kind is asked for."""
+    """Laws by ``kind``; those of other packages are loaded when their kind is asked for.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> sorted(palpate.FORCE_LAWS)
+    ['extended-kelvin-voigt', 'generalised-hunt-crossley', 'hunt-crossley', 'kelvin-voigt']
+    """
 
     def __contains__(self, kind: object) -> bool:
         if not super().__contains__(kind):
@@ -432,6 +448,13 @@ class KelvinVoigt(CompiledLaw):
         N/m; positive for a real material.
     B : float
         N·s/m; not negative for a real material.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> law = palpate.KelvinVoigt(K=1000.0, B=5.0)
+    >>> law.force([0.01, -0.01], [0.2, 0.2]).tolist()  # N; the second is out of contact
+    [11.0, 0.0]
     """
 
     K: float
@@ -476,6 +499,13 @@ class ExtendedKelvinVoigt(CompiledLaw):
         N/m².
     B : float
         N·s/m.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> law = palpate.ExtendedKelvinVoigt(K1=500.0, K2=1e5, B=5.0)
+    >>> round(law.force(0.01, 0.2), 3), round(law.stiffness_at(0.01), 3)  # N and N/m
+    (16.0, 2500.0)
     """
 
     K1: float
@@ -523,6 +553,15 @@ class HuntCrossley(CompiledLaw):
         N·s/mⁿ⁺¹; not negative for a real material.
     n : float
         1 to 2 for most materials (1.5 for a Hertzian sphere, 2 for a cone).
+
+    Examples
+    --------
+    >>> import palpate
+    >>> law = palpate.HuntCrossley(K=2000.0, B=1000.0, n=1.0)
+    >>> law.force(0.01, 0.1)  # N, at 10 mm and 0.1 m/s
+    21.0
+    >>> law.stiffness_at(0.01), law.damping_at(0.01)  # N/m and N·s/m
+    (2000.0, 10.0)
     """
 
     K: float

@@ -71,6 +71,17 @@ class FlatSpectrum(Relaxation):
     ------
     InvalidParameterError
         A time is outside its range, or ``shortest`` is not below ``longest``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> memory = palpate.FlatSpectrum(shortest=0.01, longest=100.0)
+    >>> law = palpate.GeneralisedHuntCrossley(
+    ...     K=800.0, n=1.0, B=0.0, p=0.0, M=200.0, relaxation=memory
+    ... )
+    >>> force = law.force_along([0.0] + 9999 * [0.01], 10000 * [0.0], 0.001)  # N, 10 s at 10 mm
+    >>> force[[1, 1000, -1]].round(1).tolist()
+    [10.0, 8.9, 8.4]
     """
 
     shortest: float
@@ -100,6 +111,17 @@ class SingleRelaxation(Relaxation):
     ------
     InvalidParameterError
         The time is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> memory = palpate.SingleRelaxation(time=0.5)
+    >>> law = palpate.GeneralisedHuntCrossley(
+    ...     K=800.0, n=1.0, B=0.0, p=0.0, M=200.0, relaxation=memory
+    ... )
+    >>> force = law.force_along([0.0] + 9999 * [0.01], 10000 * [0.0], 0.001)  # N, 10 s at 10 mm
+    >>> force[[1, 1000, -1]].round(1).tolist()
+    [10.0, 8.3, 8.0]
     """
 
     time: float
@@ -130,6 +152,17 @@ class PowerLawRelaxation(Relaxation):
     ------
     InvalidParameterError
         A number is outside its range, or ``shortest`` is not below ``longest``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> memory = palpate.PowerLawRelaxation(exponent=0.2, shortest=0.01, longest=100.0)
+    >>> law = palpate.GeneralisedHuntCrossley(
+    ...     K=800.0, n=1.0, B=0.0, p=0.0, M=200.0, relaxation=memory
+    ... )
+    >>> force = law.force_along([0.0] + 9999 * [0.01], 10000 * [0.0], 0.001)  # N, 10 s at 10 mm
+    >>> force[[1, 1000, -1]].round(1).tolist()
+    [10.0, 8.5, 8.2]
     """
 
     exponent: float
@@ -169,6 +202,14 @@ class RelaxationSpectrum(Relaxation):
     ------
     InvalidParameterError
         A number is outside its range, the times do not ascend, or the lengths differ.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> memory = palpate.RelaxationSpectrum(times=(0.1, 1.0), stiffnesses=(50.0, 30.0))
+    >>> law = palpate.GeneralisedHuntCrossley(K=800.0, n=1.0, B=0.0, p=0.0, relaxation=memory)
+    >>> law.M  # N/m
+    80.0
     """
 
     times: tuple[float, ...]

@@ -37,7 +37,7 @@ _LABELS = "segment must be an array of one label per sample, such as [0, 0, 1]"
 class VelocityFilter(Plain):
     """How a velocity was computed: the slope of a smoothing spline, or of windowed polynomials.
 
-    Attributes
+    Parameters
     ----------
     samples : int
         Samples in the centred window, ≥ 3; for a spline, in the window of the parabola with equal
@@ -51,6 +51,12 @@ class VelocityFilter(Plain):
     ------
     InvalidParameterError
         A number is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.prepare("examples/recordings/ball.csv", velocity_window=0.015).velocity_filter
+    VelocityFilter(samples=15, degree=2, penalty=None)
     """
 
     samples: int
@@ -80,7 +86,7 @@ class VelocityFilter(Plain):
 class Delay:
     """The delay that was taken out of a force, all of it.
 
-    Attributes
+    Parameters
     ----------
     seconds : float
         s; negative if the force was early.
@@ -91,6 +97,13 @@ class Delay:
     from_contact : bool
         Whether it is the delay by which a force law fits the contact best. Otherwise something else
         showed it: a spring, the payload in free air, or one clock.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> contact = palpate.prepare("examples/recordings/ball.csv", delay=(2e-3, 1e-4))
+    >>> contact.delay
+    Delay(seconds=0.002, standard_error=0.0001, found=False, from_contact=False)
     """
 
     seconds: float
@@ -156,6 +169,18 @@ class Contact:
     ------
     InvalidParameterError
         The arrays differ in length or type, or time does not increase within a segment.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> contact = palpate.Contact(
+    ...     [0.0, 0.001, 0.002],
+    ...     penetration=[1e-3, 1.1e-3, 1.2e-3],
+    ...     velocity=[0.1, 0.1, 0.1],
+    ...     force=[2.0, 2.2, 2.4],
+    ... )
+    >>> len(contact), contact.sample_time
+    (3, 0.001)
     """
 
     time: Floats

@@ -44,6 +44,15 @@ class ContactGate(_Numbers):
         m, ≥ 0.
     make_force, break_force : float
         N, 0 ≤ break_force ≤ make_force. Default of ``break_force``: 0.8 × ``make_force``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> gate = palpate.ContactGate(make_force=0.5)
+    >>> gate.break_force
+    0.4
+    >>> gate.makes(penetration=1e-3, force=0.6)
+    True
     """
 
     minimum_penetration: float = 0.0
@@ -79,6 +88,14 @@ class ConstantForgetting:
     ----------
     factor : float
         λ per sample, in (0, 1].
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.KelvinVoigtRLS(forgetting=palpate.ConstantForgetting(factor=0.999))
+    >>> result = palpate.identify("examples/recordings/ball.csv", estimator)
+    >>> round(result.law.K, -1)
+    2000.0
     """
 
     factor: float = 1.0
@@ -100,6 +117,14 @@ class FadingForgetting(_Numbers):
         λ₀ per sample, in (0, 1].
     rate : float
         α, 1/s, > 0. The paper finds 5 to 8 good and 0.1 unstable.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.SingleStageRLS(forgetting=palpate.FadingForgetting(rate=8.0))
+    >>> result = palpate.identify("examples/recordings/ball.csv", estimator)
+    >>> round(result.law.n, 2)
+    1.0
     """
 
     initial_factor: float = _FADING["initial_factor"]
@@ -126,6 +151,14 @@ class SelfPerturbation(_Numbers):
         β, in the units of P, ≥ 0.
     sensitivity : float
         γ, 1/N², ≥ 0.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> perturbation = palpate.SelfPerturbation(gain=0.05, sensitivity=2.5)
+    >>> estimator = palpate.SingleStageRLS(perturbation=perturbation)
+    >>> estimator.settings["perturbation"].gain
+    0.05
     """
 
     gain: float = _PERTURBATION["gain"]
@@ -173,6 +206,14 @@ class ChangeDetector(_Numbers):
         Samples over which the velocity filter smears a change, 0 to 100: the length of a centred
         filter; 0 for a measured velocity. After twice as many samples a second reset keeps only the
         latest of them.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> detector = palpate.ChangeDetector(threshold=100.0)
+    >>> estimator = palpate.VariableProjection(change_detector=detector)
+    >>> palpate.identify("examples/recordings/ball.csv", estimator).changes.size
+    0
     """
 
     drift: float = _DETECTOR["drift"]
@@ -209,6 +250,14 @@ class OutlierRejection:
     ----------
     threshold : float
         Outlier limit in standard deviations, 3 to 1e6.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.VariableProjection(outlier_rejection=palpate.OutlierRejection(5.0))
+    >>> result = palpate.identify("examples/recordings/ball.csv", estimator)
+    >>> result.estimate.rejected
+    0
     """
 
     threshold: float = _REJECTION["threshold"]
@@ -230,6 +279,15 @@ class Scale(_Numbers):
     ----------
     penetration, velocity, force : float
         m, m/s and N; in [1e-30, 1e30]. Best close to the largest values of a recording.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> scale = palpate.Scale(penetration=1e-6, velocity=1e-5, force=1e-7)  # a microscope's
+    >>> estimator = palpate.VariableProjection(scale=scale)
+    >>> result = palpate.identify("examples/recordings/microscale.csv", estimator)
+    >>> round(result.law.n, 2)
+    1.5
     """
 
     penetration: float = 1.0

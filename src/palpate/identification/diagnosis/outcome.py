@@ -19,10 +19,16 @@ from palpate.validation import Plain, frozen
 class Verdict(Plain):
     """Marks of the stiffness and the damping at working depth, and the overall mark.
 
-    Attributes
+    Parameters
     ----------
     stiffness, damping, overall : str
         ``"trust"``, ``"with-care"`` or ``"do-not-trust"``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.identify("examples/recordings/tapping.csv").diagnosis.verdict
+    Verdict(stiffness='with-care', damping='with-care', overall='with-care')
     """
 
     stiffness: Mark
@@ -64,7 +70,7 @@ class Quantity(Plain):
 
     Every output prints it and its own mark from here. ``float`` gives the value.
 
-    Attributes
+    Parameters
     ----------
     value : float
         Value of the identified law.
@@ -78,6 +84,15 @@ class Quantity(Plain):
         Why the mark is not *trust*, or why there is no value.
     at : Where, optional
         Depth, frequency and speed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> stiffness = palpate.Quantity(2000.7, standard_error=0.3, systematic=0.4)
+    >>> float(stiffness), stiffness.whole_error
+    (2000.7, 0.5)
+    >>> print(stiffness.combined.format("N/m"))
+    2000.7 ± 0.5 N/m
     """
 
     value: float
@@ -134,7 +149,7 @@ UNKNOWN = Quantity(math.nan, math.nan, math.nan)
 class WorkingDepth(Plain):
     """Force, stiffness and damping of the law at one depth, SI.
 
-    Attributes
+    Parameters
     ----------
     depth : float
         Below the surface, m.
@@ -147,6 +162,13 @@ class WorkingDepth(Plain):
     speed : float
         Velocity at which force and stiffness hold, m/s: 0, at rest, unless the probe moves one way
         at nearly one speed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> there = palpate.identify("examples/recordings/ball.csv").at(5e-3)
+    >>> print(there.force.format("N"), there.stiffness.format("N/m"), sep=", ")
+    9.982 ± 0.012 ± 0.004 N, 1999.2 ± 0.8 ± 0.9 N/m
     """
 
     depth: float
@@ -219,7 +241,7 @@ class Episode:
 class Diagnosis(Plain):
     """Findings, marks and error bars of an identification.
 
-    Attributes
+    Parameters
     ----------
     verdict : Verdict
         Marks of the stiffness and the damping at working depth, and overall.
@@ -235,6 +257,15 @@ class Diagnosis(Plain):
         Model selection among the common laws on the same samples, if the identified law is one.
     limits : tuple of Finding or None
         The findings that decide the marks of the stiffness and of the damping; None for *trust*.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> diagnosis = palpate.identify("examples/recordings/ball.csv").diagnosis
+    >>> diagnosis.verdict
+    Verdict(stiffness='trust', damping='trust', overall='trust')
+    >>> print(diagnosis.working_depth.stiffness)  # N/m
+    2000.7 ± 0.8 (trust)
     """
 
     verdict: Verdict

@@ -48,6 +48,14 @@ class QueryOptions:
         Frequency of a small oscillation, rad/s, > 0. Default: the motion's mean frequency.
     specimen : Specimen, optional
         Size of a specimen compressed between plates; excludes a tip. Default: none.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> query = palpate.QueryOptions(tip=palpate.Sphere(radius=5e-3), impact_speed=0.2)
+    >>> result = palpate.identify("examples/recordings/phantom.csv").with_query(query)
+    >>> print(result.restitution().coefficient)
+    0.7889 ± 0.0006
     """
 
     impact_speed: float | None = None

@@ -22,7 +22,15 @@ SMALL_DEPTH = SMALL_STRAIN = 0.1
 
 
 class Tip:
-    """A rigid tip: a frozen dataclass whose fields are its sizes, SI."""
+    """A rigid tip: a frozen dataclass whose fields are its sizes, SI.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> tip = palpate.Sphere(radius=5e-3)
+    >>> isinstance(tip, palpate.Tip), tip.exponent
+    (True, 1.5)
+    """
 
     __slots__ = ()
     kind: ClassVar[str]
@@ -73,6 +81,12 @@ class Sphere(Tip):
     ----------
     radius : float
         R, m, in (0, 1].
+
+    Examples
+    --------
+    >>> import palpate
+    >>> round(palpate.Sphere(radius=5e-3).force(reduced_modulus=10e3, depth=1e-3), 4)  # N
+    0.0298
     """
 
     radius: float
@@ -108,6 +122,12 @@ class FlatPunch(Tip):
     ----------
     radius : float
         R, m, in (0, 1].
+
+    Examples
+    --------
+    >>> import palpate
+    >>> round(palpate.FlatPunch(radius=5e-3).force(reduced_modulus=10e3, depth=1e-3), 4)  # N
+    0.1
     """
 
     radius: float
@@ -135,6 +155,12 @@ class Cone(Tip):
     ----------
     half_angle : float
         α, rad, between the axis and the side (half the opening angle), in (0, 1.57].
+
+    Examples
+    --------
+    >>> import palpate
+    >>> round(palpate.Cone(half_angle=0.6).force(reduced_modulus=10e3, depth=1e-3), 5)  # N
+    0.00436
     """
 
     half_angle: float
@@ -167,6 +193,12 @@ class Pyramid(Tip):
     ----------
     half_angle : float
         α, rad, between the axis and a face (not an edge), in (0, 1.57].
+
+    Examples
+    --------
+    >>> import palpate
+    >>> round(palpate.Pyramid(half_angle=0.6).force(reduced_modulus=10e3, depth=1e-3), 5)  # N
+    0.0051
     """
 
     half_angle: float
@@ -208,7 +240,7 @@ CERTAIN = 3.0
 class ElasticModulus:
     """Young's modulus E, Pa, or why there is none.
 
-    Attributes
+    Parameters
     ----------
     value : Quantity
         E = (1 − ν²) F(x)/(g xᵐ) at the working depth x, with the tip's exponent m. Systematic: the
@@ -229,6 +261,14 @@ class ElasticModulus:
         Remarks for the reader.
     mark : str
         ``"trust"``, ``"with-care"`` or ``"do-not-trust"``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/microscale.csv")
+    >>> modulus = result.elastic_modulus(palpate.Sphere(radius=10e-6))
+    >>> print(modulus.value.combined.format("Pa"), modulus.mark)
+    7110 ± 70 Pa trust
     """
 
     value: Quantity

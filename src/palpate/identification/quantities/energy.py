@@ -226,7 +226,7 @@ UNACCOUNTED = 0.10
 class EnergyLoss:
     """Energy dissipated in the loops of a recording, J.
 
-    Attributes
+    Parameters
     ----------
     kind : str
         ``"touch"``: from out of contact to out of contact. ``"cycle"``: from one inward passage
@@ -249,6 +249,15 @@ class EnergyLoss:
         Measured loss, predicted loss and energy put in, per loop.
     remarks : tuple of str
         Remarks for the reader.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> energy = palpate.identify("examples/recordings/ball.csv").energy
+    >>> energy.kind, len(energy.lost)
+    ('cycle', 7)
+    >>> print(energy.measured)  # J
+    0.004817 ± 0.000032
     """
 
     kind: str
@@ -396,7 +405,7 @@ PULLS = 5.0
 class Passivity(Plain):
     """Whether the law's force, and the recorded force, become negative in the recorded motion.
 
-    Attributes
+    Parameters
     ----------
     fraction : float
         Fraction of the samples below the surface at which the law's force is negative.
@@ -416,6 +425,13 @@ class Passivity(Plain):
         −K/B at any depth. The force is negative on faster withdrawals. NaN without damping.
     fastest_withdrawal : float
         Fastest withdrawal below the surface, m/s, ≥ 0: the 99.9th percentile.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> passivity = palpate.identify("examples/recordings/ball.csv").passivity
+    >>> passivity.fraction, round(passivity.limit, 2)  # m/s
+    (0.0, -1.0)
     """
 
     fraction: float

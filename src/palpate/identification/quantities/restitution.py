@@ -61,10 +61,21 @@ def restitution(dissipation: "ArrayLike", speed: "ArrayLike") -> float | Floats:
     speed : float or array_like
         v₀ at first touch, m/s, ≥ 0; it broadcasts with ``dissipation``.
 
+    Returns
+    -------
+    float or numpy.ndarray
+        Coefficient e; an array if an argument is one.
+
     Raises
     ------
     InvalidParameterError
         A value is not finite, or a speed is negative; the message names the first.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> round(palpate.restitution(dissipation=1.0, speed=0.5), 4)
+    0.7484
     """
     b, speeds = together(dissipation=dissipation, speed=speed)
     all_good("dissipation", b, np.isfinite(b), "finite")
@@ -105,10 +116,22 @@ def dissipation_for(restitution: "ArrayLike", speed: "ArrayLike") -> float | Flo
     speed : float or array_like
         v₀, m/s, > 0; it broadcasts with ``restitution``.
 
+    Returns
+    -------
+    float or numpy.ndarray
+        Dissipation b, s/m; an array if an argument is one.
+
     Raises
     ------
     InvalidParameterError
         A value is out of its range; the message names the first.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> b = palpate.dissipation_for(restitution=0.7, speed=0.5)  # s/m
+    >>> round(b, 4), round(palpate.restitution(b, 0.5), 4)
+    (1.2697, 0.7)
     """
     e, speeds = together(restitution=restitution, speed=speed)
     all_good("restitution", e, (e >= 1e-12) & (e <= 1.0), "in [1e-12, 1]")
@@ -230,7 +253,7 @@ EQUIVALENT = (
 class Restitution(Plain):
     """Restitution of a free body that hits the identified contact at one speed.
 
-    Attributes
+    Parameters
     ----------
     speed : float
         v₀ at first touch, m/s.
@@ -244,6 +267,13 @@ class Restitution(Plain):
         e from published approximations at the same b v₀; NaN where one is undefined.
     remarks : tuple of str
         Remarks for the reader.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> restitution = palpate.identify("examples/recordings/ball.csv").restitution(speed=0.5)
+    >>> round(restitution.coefficient.value, 2)
+    0.75
     """
 
     speed: float

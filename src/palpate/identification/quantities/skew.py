@@ -61,7 +61,7 @@ SURE = 3.0  # standard errors from which a spring is excluded
 class Skew(Plain):
     """How late the force is behind the position, from one or more touches of a spring.
 
-    Attributes
+    Parameters
     ----------
     delay : Quantity
         δ, s; positive if the force is late. The systematic part is a loss factor of the spring of
@@ -78,6 +78,18 @@ class Skew(Plain):
         What would narrow the bar; empty if nothing has to.
     touches : tuple of Skew
         The touches, if there are several.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> def depth(t):  # m: four strokes at 1 Hz, then eight at 4 Hz
+    ...     return 3e-3 + 1.5e-3 * np.sin(2 * np.pi * np.where(t < 4, t, 4 * t))
+    >>> t = np.arange(0.0, 6.0, 0.001)
+    >>> force = 1000.0 * depth(t - 0.002)  # N: a spring, read 2 ms late
+    >>> skew = palpate.skew({"time_s": t, "penetration_m": depth(t), "force_N": force})
+    >>> skew.mark, [round(frequency, 1) for frequency in skew.frequencies]
+    ('trust', [1.0, 4.0])
     """
 
     delay: Quantity
@@ -119,12 +131,29 @@ def skew(*touches: Contact | Recorded) -> Skew:
         recordings of the material, shows how far the clocks have moved: half of the change is in
         the bar.
 
+    Returns
+    -------
+    Skew
+        Delay of the force, s, with its error bar and mark.
+
     Raises
     ------
     RecordingError
         A touch has one speed, or it is none of a spring: it relaxes, rubs or damps.
     InvalidParameterError
         There is no touch.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> def depth(t):  # m: four strokes at 1 Hz, then eight at 4 Hz
+    ...     return 3e-3 + 1.5e-3 * np.sin(2 * np.pi * np.where(t < 4, t, 4 * t))
+    >>> t = np.arange(0.0, 6.0, 0.001)
+    >>> force = 1000.0 * depth(t - 0.002)  # N: a spring, read 2 ms late
+    >>> delay = palpate.skew({"time_s": t, "penetration_m": depth(t), "force_N": force}).delay
+    >>> round(delay.value, 5)  # s
+    0.002
     """
     if not touches:
         raise InvalidParameterError("pass at least one touch of a spring")

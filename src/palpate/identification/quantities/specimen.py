@@ -23,6 +23,14 @@ class Specimen(Plain):
         A, m², in (0, 1].
     height : float
         h, m, in (0, 1].
+
+    Examples
+    --------
+    >>> import palpate
+    >>> specimen = palpate.Specimen(area=4e-4, height=0.1)
+    >>> result = palpate.identify("examples/recordings/ball.csv")
+    >>> round(result.compression_modulus(specimen).value.value, -3)  # Pa
+    500000.0
     """
 
     area: float
@@ -37,7 +45,7 @@ class Specimen(Plain):
 class CompressionModulus:
     """Young's modulus E, Pa, of a compressed specimen, or why there is none.
 
-    Attributes
+    Parameters
     ----------
     value : Quantity
         E = S h/A at the working depth, with the relative errors of the stiffness S; those of area
@@ -50,6 +58,14 @@ class CompressionModulus:
         Why there is no modulus.
     remarks : tuple of str
         Remarks for the reader.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv")
+    >>> modulus = result.compression_modulus(palpate.Specimen(area=4e-4, height=0.1))
+    >>> round(modulus.value.value, -3), round(modulus.strain, 3)  # Pa, 1
+    (500000.0, 0.088)
     """
 
     value: Quantity

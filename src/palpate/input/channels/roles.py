@@ -70,6 +70,15 @@ class Columns:
         Meaning of three angles: roll, pitch, yaw about the fixed axes x, y, z, or axis times angle.
     torque : str, optional
         Torque of the sensor, N·m; with it palpate finds the tool's centre of mass.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> recording = {"t": np.arange(3) / 1000, "z": [1e-3, 2e-3, 3e-3], "Fz": [1.0, 2.0, 3.0]}
+    >>> columns = palpate.Columns(time="t", penetration="z", force="Fz")
+    >>> palpate.prepare(recording, columns=columns).force.tolist()
+    [1.0, 2.0, 3.0]
     """
 
     time: str = "time_s"

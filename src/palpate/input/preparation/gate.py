@@ -31,6 +31,19 @@ def choose_gate(
         Least penetration in contact, m, in [0, 1e100]. Default: from the data.
     minimum_force : float, optional
         Force at which contact begins and ends, N, in [0, 1e100]. Default: from the data.
+
+    Returns
+    -------
+    ContactGate
+        Thresholds of penetration, m, and force, N.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> contact = palpate.prepare("examples/recordings/ball.csv")
+    >>> gate = palpate.choose_gate(contact)
+    >>> round(gate.make_force, 1)  # N
+    0.7
     """
     depth, make, lost = _core.gate_of(contact.penetration, contact.velocity, contact.force)
     if minimum_penetration is not None:

@@ -78,6 +78,18 @@ class OnlinePreparation(Configured, _core.OnlinePreparation):
     ------
     InvalidParameterError
         A setting is out of its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> online = palpate.OnlinePreparation(sample_time=0.001)
+    >>> estimator = palpate.VariableProjection()
+    >>> for k in range(100):  # a controller's loop
+    ...     sample = online.update(1e-5 * k, 0.02 * k)  # m and N
+    ...     if sample is not None:
+    ...         status = estimator.update(*sample)
+    >>> estimator.estimate().samples
+    84
     """
 
     __slots__ = ("_settings",)

@@ -171,6 +171,15 @@ def prepare(*values: Any, **options: Any) -> Contact:
     InvalidParameterError
         Arrays are missing or differ in type or length, their time does not increase within a
         segment, or a setting is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> contact = palpate.prepare("examples/recordings/ball.csv", window=(2.5, None))
+    >>> contact
+    <Contact 'ball.csv': 4500 samples from 2.5 s to 6.999 s>
+    >>> round(float(contact.penetration.max()), 4)  # m
+    0.0125
     """
     call = PrepareArguments(*values, **options)
     recording = call.recording

@@ -91,6 +91,19 @@ def deviation_of_mean(force: Floats, free: Mask) -> float:
         The whole force, N: its smallest step is its resolution.
     free : numpy.ndarray of bool, shape (k,)
         The samples of the mean, at least one.
+
+    Returns
+    -------
+    float
+        Standard deviation s, N.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> contact = palpate.prepare("examples/recordings/ball.csv")
+    >>> free = contact.time < 1.9
+    >>> round(palpate.deviation_of_mean(contact.force, free), 4)  # N
+    0.0018
     """
     finite = force[np.isfinite(force)]
     largest = float(np.abs(finite).max(initial=0.0))

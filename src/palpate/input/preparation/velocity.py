@@ -82,6 +82,19 @@ def velocity_of(time: Floats, penetration: Floats, window: float | None = None) 
         m. Samples with a non-finite value are ignored and have velocity NaN.
     window : float, optional
         Length of a parabola's window, s. Default: a smoothing spline.
+
+    Returns
+    -------
+    numpy.ndarray, shape (k,)
+        Velocity, m/s, positive while penetrating.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from palpate.input.preparation.velocity import velocity_of
+    >>> time = np.arange(0.0, 1.0, 0.001)
+    >>> velocity_of(time, 1e-3 * np.sin(3.0 * time))[[0, 500]].round(4).tolist()
+    [0.003, 0.0002]
     """
     return estimate_velocities(time, penetration, [slice(None)], window)[0]
 

@@ -296,12 +296,24 @@ def open_recording(
         Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
         of it. Default: 128 times the size of the file, from 64 MiB to 4 GiB; a block 64 MiB.
 
+    Returns
+    -------
+    Recording
+        Channels as recorded, with the units and notes of the file.
+
     Raises
     ------
     RecordingError
         The file cannot be read, or is not in the format that its name or first bytes indicate.
     MissingExtraError
         The packages for the format are not installed: the message says how to install them.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> recording = palpate.open_recording("examples/recordings/ball.csv")
+    >>> list(recording.channels), recording.unit_of("force_N")
+    (['time_s', 'penetration_m', 'force_N'], 'N')
     """
     try:
         file = Path(path)

@@ -60,15 +60,6 @@ class Recording:
         Texts of the file about itself, by name.
     rows : sequence of int, optional
         The row of the file for each sample, for messages; None for files without rows.
-    settings : mapping
-        Settings that the file states, SI: ``"rate"`` of the samples, ``"tip radius"``, ``"spring
-        constant"``, ``"specimen height"``, ``"specimen diameter"``, ``"specimen area"``.
-    episode : int, optional
-        Number of the episode of a data set that this is.
-    episodes : sequence of Recording
-        The episodes of a data set, if several were read; the channels are those of the first.
-    table : str
-        For messages: where in a text the reader found the table; empty for other files.
     clocks : mapping
         Name of a channel to name of the channel with its times. Channels on one clock have equal
         length. Channels not listed are on the clock of the file, which :func:`palpate.prepare`
@@ -85,6 +76,15 @@ class Recording:
     findings : sequence of Finding
         Parts of the file that could not be read (``with-care``); and, as notes, parts skipped
         because they hold no numbers or were not requested.
+    settings : mapping
+        Settings that the file states, SI: ``"rate"`` of the samples, ``"tip radius"``, ``"spring
+        constant"``, ``"specimen height"``, ``"specimen diameter"``, ``"specimen area"``.
+    table : str
+        For messages: where in a text the reader found the table; empty for other files.
+    episode : int, optional
+        Number of the episode of a data set that this is.
+    episodes : sequence of Recording
+        The episodes of a data set, if several were read; the channels are those of the first.
 
     Raises
     ------
@@ -96,6 +96,15 @@ class Recording:
     A channel has one value per sample. A vector is several channels, whose names end with ``.x``,
     ``.y``, ``.z`` (and ``.w``), as in messages, or with ``[0]``, ``[1]``, ``[2]``, as in arrays.
     Times may be integer nanoseconds (unit ``"ns"``): a float of seconds since 1970 is not exact.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> channels = {"t": np.arange(3) / 1000, "z": np.array([0.0, 1.0, 2.0]), "Fz": np.ones(3)}
+    >>> recording = palpate.Recording(channels, units={"t": "s", "z": "mm", "Fz": "N"})
+    >>> recording.numbers("z").tolist(), recording.unit_of("z")
+    ([0.0, 1.0, 2.0], 'mm')
     """
 
     channels: Mapping[str, Values]

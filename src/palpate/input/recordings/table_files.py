@@ -129,6 +129,14 @@ def write_contact(
     ------
     RecordingError
         The path cannot be written.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> contact = palpate.prepare("examples/recordings/ball.csv", window=(3.0, 4.0))
+    >>> palpate.write_contact(contact, "one_second.csv")
+    >>> palpate.prepare("one_second.csv")
+    <Contact 'one_second.csv': 1001 samples from 3 s to 4 s>
     """
     head = {**(notes or {}), **contact.provenance}
     if not velocity:

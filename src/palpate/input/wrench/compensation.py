@@ -245,6 +245,21 @@ class PayloadCompensation(Configured, _core.PayloadCompensation):
     ------
     InvalidParameterError
         A setting is out of its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> tool = palpate.Payload(
+    ...     mass=0.5, centre=np.array([0.0, 0.0, 0.04]), mount=np.eye(3), bias=np.zeros(6)
+    ... )
+    >>> compensation = palpate.PayloadCompensation(payload=tool, motion_window=0.0)
+    >>> for k in range(3):  # the tool hangs down, and pushes with 2 N
+    ...     status = compensation.update([0, 0, 0], [1, 0, 0, 0], [0, 0, 2.9, 0, 0, 0], 0.001 * k)
+    >>> status
+    Status.UPDATED
+    >>> [round(value, 2) for value in compensation.force]
+    [0.0, 0.0, 2.0]
     """
 
     __slots__ = ("_settings",)

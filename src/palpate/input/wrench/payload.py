@@ -42,7 +42,7 @@ class Payload:
     inertia I and the bias b. ``sign`` times the recorded wrench obeys it; the remainder is the
     force of the material on the tool.
 
-    Attributes
+    Parameters
     ----------
     mass : float
         kg.
@@ -65,14 +65,16 @@ class Payload:
         Times of the drift, s, on the clock of the wrench; empty without drift.
     bias_changes : numpy.ndarray, shape (k, 6)
         Wrench that is added to the mean bias at these times, N and N·m; linear in between.
-    mass_error, delay_error : float
-        Standard errors, kg and s.
+    mass_error : float
+        Standard error, kg.
     centre_error, mount_error, lever_error : numpy.ndarray, shape (3,)
         Standard errors, m, rad (about the axes of the sensor) and m.
     bias_error : numpy.ndarray, shape (6,)
         Standard errors, N and N·m.
     inertia_error : numpy.ndarray, shape (6,), or None
         Standard errors, kg·m².
+    delay_error : float
+        Standard error, s.
     turn : float
         Largest angle between the directions of gravity in free air, in the axes of the sensor, rad.
     axes : int
@@ -87,6 +89,17 @@ class Payload:
         Reasons for the marks, with the remedy.
     version : int
         Version of these fields in a file.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> tool = palpate.Payload(
+    ...     mass=0.5, centre=np.array([0.0, 0.0, 0.04]), mount=np.eye(3), bias=np.zeros(6)
+    ... )
+    >>> tool.save("tool.toml")
+    >>> palpate.Payload.load("tool.toml").mass
+    0.5
     """
 
     #: Standard acceleration of free fall, m/s².

@@ -39,7 +39,7 @@ STATUS_WORDS = ("fitted", "no contact", "did not settle", "surface at the edge o
 class CurveFits:
     """Result of :func:`fit_curves`, one row per curve; numbers are NaN without contact.
 
-    Attributes
+    Parameters
     ----------
     K, B, n : numpy.ndarray, shape (k,)
         N/mⁿ; N·s/mⁿ⁺¹; 1.
@@ -57,6 +57,17 @@ class CurveFits:
         Bits of ``IdentifiabilityFlag``; :meth:`describe_flags` describes them.
     status : numpy.ndarray of uint8, shape (k,)
         Codes of :data:`STATUS_WORDS`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> depth = np.linspace(0.0, 5e-3, 200)
+    >>> fits = palpate.fit_curves(depth, np.full(200, 0.01), 1000.0 * depth, exponent=1.0)
+    >>> fits.status_names, fits.K.round(3).tolist()
+    (['fitted'], [1000.0])
+    >>> fits.law(0).n
+    1.0
     """
 
     K: Floats
@@ -170,6 +181,18 @@ def fit_curves(
     ------
     InvalidParameterError
         A setting is outside its range, or the arrays differ in shape.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> time = np.linspace(0.0, 1.0, 500)
+    >>> depth = 5e-3 - 10e-3 * np.abs(2.0 * time - 1.0)  # to 5 mm below the surface and back
+    >>> velocity = np.where(time < 0.5, 20e-3, -20e-3)
+    >>> force = palpate.HuntCrossley(K=900.0, B=2000.0, n=1.5).force(depth, velocity)
+    >>> fits = palpate.fit_curves([depth, depth], [velocity, velocity], [force, 2.0 * force])
+    >>> fits.K.round().tolist(), fits.n.round(3).tolist()
+    ([900.0, 1800.0], [1.5, 1.5])
     """
     settings = arguments(locals())
     curves = _check_curves(*(settings.pop(name) for name in _SIGNALS))

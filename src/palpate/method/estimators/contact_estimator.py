@@ -47,6 +47,15 @@ class ContactEstimator(Configured):
 
     Each subclass is one method. Settings are the constructor's keyword arguments, separate from the
     learned state; :meth:`replace` keeps only the settings.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.ESTIMATORS["variable-projection"](exponent=1.5)
+    >>> isinstance(estimator, palpate.ContactEstimator), estimator.fixed
+    (True, ('n',))
+    >>> estimator.replace(exponent=2.0).settings["exponent"]
+    2.0
     """
 
     __slots__ = ()
@@ -224,6 +233,42 @@ class PythonEstimator(ContactEstimator):
 
     A subclass defines ``update``, ``predict``, ``estimate``, ``reset`` and ``leave_contact``, and
     keeps its settings in ``_settings`` and its learned state in other attributes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> class Spring(palpate.PythonEstimator):
+    ...     method, law_type = "spring", palpate.KelvinVoigt
+    ...
+    ...     def __init__(self):
+    ...         self._settings = {}
+    ...         self.reset()
+    ...
+    ...     def reset(self):
+    ...         self.K, self.samples = 0.0, 0
+    ...
+    ...     def update(self, penetration, velocity, force, dt=None):
+    ...         if not (penetration > 0.0 and force > 0.0):
+    ...             return palpate.Status.WAITING
+    ...         self.samples += 1
+    ...         self.K += (force / penetration - self.K) / self.samples
+    ...         return palpate.Status.UPDATED
+    ...
+    ...     def predict(self, penetration, velocity):
+    ...         return self.K * penetration
+    ...
+    ...     def estimate(self):
+    ...         law, unknown = palpate.KelvinVoigt(K=self.K, B=0.0), np.zeros((2, 2))
+    ...         return palpate.Estimate.from_law(
+    ...             law, unknown, status=palpate.Status.UPDATED, samples=self.samples
+    ...         )
+    ...
+    ...     def leave_contact(self):
+    ...         pass
+    >>> trace = Spring().replay([1e-3, 2e-3], [0.1, 0.1], [1.4, 3.2])
+    >>> trace.parameters[-1].tolist()
+    [1500.0, 0.0]
     """
 
     def _fill(self, trace: Trace, x: Floats, v: Floats, f: Floats, dt: Floats | None) -> None:
@@ -305,8 +350,20 @@ def _rows(at: "ArrayLike | None", samples: int) -> Integers | None:
 
 Kind = TypeVar("Kind", bound=type[ContactEstimator])
 
-#: All registered estimators by their ``method``; the default comes first.
-ESTIMATORS: dict[str, type[ContactEstimator]] = {}
+
+class EstimatorRegistry(dict[str, type[ContactEstimator]]):
+    """Estimators by their ``method``; the default comes first.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.ESTIMATORS["single-stage"]
+    <class 'palpate.method.estimators.recursive_least_squares.SingleStageRLS'>
+    """
+
+
+#: All registered estimators.
+ESTIMATORS = EstimatorRegistry()
 
 # Attributes that an estimator must define in addition to those of ContactEstimator.
 _FACE = ("update", "predict", "estimate", "reset", "leave_contact", "_state", "_restore")

@@ -70,6 +70,16 @@ class Estimate(EstimateValue):
 
     Estimators return it; :meth:`from_law` makes one in your own method.
 
+    Parameters
+    ----------
+    value : EstimateValue
+        Numbers of the compiled estimator.
+    law_type : type of ForceLaw
+        Class of ``law``.
+    fixed : tuple of str
+        Names of the law's parameters that were specified, such as a known exponent; their standard
+        errors are 0. Default: none.
+
     Attributes
     ----------
     law : force law
@@ -105,14 +115,11 @@ class Estimate(EstimateValue):
     flags : tuple of str
         The text of the findings, and the ids of the loop's checks: stuck force, saturation, spikes,
         late force, lost contact, baseline (the force in free air has moved), change.
-    fixed : tuple of str
-        Names of the law's parameters that were specified, such as a known exponent; their standard
-        errors are 0.
     valid : bool
-        Whether condition 10, |v| < 0.1 K/B, held at the last sample taken. Always true for laws
+        Whether condition 10, abs(v) < 0.1 K/B, held at the last sample taken. Always true for laws
         without a logarithm.
     validity_margin : float
-        1 − |v B/K| / 0.1: 1 at rest, 0 at the limit, negative beyond it.
+        1 − abs(v B/K) / 0.1: 1 at rest, 0 at the limit, negative beyond it.
     status : Status
         Status of the last sample that was neither refused nor rejected as an outlier.
     samples : int
@@ -123,6 +130,14 @@ class Estimate(EstimateValue):
         Number of detected changes of the material, each of which restarts the estimate.
     rejected : int
         Number of samples rejected as outliers.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimate = palpate.identify("examples/recordings/ball.csv").estimate
+    >>> stiffness, standard_error = estimate.stiffness_at(5e-3)  # N/m
+    >>> round(stiffness, -1), standard_error < 1.0
+    (2000.0, True)
     """
 
     __slots__ = ("_law", "_law_type", "fixed")
@@ -287,7 +302,7 @@ class Trace:
     A full trace contains the estimate after each of its k samples, a thinned one after m of them (m
     may be 0). Predicted force, margin and status cover every sample in both.
 
-    Attributes
+    Parameters
     ----------
     parameters : numpy.ndarray, shape (m, p)
         The law's parameters, SI, in the law's order.
@@ -297,13 +312,22 @@ class Trace:
         One-step prediction, N: from the estimate before the sample. Variable projection predicts
         from its latest search, at most 64 samples earlier. NaN where a sample is not finite.
     validity_margin : numpy.ndarray, shape (k,)
-        Condition 10 as 1 − |v B/K| / 0.1, from the same estimates.
+        Condition 10 as 1 − abs(v B/K) / 0.1, from the same estimates.
     status : numpy.ndarray of uint8, shape (k,)
         The :class:`Status` of each sample.
     time : numpy.ndarray, shape (m,)
         Times of the estimates, s, from :func:`palpate.identify`; empty for a replay without times.
     samples : numpy.ndarray of int, shape (m,), optional
         Indices of the samples after which the trace contains the estimates. None: all samples.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> trace = palpate.identify("examples/recordings/ball.csv", trace=100).trace
+    >>> trace
+    Trace(7000 samples: 4917 taken, 100 estimates)
+    >>> trace.parameters.shape, trace.predicted_force.shape
+    ((100, 3), (7000,))
     """
 
     parameters: Floats
@@ -399,7 +423,7 @@ class Trace:
 
     @property
     def validity(self) -> Mask:
-        """Whether condition 10, |v| < 0.1 K/B, holds at each sample; shape (k,)."""
+        """Whether condition 10, abs(v) < 0.1 K/B, holds at each sample; shape (k,)."""
         return self.validity_margin > 0.0
 
     @property

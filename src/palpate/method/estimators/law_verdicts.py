@@ -114,7 +114,7 @@ def band_about(frequency: float) -> tuple[float, float]:
 class LawVerdict(Plain):
     """The selected law and the evidence for it.
 
-    Attributes
+    Parameters
     ----------
     candidate : Candidate
         The selected law.
@@ -130,6 +130,15 @@ class LawVerdict(Plain):
         Frequency of the motion, rad/s: rms speed over the rms distance from the mean depth.
     findings : tuple of Finding
         Open questions about the law; ``flags`` has their text.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> verdict = palpate.identify("examples/recordings/ball.csv").law_verdict
+    >>> verdict.candidate
+    Candidate(damping='hunt-crossley', memory='none', linear=False)
+    >>> round(verdict.effective_samples, -2)
+    4900.0
     """
 
     candidate: Candidate

@@ -142,6 +142,23 @@ def least_squares(
         Lower and upper bounds. Default: none.
     enough : float
         The fit stops when a step reduces Σ r² by less than this fraction. Default: 1e-9.
+
+    Returns
+    -------
+    Fitted
+        ``parameters``, shape (p,), ``residual``, shape (k,), and ``jacobian``, shape (k, p).
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> t = np.linspace(0.0, 1.0, 50)
+    >>> y = np.exp(-3.0 * t)
+    >>> def decay(a):
+    ...     fitted = np.exp(-a * t)
+    ...     return y - fitted, -t[:, None] * fitted[:, None]
+    >>> palpate.least_squares(decay, np.array([1.0])).parameters.round(6).tolist()
+    [3.0]
     """
     best = Fitted(start, *model(start))
     damping = 1e-9
@@ -197,6 +214,20 @@ def nonnegative(
         Factors that may have any sign.
     used : numpy.ndarray of bool, shape (p,)
         Factors to fit; the others are 0.
+
+    Returns
+    -------
+    numpy.ndarray, shape (p,)
+        Factors c; 0 for those that are not used.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> a, y = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 2.0]]), np.array([1.0, 0.5, 0.0])
+    >>> none = np.zeros(2, dtype=bool)
+    >>> palpate.nonnegative(a.T @ a, a.T @ y, none, ~none).round(3).tolist()
+    [0.5, 0.0]
     """
     gram = gram + 1e-10 * np.trace(gram) / len(gram) * np.eye(len(gram))
     active = free & used
@@ -247,6 +278,15 @@ class LeastSquares(Configured, _core.LeastSquares):
     ------
     InvalidParameterError
         The order is outside 1 to 8, or ``initial`` has another size.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> line = palpate.LeastSquares(2)
+    >>> for t in range(10):  # y = 3 + t/2
+    ...     status = line.update([1.0, t], 3.0 + 0.5 * t)
+    >>> line.parameters.round(3).tolist()
+    [3.0, 0.5]
     """
 
     __slots__ = ("_settings",)

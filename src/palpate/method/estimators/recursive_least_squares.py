@@ -60,6 +60,15 @@ class RecursiveLeastSquaresEstimator(CompiledEstimator):
     ------
     InvalidParameterError
         A setting is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.KelvinVoigtRLS(initial=palpate.KelvinVoigt(K=1000.0, B=5.0))
+    >>> isinstance(estimator, palpate.RecursiveLeastSquaresEstimator)
+    True
+    >>> estimator.predict(0.01, 0.0)
+    10.0
     """
 
     __slots__ = ()
@@ -121,9 +130,11 @@ class HuntCrossleyRLS(RecursiveLeastSquaresEstimator):
         Known n, in [0.1, 10], from the tip's shape: 1.5 for a sphere. It stays fixed, with a
         standard error of 0; the exponent of ``initial`` and its variance have no effect. Default:
         identified.
-    initial, initial_covariance, forgetting, perturbation, change_detector, outlier_rejection
+    initial, initial_covariance : optional
         As in :class:`RecursiveLeastSquaresEstimator`.
-    gate, sample_time, scale
+    forgetting, perturbation, change_detector, outlier_rejection, gate : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+    sample_time, scale : optional
         As in :class:`RecursiveLeastSquaresEstimator`.
     """
 
@@ -171,18 +182,40 @@ class SingleStageRLS(HuntCrossleyRLS, _core.SingleStageRLS):
 
     y = ln F, φ = [1, v, ln x], θ = [ln K, B/K, n]   (eqs. 9, 12, 13)
 
-    Valid while |v| < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are biased
-    low. Low-force samples weigh as much as high-force ones, so set the gate above the noise: an
-    estimate has a flag if light contact makes its standard errors too small by 1.4 or more. They
+    Valid while abs(v) < 0.1 K/B (eq. 10), which every estimate reports; beyond it K and B are
+    biased low. Low-force samples weigh as much as high-force ones, so set the gate above the noise:
+    an estimate has a flag if light contact makes its standard errors too small by 1.4 or more. They
     are too small in general, as a finding of each estimate says: like the paper's, they assume
     white noise of ln F and no force offset (``docs/reference/numerics.md``).
 
     With a known exponent, y = ln F − n ln x, φ = [1, v], θ = [ln K, B/K].
 
-    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`, and ``exponent``: a
-    known n, in [0.1, 10], from the tip's shape (1.5 for a sphere), with a standard error of 0.
-    ``initial`` is a :class:`HuntCrossley` with K > 0, ``initial_covariance`` the
-    covariance of θ (default: 1e3).
+    Parameters
+    ----------
+    exponent : float, optional
+        Known n, in [0.1, 10], from the tip's shape: 1.5 for a sphere. It stays fixed, with a
+        standard error of 0. Default: identified.
+    initial : HuntCrossley, optional
+        Initial estimate, SI, with K > 0. Default: small values.
+    initial_covariance : float or array_like, optional
+        Covariance of θ. Default: variances of 1e3.
+    forgetting, perturbation, change_detector, outlier_rejection, gate : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+    sample_time, scale : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.SingleStageRLS(exponent=1.0)
+    >>> result = palpate.identify("examples/recordings/ball.csv", estimator)
+    >>> print(result.stiffness.combined.format("N/m"))
+    1997.0 ± 2.7 N/m
     """
 
     __slots__ = ("_settings",)
@@ -216,9 +249,30 @@ class DoubleStageRLS(HuntCrossleyRLS, _core.DoubleStageRLS):
 
     With a known exponent only stage 1 remains: linear least squares, which does not stall.
 
-    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`, and ``exponent`` as in
-    :class:`SingleStageRLS`. ``initial`` is a :class:`HuntCrossley`; ``initial_covariance`` the
-    covariance of [K, B] and n (default: variances 1e8, 1e8, 1e3), without any between the stages.
+    Parameters
+    ----------
+    exponent : float, optional
+        Known n, as in :class:`SingleStageRLS`. Default: identified.
+    initial : HuntCrossley, optional
+        Initial estimate, SI. Default: small values.
+    initial_covariance : float or array_like, optional
+        Covariance of [K, B] and n, zero between the stages. Default: variances of 1e8, 1e8, 1e3.
+    forgetting, perturbation, change_detector, outlier_rejection, gate : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+    sample_time, scale : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range, or the stages covary.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv", palpate.DoubleStageRLS())
+    >>> round(result.law.K, -1), round(result.law.n, 2)
+    (2000.0, 1.0)
     """
 
     __slots__ = ("_settings",)
@@ -244,8 +298,28 @@ class KelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.KelvinVoigtRLS):
     y = F, φ = [x, v], θ = [K, B] in eq. 13. The simplest method and the fastest to converge; its
     law is wrong where stiffness grows with depth.
 
-    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`; ``initial`` is a
-    :class:`KelvinVoigt`, ``initial_covariance`` is 1e8 by default.
+    Parameters
+    ----------
+    initial : KelvinVoigt, optional
+        Initial estimate, SI. Default: small values.
+    initial_covariance : float or array_like, optional
+        Covariance of θ. Default: variances of 1e8.
+    forgetting, perturbation, change_detector, outlier_rejection, gate : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+    sample_time, scale : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv", palpate.KelvinVoigtRLS())
+    >>> round(result.law.K, -1), round(result.law.B, 1)  # N/m and N·s/m
+    (2000.0, 17.4)
     """
 
     __slots__ = ("_settings",)
@@ -260,9 +334,29 @@ class ExtendedKelvinVoigtRLS(RecursiveLeastSquaresEstimator, _core.ExtendedKelvi
 
     y = F, φ = [x, x², v], θ = [K₁, K₂, B] in eq. 13, for the law of eq. 14.
 
-    The settings are the same as for :class:`RecursiveLeastSquaresEstimator`; ``initial`` is an
-    :class:`ExtendedKelvinVoigt`, ``initial_covariance`` is 1e10 by default: in SI x² is so small
-    that K₂ stays at its start under a smaller one.
+    Parameters
+    ----------
+    initial : ExtendedKelvinVoigt, optional
+        Initial estimate, SI. Default: small values.
+    initial_covariance : float or array_like, optional
+        Covariance of θ. Default: variances of 1e10; in SI x² is so small that under smaller ones
+        K₂ stays at its start.
+    forgetting, perturbation, change_detector, outlier_rejection, gate : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+    sample_time, scale : optional
+        As in :class:`RecursiveLeastSquaresEstimator`.
+
+    Raises
+    ------
+    InvalidParameterError
+        A setting is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv", palpate.ExtendedKelvinVoigtRLS())
+    >>> round(result.law.stiffness_at(5e-3), -1)  # N/m
+    2000.0
     """
 
     __slots__ = ("_settings",)

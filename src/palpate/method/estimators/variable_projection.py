@@ -98,6 +98,19 @@ class VariableProjection(CompiledEstimator, _core.VariableProjection):
     ------
     InvalidParameterError
         A setting is outside its range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> law = palpate.HuntCrossley(K=900.0, B=2000.0, n=1.5)
+    >>> estimator = palpate.VariableProjection(noise=0.01)
+    >>> for t in np.arange(0.0, 2.0, 0.001):
+    ...     depth, velocity = 5e-3 - 5e-3 * np.cos(7.0 * t), 35e-3 * np.sin(7.0 * t)
+    ...     status = estimator.update(depth, velocity, law.force(depth, velocity))
+    >>> law = estimator.estimate().law
+    >>> round(law.K), round(law.B), round(law.n, 3)
+    (900, 2000, 1.5)
     """
 
     __slots__ = ("_settings",)
@@ -219,16 +232,24 @@ class DriftTracking(CompiledEstimator, _core.DriftTracking):
         Random walk of b = B/K in one second, s/m per √s, ≥ 0.
     exponent_drift : float
         Random walk of n in one second, 1/√s, ≥ 0; 0 for a known exponent.
-    noise, offset, offset_deviation, exponent_range, exponent
+    noise, offset, offset_deviation, exponent_range, exponent : optional
         As in :class:`VariableProjection`, except that ``offset`` is False by default: few motions
         identify an offset together with a drifting stiffness.
-    change_detector, outlier_rejection, gate, sample_time, scale
+    change_detector, outlier_rejection, gate, sample_time, scale : optional
         As in :class:`VariableProjection`.
 
     Raises
     ------
     InvalidParameterError
         A setting is outside its range.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> estimator = palpate.DriftTracking(stiffness_drift=0.01)
+    >>> result = palpate.identify("examples/recordings/ball.csv", estimator)
+    >>> round(result.law.stiffness_at(5e-3), -2)  # N/m
+    2000.0
     """
 
     __slots__ = ("_settings",)

@@ -122,12 +122,9 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
         "auto", the best fit of the first three.
     memory : "auto" or "none"
         Whether the law may relax. Default: "auto".
-    longest_time : float, optional
-        The longest relaxation time, s, at least four sample times. Default: 4096 sample times; in
-        :func:`identify` half of the recording.
     forgetting : ConstantForgetting or FadingForgetting, optional
         Forgetting of old samples, not of the relaxation state. Default: none.
-    change_detector, outlier_rejection
+    change_detector, outlier_rejection : optional
         As in :class:`VariableProjection`.
     offset : bool
         Estimate a constant force offset together with the law. Default: True.
@@ -142,6 +139,9 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     sample_time : float, optional
         Time between samples, s, in (0, 1e6]; a ``dt`` of ``update`` must be close to it. The
         shortest relaxation time is two sample times. Default: 1 ms; in :func:`identify` the data's.
+    longest_time : float, optional
+        The longest relaxation time, s, at least four sample times. Default: 4096 sample times; in
+        :func:`identify` half of the recording.
     scale : Scale, optional
         Units of the arithmetic, near the largest expected values. Default: 10 mm, 20 mm/s and 1 N;
         in :func:`identify` chosen from the data.
@@ -150,6 +150,13 @@ class ViscoelasticContact(CompiledEstimator, _core.ViscoelasticContact):
     ------
     InvalidParameterError
         A setting is outside its range, or no law matches damping and memory.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.identify("examples/recordings/ball.csv", palpate.ViscoelasticContact())
+    >>> result.law_verdict.candidate.memory, round(result.law.n, 2)
+    ('none', 1.0)
     """
 
     __slots__ = ("_settings",)

@@ -678,12 +678,25 @@ def draw_comparison(
     width : float, optional
         Printed width, m, in [0.06, 0.4]. Default: 11 inches.
 
+    Returns
+    -------
+    matplotlib.figure.Figure
+        The new figure.
+
     Raises
     ------
     InvalidParameterError
         ``results`` is empty, or the width is outside its range.
     MissingExtraError
         matplotlib is not installed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> results = palpate.compare("examples/recordings/ball.csv")
+    >>> figure = palpate.figures.draw_comparison(results, width=88e-3)
+    >>> round(float(figure.get_figwidth()) * 25.4)  # mm
+    88
     """
     if not results:
         raise InvalidParameterError("results is empty: pass at least one identification")

@@ -278,7 +278,7 @@ TRACES = ("trace.parquet", "trace.csv")  # the second without pyarrow
 class SavedResult:
     """A result that :meth:`Identification.save` or ``palpate identify -o`` wrote.
 
-    Attributes
+    Parameters
     ----------
     folder : Path
         Folder of the result.
@@ -310,6 +310,14 @@ class SavedResult:
         The selected law and the evidence; None if no laws were compared.
     description : dict
         The content of ``result.json``, documented in ``docs/reference/results.md``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.identify("examples/recordings/ball.csv").save("ball")
+    >>> saved = palpate.load_result("ball")
+    >>> saved.method, saved.verdict.overall, len(saved.contact)
+    ('variable-projection', 'trust', 7000)
     """
 
     folder: Path
@@ -343,11 +351,23 @@ def load_result(path: str | Path) -> SavedResult:
     path : str or Path
         The folder, or its ``result.json``.
 
+    Returns
+    -------
+    SavedResult
+        Law, numbers, contact and trace as saved.
+
     Raises
     ------
     RecordingError
         There is no result, it is damaged, the trace next to it is from another run, or it has
         another schema.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.identify("examples/recordings/ball.csv").save("ball")
+    >>> print(palpate.load_result("ball").working_depths[0].stiffness)  # N/m
+    2000.7 ± 0.8 (trust)
     """
     named = Path(path)
     if named.suffix != ".json" and named.is_file():
