@@ -1,4 +1,4 @@
-"""Write the pictures of the docs that show a result: the README's, one a panel, and the gallery.
+"""Write the pictures of the docs that show a result: home, one a panel, and the gallery.
 
 python docs/images/make_pictures.py
 """
@@ -7,6 +7,8 @@ import runpy
 from pathlib import Path
 
 import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
 
 import palpate
 from palpate import InvalidParameterError, figures, lab
@@ -14,6 +16,7 @@ from palpate import InvalidParameterError, figures, lab
 IMAGES = Path(__file__).parent
 EXAMPLES = IMAGES.parents[1] / "examples"
 THUMBNAIL = 60e-3  # m
+LATE = 18e-3  # s, of the force on the home page
 
 
 def write(figure: "matplotlib.figure.Figure", name: str) -> None:
@@ -23,12 +26,49 @@ def write(figure: "matplotlib.figure.Figure", name: str) -> None:
     figures.save(figure, path)
 
 
+def draw_home(dark: bool) -> "matplotlib.figure.Figure":
+    """Draw three answers side by side: a loop with its mark, a map, and a delay found."""
+    sponge = palpate.identify(EXAMPLES / "recordings" / "sponge.csv")
+    stiffness = sponge.diagnosis.working_depth.stiffness
+    hard_spot = runpy.run_path(str(EXAMPLES / "gallery" / "hard_spot.py"))
+    x, y = (1e3 * np.unique(hard_spot[name]) for name in "xy")
+    spring = runpy.run_path(str(EXAMPLES / "gallery" / "late_force.py"))
+    time, depth = spring["time"], spring["depth"]
+    late = np.interp(time - LATE, time, np.maximum(3000.0 * depth, 0.0))
+    late += np.random.default_rng(1).normal(0.0, 0.01, time.size)
+    delay = palpate.skew(palpate.prepare(time=time, penetration=depth, force=late)).delay
+    style = {"font.size": 11.0, "axes.titlesize": 12.0, "axes.spines.top": False}
+    style |= {"axes.spines.right": False, "svg.hashsalt": "home", "legend.frameon": False}
+    style |= {"legend.handlelength": 1.2, "axes.labelpad": 1.0}
+    with plt.style.context(["dark_background" if dark else "default", style]):
+        figure, (loop, place, line) = plt.subplots(1, 3, figsize=(7.6, 2.66), layout="constrained")
+        figures.draw(sponge, ["loop"], ax=loop, dark=dark)
+        loop.set(title=f"{stiffness.value:.0f} ± {stiffness.whole_error:.0f} N/m: trust")
+        values = 1e-3 * np.asarray(hard_spot["table"]["stiffness"]).reshape(len(y), len(x))
+        square = slice(len(x) - len(y), None)
+        image = place.pcolormesh(x[square], y, values[:, square], rasterized=True)
+        figure.colorbar(image, ax=place, shrink=0.9, aspect=12, label="stiffness [kN/m]")
+        place.set(title="the hard spot", xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+        part = slice(6000, 6250)  # one stroke at 4 Hz
+        grey, blue = "0.6", "#58a6ff" if dark else "#0072b2"
+        line.plot(1e3 * depth[part], late[part], color=grey, linewidth=2.5, label="before")
+        shifted = np.interp(time + delay.value, time, late)
+        line.plot(1e3 * depth[part], shifted[part], color=blue, label="after")
+        words = f"{1e3 * delay.value:.2f} ± {1e3 * delay.whole_error:.2f} ms late"
+        line.set(xlabel="penetration [mm]", ylabel="force [N]", title=words)
+        line.legend(loc="upper left")
+        for patch in (figure.patch, loop.patch, line.patch):
+            patch.set_alpha(0.0)
+    return figure
+
+
 def main() -> None:
     """Write all of them."""
     matplotlib.use("agg")
     ball = palpate.identify(EXAMPLES / "recordings" / "ball.csv")
     for dark, ending in ((False, ""), (True, "-dark")):
         write(figures.draw(ball, dark=dark), f"ball{ending}")
+        write(draw_home(dark), f"home{ending}")
     single = palpate.identify(EXAMPLES / "recordings" / "ball.csv", "single-stage")
     touch = lab.Bench(lab.TISSUE, lab.THREE_SINES, lab.IdealProbe()).run(seed=1).contact
     relaxing = palpate.identify(touch)
