@@ -3,7 +3,12 @@
 python docs/images/make_pictures.py
 """
 
+import re
 import runpy
+import shlex
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 
 import matplotlib
@@ -17,6 +22,10 @@ IMAGES = Path(__file__).parent
 EXAMPLES = IMAGES.parents[1] / "examples"
 THUMBNAIL = 60e-3  # m
 LATE = 18e-3  # s, of the force on the home page
+# The pages of how-to whose picture is that of their own command with --figure.
+DOORS = "csv", "robot-log", "testing-machine", "afm", "robot-learning"
+FENCED = re.compile(r"^```(?P<language>\w+)\n(?P<text>.*?)^```$", re.M | re.S)
+DRAWING = re.compile(r"palpate (.+) --figure \S+(.*)$", re.M)
 
 
 def write(figure: "matplotlib.figure.Figure", name: str) -> None:
@@ -24,6 +33,22 @@ def write(figure: "matplotlib.figure.Figure", name: str) -> None:
     path = IMAGES / f"{name}.svg"
     path.parent.mkdir(exist_ok=True)
     figures.save(figure, path)
+
+
+def draw_door(name: str) -> None:
+    """Run a page's first script in an empty folder, and draw what its command draws."""
+    page = (IMAGES.parent / "how-to" / f"{name}.md").read_text("utf-8")
+    script = next(each["text"] for each in FENCED.finditer(page) if each["language"] == "python")
+    drawing = DRAWING.search(page)
+    assert drawing is not None, f"{name}.md has no command with --figure"
+    (IMAGES / "doors").mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "examples").symlink_to(EXAMPLES)
+        subprocess.run([sys.executable, "-c", script], cwd=folder, check=True)
+        command = [sys.executable, "-m", "palpate", *shlex.split(drawing[1] + drawing[2])]
+        for options, ending in (([], ""), (["--dark"], "-dark")):
+            figure = IMAGES / "doors" / f"{name}{ending}.svg"
+            subprocess.run([*command, "--figure", figure, *options], cwd=folder, check=True)
 
 
 def draw_home(dark: bool) -> "matplotlib.figure.Figure":
@@ -69,6 +94,8 @@ def main() -> None:
     for dark, ending in ((False, ""), (True, "-dark")):
         write(figures.draw(ball, dark=dark), f"ball{ending}")
         write(draw_home(dark), f"home{ending}")
+    for name in DOORS:
+        draw_door(name)
     single = palpate.identify(EXAMPLES / "recordings" / "ball.csv", "single-stage")
     touch = lab.Bench(lab.TISSUE, lab.THREE_SINES, lab.IdealProbe()).run(seed=1).contact
     relaxing = palpate.identify(touch)
