@@ -148,7 +148,7 @@ def response(material: lab.Material, depth: Floats, frequency: Floats) -> Respon
 
 
 def watching(kind: type[CompiledEstimator]) -> CompiledEstimator:
-    """Return the estimator of README's loop."""
+    """Return the estimator of the loop on the page of a controller."""
     return kind(outlier_rejection=OutlierRejection(), change_detector=ChangeDetector())  # type: ignore[call-arg]
 
 

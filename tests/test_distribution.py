@@ -34,7 +34,7 @@ def test_every_relative_link_of_the_readme_leads_to_a_file_and_becomes_absolute(
     assert all((ROOT / path.partition("#")[0]).exists() for path in paths)
     absolute = METADATA["with_absolute_links"](text, REPOSITORY, "0.1.0")
     assert not METADATA["RELATIVE"].search(absolute)
-    assert f'src="{REPOSITORY}/raw/v0.1.0/docs/images/ball.svg"' in absolute
+    assert f'src="{REPOSITORY}/raw/v0.1.0/docs/images/home.svg"' in absolute
     assert f"]({REPOSITORY}/blob/v0.1.0/CHANGELOG.md)" in absolute
 
 

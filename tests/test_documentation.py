@@ -113,18 +113,28 @@ def marked(page: Path):
     return pytest.param(page, id=name, marks=() if page in FIRST else longer)
 
 
+# Pages on which a text directly after a command is part of what the command prints.
+SHOWN = {
+    "first-answer.md", "which.md", "csv.md", "robot-log.md", "testing-machine.md", "afm.md",
+    "robot-learning.md",
+}  # fmt: skip
+
+
 @pytest.mark.parametrize("page", [marked(page) for page in PAGES if SNIPPETS[page]])
 def test_the_snippets_of_a_page_run(page, at_home, briefly, run, capsys, threaded):
     names = {"__name__": "snippet"}
-    for snippet in SNIPPETS[page]:
+    exact = page.name in SHOWN and page.parent.name in ("start", "how-to")
+    for snippet, after in zip(SNIPPETS[page], [*SNIPPETS[page][1:], None], strict=True):
         if snippet.language == "python":
             code = snippet.compiled()
             if snippet.runs:
                 exec(code, names)
         elif snippet.language == "sh" and snippet.runs:
             for words in snippet.commands:
-                status, _, err = run(*words)
+                status, out, err = run(*words)
                 assert (status, err) == (0, ""), f"{page.name}:{snippet.line}: {words}"
+                if exact and after is not None and after.language == "text":
+                    assert " ".join(after.text.split()) in " ".join(out.split())
     assert capsys.readouterr().err == ""
 
 
