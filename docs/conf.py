@@ -93,12 +93,8 @@ CHAPTERS = {
     "Validation": ("validation", ["validation/README"]),
     "Contributing": ("contributing", ["contributing/README"]),
 }
-#: Pages with a folder of pages below them.
-PARENTS = {
-    "reference/files": "reference/files",
-    "reference/api": "reference/api",
-    "validation/README": "validation",
-}
+#: Pages that a table on another page lists.
+LISTED = ("reference/api/", "reference/files/", "validation/")
 #: What stands elsewhere in the checkout, and the page that it is on the site.
 ELSEWHERE = {
     ROOT / "README.md": DOCS / "index.md",
@@ -113,33 +109,22 @@ WRITTEN = {page: source for source, page in ELSEWHERE.items() if source.suffix =
 SHOWN_INSTEAD = {"contributing/README": ROOT / "CONTRIBUTING.md"}
 
 
-def pages_in(folder: str, pattern: str = "*") -> list[str]:
-    """Return the names of the pages in a folder of ``docs``; those in folders below by ``**/*``."""
+def pages_in(folder: str) -> list[str]:
+    """Return the names of the pages in a folder of ``docs``."""
     kinds = (".md", ".rst", ".ipynb")
-    found = [path for path in (DOCS / folder).glob(pattern) if path.suffix in kinds]
+    found = [path for path in (DOCS / folder).rglob("*") if path.suffix in kinds]
     return sorted(str(path.relative_to(DOCS).with_suffix("")) for path in found)
 
 
-def children(parent: str) -> list[str]:
-    """Return the pages below a page."""
-    return [page for page in pages_in(PARENTS[parent], "**/*") if page != parent]
-
-
-def table_of_contents(pages: list[str], caption: str = "") -> str:
-    """Return a hidden table of contents, from which the site makes its navigation."""
-    heading = [f":caption: {caption}"] if caption else []
-    return "\n".join(["", "```{toctree}", ":hidden:", *heading, "", *(f"/{p}" for p in pages), "```", ""])
-
-
 def chapters() -> str:
-    """Return the chapters of the site, with the pages that there are."""
-    below = {page for parent in PARENTS for page in children(parent)}
+    """Return the hidden tables of contents from which the site makes its sidebar."""
     contents = []
     for caption, (folder, order) in CHAPTERS.items():
         there = [page for page in order if any(DOCS.glob(f"{page}.*"))]
-        rest = [page for page in pages_in(folder) if page not in order and page not in below]
-        contents.append(table_of_contents([*there, *rest], caption))
-    return "".join(contents)
+        there += [page for page in pages_in(folder) if not page.startswith(LISTED)]
+        lines = [f":caption: {caption}", "", *(f"/{page}" for page in dict.fromkeys(there))]
+        contents += ["", "```{toctree}", ":hidden:", *lines, "```"]
+    return "\n".join([*contents, ""])
 
 
 PICTURE = re.compile(
@@ -205,8 +190,6 @@ def adapt(app: Sphinx, name: str, source: list[str]) -> None:
         text = SCRIPT.sub(r"\g<0>\n\n```{literalinclude} \g<path>\n```", text)
     elif name == "reference/api":
         text += api_pages.tables()
-    if name in PARENTS:
-        text += table_of_contents(children(name))
     source[0] = text
 
 
@@ -221,14 +204,20 @@ def write_pages(app: Sphinx) -> None:
     api_pages.write(folder)
 
 
-def hide_validation(app: Sphinx, doctree: object) -> None:
-    """Keep the tables of measurements out of the search, where help would drown in them."""
-    if app.env.docname.startswith("validation/"):
-        app.env.metadata[app.env.docname]["nosearch"] = ""
+def set_apart(app: Sphinx, doctree: object) -> None:
+    """Keep tables of measurements out of the search, and pages that a table lists out of the sidebar.
+
+    Sphinx makes the sidebar anew for every page: with these 200 it takes as long again as all else.
+    """
+    name = app.env.docname
+    if name.startswith("validation/"):
+        app.env.metadata[name]["nosearch"] = ""
+    if name.startswith(LISTED):
+        app.env.metadata[name]["orphan"] = ""
 
 
 def setup(app: Sphinx) -> None:
     """Connect what is done while the pages are read."""
     app.connect("builder-inited", write_pages)
     app.connect("source-read", adapt)
-    app.connect("doctree-read", hide_validation)
+    app.connect("doctree-read", set_apart)
