@@ -52,7 +52,7 @@ def write(folder: Path) -> None:
 
 
 def tables() -> str:
-    """Return the public names by subject, each with what it is, as Markdown of ``reference/api``."""
+    """Return the public names by subject, each with what it is, in Markdown."""
     subjects: dict[str, list[str]] = {subject: [] for subject in SUBJECTS}
     subjects |= {f"`palpate.{module}`": [] for module in MODULES}
     constants: dict[str, list[str]] = {subject: [] for subject in subjects}

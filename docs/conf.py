@@ -13,8 +13,9 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 import palpate
+from palpate.output.figures.style import recolour_for_dark
 
-DOCS = Path(__file__).parent
+DOCS = Path(__file__).resolve().parent
 ROOT = DOCS.parent
 sys.path.insert(0, str(DOCS))
 
@@ -24,9 +25,12 @@ project, author, copyright = "palpate", "The palpate developers", "The palpate d
 version = release = palpate.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton"]
-exclude_patterns = ["README.md"]  # the forge's map of the pages
+exclude_patterns = ["README.md", "dark"]  # the forge's map of the pages
+myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 4
-suppress_warnings = ["misc.highlighting_failure"]  # a block of JSON may leave out what does not matter
+suppress_warnings = [
+    "misc.highlighting_failure"
+]  # a block of JSON may leave out what does not matter
 smartquotes = False  # the two hyphens of an option stay two
 # The tests run the notebooks and hold them to the outputs that they show.
 nb_execution_mode = "off"
@@ -127,28 +131,41 @@ def chapters() -> str:
     return "\n".join([*contents, ""])
 
 
-PICTURE = re.compile(
-    r'<picture>\s*<source[^>]*srcset="[^"]*">\s*<img src="(?P<light>[^"]*)" alt="(?P<alt>[^"]*)">\s*'
-    r"</picture>|^!\[(?P<words>[^]]*)\]\((?P<path>[^)]*)\)$",
-    re.MULTILINE,
-)
+PICTURE = re.compile(r"<picture>.*?</picture>|<img\b[^>]*>|!\[[^]]*\]\([^)\s]+\)", re.DOTALL)
+ATTRIBUTE = re.compile(r'(\w+)="([^"]*)"')
 
 
-def show_pictures(text: str, folder: Path) -> str:
-    """Let pictures follow the site's switch; ``<picture>`` follows the system's, and is not copied."""
+def show_pictures(text: str, page: Path) -> str:
+    """Show each picture once for light and once for dark pages: the site's switch chooses.
+
+    ``<picture>`` would follow the system's, and Sphinx copies no file that HTML names.
+    """
 
     def pair(found: re.Match[str]) -> str:
-        light = Path(found["light"] or found["path"])
-        dark = light.with_stem(f"{light.stem}-dark")
-        if not (folder / dark).exists():
-            return found[0]
-        alt = " ".join((found["alt"] or found["words"]).split())
-        return "\n".join(
-            f":::{{image}} {path}\n:class: only-{kind}\n:alt: {alt}\n:::"
-            for path, kind in ((light, "light"), (dark, "dark"))
-        )
+        tag = found[0][found[0].find("<img") :]
+        attributes = dict(ATTRIBUTE.findall(tag)) if tag.startswith("<img") else {}
+        words, _, path = found[0][2:-1].partition("](")
+        light = Path(attributes.get("src", path))
+        alt = " ".join(attributes.get("alt", words).split())
+        size = f" width={attributes['width']}" if "width" in attributes else ""
+        dark = dark_twin(page.parent / light)
+        if dark is None:
+            return f"![{alt}]({light}){{{size}}}" if attributes else found[0]
+        shown = (light, "light"), (relpath(dark, page.parent), "dark")
+        return "".join(f"![{alt}]({each}){{.only-{kind}{size}}}" for each, kind in shown)
 
     return PICTURE.sub(pair, text)
+
+
+def dark_twin(light: Path) -> Path | None:
+    """Return the picture for dark pages: the one beside, or a figure of palpate recoloured."""
+    beside = light.with_stem(f"{light.stem}-dark")
+    if beside.exists() or light.suffix != ".svg" or not light.is_relative_to(DOCS):
+        return beside if beside.exists() else None
+    dark = DOCS / "dark" / light.resolve().relative_to(DOCS)
+    dark.parent.mkdir(parents=True, exist_ok=True)
+    dark.write_text(recolour_for_dark(light.read_text(encoding="utf-8")), encoding="utf-8")
+    return dark
 
 
 LINK = re.compile(r"(?<!!)\[(?P<words>[^][]*)\]\((?P<path>[^)\s#:]+)(?P<anchor>#[^)\s]*)?\)")
@@ -183,7 +200,7 @@ def adapt(app: Sphinx, name: str, source: list[str]) -> None:
         return
     origin = SHOWN_INSTEAD.get(name, page)
     text = source[0] if origin == page else origin.read_text(encoding="utf-8")
-    text = show_pictures(lead_to_pages(text, origin, page), page.parent)
+    text = show_pictures(lead_to_pages(text, origin, page), page)
     if name == "index":
         text += chapters()
     elif name == "gallery":
@@ -205,9 +222,9 @@ def write_pages(app: Sphinx) -> None:
 
 
 def set_apart(app: Sphinx, doctree: object) -> None:
-    """Keep tables of measurements out of the search, and pages that a table lists out of the sidebar.
+    """Keep measurements out of the search, and pages that a table lists out of the sidebar.
 
-    Sphinx makes the sidebar anew for every page: with these 200 it takes as long again as all else.
+    Sphinx makes the sidebar anew for every page: with these 200 the build takes twice as long.
     """
     name = app.env.docname
     if name.startswith("validation/"):
