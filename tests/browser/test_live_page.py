@@ -110,8 +110,9 @@ pytestmark = pytest.mark.browser
 BALL = palpate.prepare(Path(__file__).parents[2] / "examples" / "recordings" / "ball.csv")
 PIXELS = """name => { const canvas = document.querySelector(`${name} canvas`);
   return canvas.toDataURL(); }"""
-# The two numbers, and what stands below them.
-TOP_DOWN = ("#working", "#state", ".controls", "#numbers", ".panel")
+# The stiffness, and what stands below it.
+TOP_DOWN = ("#working", "#state", ".controls", "#settings-fold", "#law-fold", "#curves-fold")
+UNFOLD = "document.querySelectorAll('details').forEach(fold => fold.open = true)"
 # What the card says at one moment: the verdict changes while it is looked at.
 CARD = """() => { const text = name => document.querySelector(name).innerText;
   const all = name => [...document.querySelectorAll(name)].map(each => each.innerText);
@@ -136,6 +137,7 @@ def live(folder):
 def page(live, opened):
     """Its page on a desk, which each test leaves as it was."""
     with opened(live[1]) as made:
+        made.evaluate(UNFOLD)
         yield made
 
 
@@ -164,9 +166,11 @@ def card(page, law, lead=""):
 @pytest.mark.parametrize("width, dark", [(1280, False), (390, True)], ids=["desk", "dark phone"])
 def test_the_page_moves_and_is_readable(live, opened, width, dark):
     with opened(live[1], width=width, dark=dark) as page:
-        before = {name: page.evaluate(PIXELS, name) for name in (".force", ".plane")}
+        assert page.locator("main > details[open]").count() == 0
         rows = page.evaluate("palpate.store.rows")
         wait(page, "palpate.rate >= 20")  # frames a second: a busy machine is no defect of the page
+        page.evaluate(UNFOLD)
+        before = {name: page.evaluate(PIXELS, name) for name in (".force", ".plane")}
         wait(page, f"palpate.store.rows > {rows + 900}")
         # The laboratory rests for two seconds first.
         for name, pixels in before.items():
@@ -175,10 +179,12 @@ def test_the_page_moves_and_is_readable(live, opened, width, dark):
         page.assert_readable()
         assert page.evaluate("globalThis.shifts") < 0.005  # nothing that a person would see
         assert page.inner_text("#state-name") in ("Contact", "Free", "Changed")
-        assert page.inner_text("#working").count("without --no-diagnosis") == 2
+        for number in ("#working", "#damping"):
+            assert page.inner_text(number).count("without --no-diagnosis") == 1
+            assert page.inner_text(number).count("±") == 1
+        assert page.locator("main > details:not([open])").count() == 0  # after the updates
         head, *below = (page.locator(each).first.bounding_box() for each in TOP_DOWN)
         assert head["y"] + head["height"] <= min(each["y"] for each in below)
-        assert page.inner_text("#working").count("±") == 2
 
 
 def test_the_card_names_the_law_without_moving(opened):
@@ -200,6 +206,7 @@ def test_the_card_names_the_law_without_moving(opened):
         pages, laws = (desk, phone), {desk: set(), phone: set()}
         for page in pages:
             wait(page, "palpate.page.loop.verdict?.certainty === 'strong'")
+            page.evaluate(UNFOLD)
             page.evaluate("globalThis.shifts = 0")
 
         def both_change():
@@ -222,6 +229,7 @@ def test_the_card_names_the_law_without_moving(opened):
 def test_a_page_without_a_recorder_offers_none(opened):
     with running(BALL) as (source, own), opened(own.url, lossy=True) as page:
         assert page.is_disabled("#record")
+        page.evaluate(UNFOLD)
         wait(page, "document.querySelector('.number-tile b').textContent.includes('±')")
         source.ended.set()
         page.wait_for_selector("#state[data-state=ended]")
@@ -300,7 +308,6 @@ def test_the_controls_of_the_page_act(live, page):
     page.wait_for_selector("#state[data-state=held]")
     page.click("#hold")
     page.wait_for_selector("#state:not([data-state=held])")
-    page.click("summary")
     page.fill("#seconds", "1")
     page.click("#tare")
     if page.is_visible("#tare-question"):  # in contact, as the next test shows
@@ -316,7 +323,6 @@ def test_the_controls_of_the_page_act(live, page):
     page.click("text=Change now")
     page.wait_for_selector("#said li:has-text('the source received')")
     assert {"change": "firmer"} in live[0].asked
-    page.click("summary")
 
 
 def swinging(middle):
@@ -334,6 +340,7 @@ def test_a_tare_in_contact_asks_first(opened):
     sink = Diagnosing(window=2.0, every=0.5)
     with running(swinging(8e-3), sink) as (_, own), opened(own.url) as page:
         wait(page, "palpate.page.state === 'contact'")
+        page.evaluate(UNFOLD)
         page.click("#tare")
         words = page.inner_text("#tare-words")
         said = re.fullmatch(r"The probe is in contact with ([\d.]+) N\. palpate refuses .*", words)
@@ -342,11 +349,11 @@ def test_a_tare_in_contact_asks_first(opened):
         assert page.is_hidden("#tare-question")
         wait(page, "palpate.page.others.diagnosis.verdict")
         # On a busy machine lost samples look like a change, until the next diagnosis.
-        tiles = 'document.querySelectorAll("#working .number-tile")'
+        tiles = 'document.querySelectorAll(".working .number-tile")'
         wait(page, f"[...{tiles}].every(each => each.innerText.includes('now '))")
         assert "taring" not in page.inner_text("#said")
         shown, numbers = page.evaluate("""() => [
-            [...document.querySelectorAll("#working .number-tile")].map(each => each.innerText),
+            [...document.querySelectorAll(".working .number-tile")].map(each => each.innerText),
             palpate.page.others.diagnosis.numbers]""")
         for text, line in zip(shown, numbers, strict=True):
             assert text.startswith(f"{line['name'].capitalize()} {line['at']}")
@@ -370,6 +377,7 @@ def test_tare_out_of_contact_asks_nothing(opened):
     with running(swinging(-8e-3), sink) as (_, own), opened(own.url) as page:
         page.wait_for_selector("#working:has-text('first diagnosis has not finished')")
         wait(page, "palpate.page.state === 'free'")
+        page.evaluate(UNFOLD)
         page.click("#tare")
         assert page.is_hidden("#tare-question")
         page.wait_for_selector("#said li:has-text('taring for 1 s')")
@@ -388,7 +396,6 @@ def test_a_recording_is_begun_and_ended(page, folder):
 
 def test_another_estimator_brings_its_own_panels(page):
     assert page.is_visible("#law")
-    page.click("summary")
     page.select_option("#method", "single-stage")
     page.fill("#settings input[name=forgetting_factor]", "0.999")
     page.click("text=Start this estimator")
@@ -409,7 +416,6 @@ def test_another_estimator_brings_its_own_panels(page):
     page.click("text=Start this estimator")
     page.wait_for_selector("figcaption b:text-is('n')")
     wait(page, "palpate.page.loop.settings.change_detector")
-    page.click("summary")
 
 
 def test_thinned_charts_keep_every_peak(page):

@@ -227,7 +227,8 @@ def answer(lines: Iterable[view.NumberLine], *, reasons: bool = True) -> str:
 
 def _present(now: Numbers, name: str) -> str:
     """Format the present estimate of a number."""
-    return with_error(*now.get(name, _UNKNOWN), unit=_UNITS[name])
+    value, error = now.get(name, _UNKNOWN)
+    return "not known yet" if math.isnan(value) else with_error(value, error, unit=_UNITS[name])
 
 
 # Times and counts of a run.

@@ -94,7 +94,8 @@ export class TimePanel {
   get seconds() { return this.store?.seconds ?? 10; }
 
   resize() {
-    const width = Math.max(this.drawn.clientWidth, 100), height = Math.max(this.drawn.clientHeight, 100);
+    const width = this.drawn.clientWidth, height = this.drawn.clientHeight;
+    if (!width) return; // in a closed fold
     if (width !== this.plot.width || height !== this.plot.height) this.plot.setSize({ width, height });
   }
 
@@ -120,6 +121,7 @@ export class TimePanel {
       }
     }
     this.plot.setData(data);
+    this.figure.classList.toggle("absent", data.slice(1).every((values) => values.every((value) => value === null)));
   }
 
   /** Extend the range: by all of a measurement; by an estimate without its start, and its present error band. */

@@ -11,11 +11,12 @@ import { $, element, fill, say } from "./words.js";
 
 const SLOW = 2; // frames with losses before the page requests fewer samples
 
-let store = null, page = null, panels = [], plane = null, built = "", paused = false, fresh = false;
+let store = null, page = null, panels = [], built = "", paused = false, fresh = false;
 let losses = 0, every = 1, drawn = 0, drawnSince = performance.now(), rate = 0;
 const OFTEN = ["free", "contact"]; // these change too quickly for a screen reader
 
 watchTheme(() => { fresh = true; });
+const plane = new Plane($("loop"));
 const connection = new Connection({ onFrame, onMessage, onWords });
 const controls = new Controls({
   ask(what, options) {
@@ -57,6 +58,7 @@ function onMessage(message) {
 
 function onWords(text, broken) {
   say($("link"), text);
+  document.body.classList.toggle("stale", broken);
   if (broken) say($("spoken"), text.split(":")[0]);
   $("link").classList.toggle("broken", broken);
 }
@@ -64,7 +66,9 @@ function onWords(text, broken) {
 function show(message) {
   showState(message);
   controls.show(message);
-  fill(message.facts);
+  // Stiffness stands alone at the top; damping is in a fold, its mark in the fold's title.
+  const [stiffness, damping] = message.facts.working;
+  fill({ ...message.facts, working: [stiffness], damping: [damping], "damping-mark": damping[3] });
   if (!paused) {
     page = message;
     build(message);
@@ -113,7 +117,6 @@ function build({ loop, view }) {
     ],
     marks: marked(changes, (change) => change.words),
   });
-  plane = new Plane($("panels"));
   const estimates = view.curves.map(([name, unit, channel, error], k) => new TimePanel($("panels"), {
     name, unit, label: `${name}, with a band of two standard errors`, marks,
     lines: [{ channel, error, colour: () => theme.lines[k % 6] }],
@@ -134,7 +137,7 @@ function draw() {
   if (!fresh || !store?.length || !panels.length) return;
   fresh = false;
   const piecesOf = shared(store);
-  for (const panel of panels) panel.draw(store, piecesOf);
+  if ($("curves-fold").open) for (const panel of panels) panel.draw(store, piecesOf);
   plane.draw(store);
   drawn += 1;
   const now = performance.now();
@@ -145,10 +148,12 @@ function draw() {
   }
 }
 
-new ResizeObserver(() => {
-  for (const panel of [...panels, plane].filter(Boolean)) panel.resize();
+const observer = new ResizeObserver(() => {
+  for (const panel of [...panels, plane]) panel.resize();
   fresh = true;
-}).observe($("panels"));
+});
+observer.observe($("panels")); // a fold that is opened has another size
+observer.observe($("loop"));
 requestAnimationFrame(draw);
 
 // For a browser's developer tools, and the tests.

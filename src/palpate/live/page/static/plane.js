@@ -10,7 +10,7 @@ const MOST = 2500; // points of the older part
 
 export class Plane {
   constructor(parent) {
-    const { made, caption, drawn } = figure(parent, "plane", "Force over penetration");
+    const { made, caption, drawn } = figure(parent, "plane absent", "Force over penetration");
     this.figure = made;
     this.drawn = drawn;
     caption.innerHTML = "<b>F [N] over x [mm]</b><span class='key key-measured'>measured</span><span class='key key-law'>static law</span>";
@@ -39,7 +39,8 @@ export class Plane {
   get firm() { return scaleOf(Math.max(Math.abs(this.up.low), Math.abs(this.up.high)), "N"); }
 
   resize() {
-    const width = Math.max(this.drawn.clientWidth, 100), height = Math.max(this.drawn.clientHeight, 100);
+    const width = this.drawn.clientWidth, height = this.drawn.clientHeight;
+    if (!width) return; // in a closed fold
     if (width !== this.plot.width || height !== this.plot.height) this.plot.setSize({ width, height });
   }
 
@@ -53,6 +54,7 @@ export class Plane {
       if (y[k] > high) high = y[k];
       if (y[k] < low) low = y[k];
     }
+    this.figure.classList.remove("absent");
     this.across.fit(Math.max(left, -0.3 * right), right);
     this.up.fit(low, high);
     const words = `F [${this.firm.unit}] over x [${this.deep.unit}]`;

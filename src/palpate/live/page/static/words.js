@@ -15,12 +15,15 @@ export function say(place, words) {
 
 const tile = ([name, words]) => element("div", { className: "number-tile" },
   element("small", {}, name), element("b", {}, words));
+const headline = ([name, words, kind, badge, why, now]) => element("div", { className: `number-tile ${kind}` },
+  element("small", {}, name), element("b", {}, words),
+  element("p", {}, kind === "no" ? "Not usable: " : "", element("b", { className: `badge ${kind}` }, badge), why && `: ${why}`),
+  element("p", { className: "now" }, now));
 // How a row is made: by the id of its parent, else by the parent's tag.
 const ROWS = {
   numbers: tile,
-  working: ([name, words, kind, badge, why, now]) => element("div", { className: `number-tile ${kind}` },
-    element("small", {}, name), element("b", {}, words), element("span", { className: "now" }, now),
-    element("p", {}, element("b", { className: `badge ${kind}` }, badge), why && `: ${why}`)),
+  working: headline,
+  damping: headline,
   diagnosis: ([words, kind, link = ""]) => element("p", { className: kind },
     link ? element("a", { href: link, target: "_blank", rel: "noopener" }, words) : words),
   DL: ([name, words, kind = ""]) => element("div", { className: kind },
