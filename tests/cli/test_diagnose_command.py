@@ -1,7 +1,9 @@
 """The verdict and the law on the command line: what is printed, what mends it, how it ends."""
 
+import importlib.metadata
 import json
 import re
+from email.message import Message
 from pathlib import Path
 
 import faults
@@ -9,7 +11,10 @@ import pytest
 from recordings import text_of, written
 
 import palpate
+from palpate.findings import Check, _documentation
 from palpate.identification.hold_out import check_prediction
+from palpate.output.reports.html import render_sections
+from palpate.output.results.view import findings_section
 
 
 @pytest.fixture
@@ -194,3 +199,31 @@ def test_a_law_that_predicts_worse_than_hunt_crossley_is_untrusted(ball):
             contact, ball.trace.taken, lambda _, whole, by=worse: by * force, lambda _, whole: force
         )
         assert (found.check, found.stiffness) == ("hold-out", mark)
+
+
+def test_explain_lists_every_finding_and_prints_what_one_means(printed, refused):
+    listed = printed("explain")
+    assert [check for check in Check if f"\n{check} " not in f"\n{listed}"] == []
+    assert max(map(len, listed.splitlines())) <= 100
+    for words in (["clock", "offset"], ["clock-offset"], ["Clock_offset"]):
+        assert "→ Record position and force by one clock." in printed("explain", *words)
+    assert "did you mean delay?" in refused("explain", "delya")
+    assert "palpate explain lists all" in refused("explain", "xyzzy")
+
+
+@pytest.mark.parametrize("site", ["", "https://palpate.example/docs/"])
+def test_a_finding_leads_to_its_item_where_the_build_was_told_the_site(site, printed, monkeypatch):
+    package = Message()
+    package["Project-URL"] = "Issues, https://elsewhere.example"
+    if site:
+        package["Project-URL"] = f"Documentation, {site}"
+    monkeypatch.setattr(importlib.metadata, "metadata", lambda name: package)
+    _documentation.cache_clear()
+    link = "https://palpate.example/docs/reference/findings.html#dead-band" if site else ""
+    assert Check.DEAD_BAND.link == link
+    assert ("https://" in printed("explain", "dead band")) == bool(site)
+    table = findings_section(palpate.identify(faults.recorded(faults.FORCE)))
+    report = "".join(render_sections([table]))
+    assert report.count('<a href="https://palpate.example/docs/') == len(table.rows) * bool(site)
+    assert palpate.Finding("check of mine", "no link").link == ""
+    _documentation.cache_clear()

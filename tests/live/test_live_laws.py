@@ -274,6 +274,9 @@ def test_the_diagnosis_uses_a_known_exponent_and_the_chosen_depth(samples):
     assert page["working_depths"][0] == result.diagnosis.working_depth.as_dict()
     assert page["working_depths"][0]["depth"] == 5e-3
     assert {line["at"].split(",")[0] for line in page["numbers"]} == {"at 5 mm"}
+    deciding = dict.fromkeys(f.check for f in result.diagnosis.limits if f is not None)
+    commands = [line[0] for line in page["lines"] if "palpate explain" in line[0]]
+    assert commands == [f"palpate explain {check}" for check in deciding] != []
 
 
 def test_the_live_diagnosis_uses_the_last_seconds_of_one_clock(samples):
