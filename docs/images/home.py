@@ -33,14 +33,16 @@ def draw_home(*, dark: bool) -> "Figure":
     style |= {"axes.spines.right": False, "svg.hashsalt": "home", "legend.frameon": False}
     style |= {"legend.handlelength": 1.2, "axes.labelpad": 1.0}
     with plt.style.context(["dark_background" if dark else "default", style]):
-        figure, (loop, place, line) = plt.subplots(1, 3, figsize=(7.6, 2.66), layout="constrained")
+        figure, (loop, place, line) = plt.subplots(
+            1, 3, figsize=(7.8, 2.66), layout="constrained", gridspec_kw={"wspace": 0.1}
+        )
         figures.draw(sponge, ["loop"], ax=loop, dark=dark)
         loop.set(title=f"{stiffness.value:.0f} ± {stiffness.whole_error:.0f} N/m: trust")
         values = 1e-3 * np.asarray(hard_spot["table"]["stiffness"]).reshape(len(y), len(x))
         square = slice(len(x) - len(y), None)
         image = place.pcolormesh(x[square], y, values[:, square], rasterized=True)
-        figure.colorbar(image, ax=place, shrink=0.9, aspect=12, label="stiffness [kN/m]")
-        place.set(title="the hard spot", xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+        figure.colorbar(image, ax=place, shrink=0.9, aspect=12, label="kN/m")
+        place.set(title="stiffness of a pad", xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         part = slice(6000, 6250)  # one stroke at 4 Hz
         grey, blue = "0.6", "#58a6ff" if dark else "#0072b2"
         line.plot(1e3 * depth[part], late[part], color=grey, linewidth=2.5, label="before")
