@@ -37,9 +37,11 @@ nb_execution_mode = "off"
 nb_ipywidgets_js = {}  # it would come from another site
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
+# In a docstring |v| is an absolute value, not a substitution.
 rst_prolog = ".. |v| replace:: \\|v\\|\n.. |v B/K| replace:: \\|v B/K\\|\n"
 
 html_theme = "furo"
+pygments_dark_style = "github-dark"
 html_title = "palpate"
 html_show_sourcelink = False
 html_copy_source = False
