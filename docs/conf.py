@@ -25,12 +25,11 @@ project, author, copyright = "palpate", "The palpate developers", "The palpate d
 version = release = palpate.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton"]
-exclude_patterns = ["README.md", "dark"]  # the forge's map of the pages
+exclude_patterns = ["README.md"]  # the forge's map of the pages
 myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 4
-suppress_warnings = [
-    "misc.highlighting_failure"
-]  # a block of JSON may leave out what does not matter
+# A block of JSON may leave out what does not matter.
+suppress_warnings = ["misc.highlighting_failure"]
 smartquotes = False  # the two hyphens of an option stay two
 # The tests run the notebooks and hold them to the outputs that they show.
 nb_execution_mode = "off"
