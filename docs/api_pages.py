@@ -112,6 +112,7 @@ def _text(module: str, name: str, value: object) -> str:
         lines += [f".. autoclass:: {name}", *members, ""]
     else:
         lines += [f".. autofunction:: {name}", ""]
+    lines += ["All names: :doc:`Python </reference/api>`.", ""]
     return "\n".join(lines)
 
 

@@ -25,21 +25,22 @@ project, author, copyright = "palpate", "The palpate developers", "The palpate d
 version = release = palpate.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "numpydoc", "sphinx_copybutton"]
-exclude_patterns = ["README.md", "dark"]  # the forge's map of the pages
+exclude_patterns = ["README.md"]  # the forge's map of the pages
 myst_enable_extensions = ["attrs_inline"]
 myst_heading_anchors = 4
-suppress_warnings = [
-    "misc.highlighting_failure"
-]  # a block of JSON may leave out what does not matter
+# A block of JSON may leave out what does not matter.
+suppress_warnings = ["misc.highlighting_failure"]
 smartquotes = False  # the two hyphens of an option stay two
 # The tests run the notebooks and hold them to the outputs that they show.
 nb_execution_mode = "off"
 nb_ipywidgets_js = {}  # it would come from another site
 autodoc_typehints = "none"
 numpydoc_show_class_members = False
+# In a docstring |v| is an absolute value, not a substitution.
 rst_prolog = ".. |v| replace:: \\|v\\|\n.. |v B/K| replace:: \\|v B/K\\|\n"
 
 html_theme = "furo"
+pygments_dark_style = "github-dark"
 html_title = "palpate"
 html_show_sourcelink = False
 html_copy_source = False
