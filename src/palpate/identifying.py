@@ -201,9 +201,8 @@ def identify(
     estimator : ContactEstimator or str, optional
         Method with settings, which is not modified, or the name of a method. Default: the same as
         ``law="auto"``, or :class:`VariableProjection` without time. A ``gate`` or ``scale`` of None
-        is chosen from the data: see :mod:`palpate.input.preparation.gate`. Variable projection
-        selects
-        its samples itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
+        is chosen from the data: see :func:`choose_gate`. Variable projection selects its samples
+        itself, and uses the contact's ``tare_deviation`` as the prior of its offset.
         :class:`OutlierRejection` excludes outliers unless ``outlier_rejection`` is False.
     *arrays : array_like
         Refused: pass arrays by their names.
@@ -219,7 +218,7 @@ def identify(
         A second recording, which has the force or the position that ``source`` lacks, as in
         :func:`prepare`.
     trace : int, float, "full" or False
-        Which estimates :attr:`Identification.trace` records. An int: at most this number, evenly
+        Which estimates ``trace`` of the result records. An int: at most this number, evenly
         spread up to the last sample. A float: one per this number of seconds, in [1e-9, 1e9];
         ``trace=2.0`` is 2 s, ``trace=2`` two estimates. ``"full"``: one after every sample, which
         takes several times as long with variable projection. False: none. The result, its

@@ -87,7 +87,7 @@ class ForceLaw:
         return cls(**numbers)
 
     def description(self) -> dict[str, Any]:
-        """Return kind, parameters and whatever else :func:`law_from` needs, as JSON types, SI."""
+        """Return kind, parameters and what else a saved law needs, as JSON types, SI."""
         return {"kind": self.kind, **self.as_dict()}
 
     @classmethod

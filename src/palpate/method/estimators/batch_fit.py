@@ -56,7 +56,7 @@ class CurveFits:
     flags : numpy.ndarray of uint8, shape (k,)
         Bits of ``IdentifiabilityFlag``; :meth:`describe_flags` describes them.
     status : numpy.ndarray of uint8, shape (k,)
-        Codes of :data:`STATUS_WORDS`.
+        Codes of the status; :attr:`status_names` has its words.
 
     Examples
     --------
