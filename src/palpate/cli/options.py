@@ -165,12 +165,11 @@ class FigureOptions:
     @property
     def is_plain(self) -> bool:
         """Whether the figure is so narrow that its caption stands beside it."""
-        width = None if self.figure is None else self._metres()
-        if width is None:
+        if self.figure is None:
             return False
-        from palpate.output.figures import PLAIN
+        from palpate.output.figures import choose_look
 
-        return width <= PLAIN
+        return choose_look(width=self._metres()).plain
 
     def _metres(self) -> float | None:
         from palpate.output.figures.style import NARROWEST, WIDEST

@@ -564,7 +564,7 @@ def identify_many(
     pyarrow.Table
         Law, errors, working depth, offset, surface, flags, findings and provenance, with units in
         the columns' metadata; NaN or null for unknown values. A contact that cannot be identified
-        is a row with the reason in ``error``. ``docs/how-to/many-contacts.md`` lists the columns.
+        is a row with the reason in ``error``. ``docs/reference/formats.md`` lists the columns.
 
     Raises
     ------

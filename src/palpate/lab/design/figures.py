@@ -20,6 +20,7 @@ _PERIODS = 2.0
 _POINTS = 40
 _MOST_POINTS = 1500
 _DURATIONS = 30
+NOT_IDENTIFIABLE = "not identifiable"
 CAPTION = (
     "Standard errors: lower bound for any unbiased method (Cramér–Rao), relative to the guessed "
     "value; lines at 5 % and 1 %."
@@ -49,8 +50,8 @@ def draw_design(design: Design, *, dark: bool = False, width: float | None = Non
         matplotlib is not installed.
     """
     look = figures.choose_look(dark=dark, width=width)
-    with figures.drawing(look, 10.8 if look.narrow else 6.8) as figure:
-        cells = "A;B;C;D;E" if look.narrow else "AAABBB;CCDDEE"
+    with figures.drawing(look, 6.2 if look.plain else 6.8) as figure:
+        cells = "AA;BC;DE" if look.narrow else "AAABBB;CCDDEE"
         panels = list(figure.subplot_mosaic(cells).values())
         shown = [_Shown("planned", design.planned, look.theme.lines[1], "--")]
         if design.better is not None:
@@ -149,7 +150,7 @@ def _draw_precision(
         rows = zip(panels, 100.0 * np.transpose(bounds), of.expected_errors.T, strict=True)
         for axes, errors, expected in rows:
             known = np.where(np.isfinite(errors), errors, np.nan)
-            label = name if np.isfinite(errors).any() else f"{name}: not identifiable"
+            label = name if np.isfinite(errors).any() else f"{name}: {NOT_IDENTIFIABLE}"
             axes.plot(times, known, dashes, color=colour, label=label)
             if rounds:
                 circles = np.where(np.isfinite(expected), 100.0 * expected, np.nan)
@@ -183,7 +184,12 @@ def _finish_precision(
         axis.set_minor_formatter(NullFormatter())
         if axis.get_scale() == "log":
             low, high = axis.get_view_interval()
-            few = high > 100.0 * low and axis is axes.yaxis  # there is room for decades only
+            room_for_decades = axis is axes.yaxis or look.narrow
+            few = high > 100.0 * low and room_for_decades
             axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=9))
     axes.set(xlabel="time in motion [s]", ylabel=f"s.e. of {symbol} [%]")
-    figures.head(axes, f"Relative standard error of {symbol}")
+    if look.narrow:  # the label says it, and the first panel's legend names the lines
+        unknown = any(NOT_IDENTIFIABLE in label for label in axes.get_legend_handles_labels()[1])
+        figures.head(axes, "", legend=unknown)
+    else:
+        figures.head(axes, f"Relative standard error of {symbol}")

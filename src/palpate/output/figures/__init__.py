@@ -11,7 +11,6 @@ from palpate.output.figures.field import draw_field as draw_field
 from palpate.output.figures.identified import CITATION as CITATION
 from palpate.output.figures.identified import PANELS as PANELS
 from palpate.output.figures.identified import PARAMETERS as PARAMETERS
-from palpate.output.figures.identified import PLAIN as PLAIN
 from palpate.output.figures.identified import caption as caption
 from palpate.output.figures.identified import draw as draw
 from palpate.output.figures.identified import draw_comparison as draw_comparison

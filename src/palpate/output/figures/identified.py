@@ -163,9 +163,6 @@ _TRAVELLED = ("map", "map-error")
 _LEGEND_LINE = 4.0
 # Height of a row of a wide figure, inches.
 _ROW = 2.5
-#: Up to this width, m, a figure has no title and no caption: a journal sets them below it. A hair
-#: above 0.1, since 100 mm need not be that to the last bit.
-PLAIN = 0.1001
 
 
 @log_stage("figure")
@@ -236,12 +233,12 @@ def draw(
         if look.narrow:
             _stack_in_time(axes, chosen)
             figure.align_ylabels(axes)
-        if look.width <= PLAIN:
+        if look.plain:
             letters = [f"({chr(ord('a') + place)})" for place in range(len(axes))]
             for each, letter in zip(axes, letters if len(axes) > 1 else [""], strict=True):
                 head(each, letter)
-        else:
-            set_titles(figure, look, _title(subjects), _describe_bars(chosen, subjects[0].result))
+        words = _describe_bars(chosen, subjects[0].result)
+        set_titles(figure, look, _title(subjects), words)
     return figure
 
 
@@ -323,7 +320,7 @@ def _parameter_panel(symbol: str) -> Panel:
 def _height(chosen: Sequence[Panel], names: int, look: Look) -> float:
     """Return the height of a figure with some names in its legends, inches at full width."""
     if look.narrow:
-        titles = 0.0 if look.width <= PLAIN else 36.0
+        titles = 0.0 if look.plain else 36.0
         panels = sum(panel.height + _LEGEND_LINE * names for panel in chosen)
         return (panels + titles) * 1e-3 / INCH / look.scale
     rows = -(-len(chosen) // _columns(len(chosen)))
@@ -667,7 +664,8 @@ def draw_comparison(
     """Draw several identifications of one contact, one row per method, the best first.
 
     The panels show stiffness and damping at working depth with error bars and the residual of each
-    method; a figure as wide as a page also shows force over penetration.
+    method; a figure as wide as a page also shows force over penetration, and one of up to 0.1 m
+    only the values.
 
     Parameters
     ----------
@@ -706,6 +704,12 @@ def draw_comparison(
     best = ranking.recommended
     text = "recommended: none" if best is None else f"recommended: {best}"
     count = len(ordered)
+    if look.plain:
+        values = 0.9 + 0.3 * count
+        with drawing(look, values) as figure:
+            names = _number_methods(ordered)
+            draw_values(*figure.subplots(1, 2), ordered, names, look)
+        return figure
     narrow = look.narrow
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
     with drawing(look, sum(heights) + (1.8 if narrow else 1.1)) as figure:
@@ -718,6 +722,10 @@ def draw_comparison(
         )
         set_titles(figure, look, [text, file_name(ordered[0])], COMPARED_CAPTION)
     return figure
+
+
+def _number_methods(ordered: list[Identified]) -> list[str]:
+    return [f"{place}. {each.method}" for place, each in enumerate(ordered, 1)]
 
 
 def _draw_comparison(
@@ -734,7 +742,7 @@ def _draw_comparison(
         stiffness, damping = above.subplots(1, 2)
         panels = below.subplots(count, 1, squeeze=False)
     else:
-        names = [f"{name}. {each.method}" for name, each in zip(names, ordered, strict=True)]
+        names = _number_methods(ordered)
         force, stiffness, damping = above.subplots(1, 3, width_ratios=(1.4, 1.0, 1.0))
         draw_force(force, [Subject(ordered[0], look.colour(0))], look)
         panels = below.subplots(count, 2, width_ratios=(2.0, 1.0), squeeze=False)

@@ -61,6 +61,9 @@ WIDEST = 400e-3
 # A journal's column is 84 to 90 mm wide, its page 170 to 190 mm. In narrower figures than this, the
 # panels stand one below the other.
 _ONE_COLUMN = 140e-3
+# Up to this width a figure has no title and no caption: a journal sets them below it. A hair above
+# 0.1, since 100 mm need not be that to the last bit.
+_PLAIN_WIDTH = 0.1001
 # Letters of a figure as wide as a page, and the smallest that journals print, points.
 _LARGEST = 9.5
 _SMALLEST = 7.0
@@ -100,6 +103,11 @@ class Look:
     def narrow(self) -> bool:
         """Whether the panels stand one below the other."""
         return self.width < _ONE_COLUMN
+
+    @property
+    def plain(self) -> bool:
+        """Whether the figure has no title and no caption."""
+        return self.width <= _PLAIN_WIDTH
 
     def points(self, size: float) -> float:
         """Return a line width or marker size, scaled from points at full width."""
@@ -141,7 +149,9 @@ def set_titles(
     *,
     lines: int = 2,
 ) -> None:
-    """Write a title, each sentence on a new line, and a caption below."""
+    """Write a title, each sentence on a new line, and a caption below; none in a plain figure."""
+    if look.plain:
+        return
     large = 1.1 * look.font
     small = 0.93 * look.font
     # Rasterised letters are up to 4 % wider than those of the font.
