@@ -207,6 +207,9 @@ def test_explain_lists_every_finding_and_prints_what_one_means(printed, refused)
     assert max(map(len, listed.splitlines())) <= 100
     for words in (["clock", "offset"], ["clock-offset"], ["Clock_offset"]):
         assert "→ Record position and force by one clock." in printed("explain", *words)
+    options = re.findall(r"--[a-z][a-z-]+", "".join(check.meaning for check in Check))
+    known = printed("identify", "--help")
+    assert [option for option in options if option not in known] == []
     assert "did you mean delay?" in refused("explain", "delya")
     assert "palpate explain lists all" in refused("explain", "xyzzy")
 
