@@ -51,7 +51,7 @@ MORE = {
     Check.EXCITATION: "../how-to/motion.md",
     Check.ONE_WAY: "../how-to/motion.md",
     Check.GUARD: "numerics.md",
-    Check.MODULUS: "curves.md",
+    Check.MODULUS: "../how-to/afm.md",
     Check.ENGINE: "engines.md",
 }
 PICTURE = """\
