@@ -6,11 +6,15 @@ folders of their own, as ``Skew`` and ``skew`` are one file name to some systems
 
 import inspect
 import re
+import sys
 from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 
 import palpate
+
+# palpate offers figures as a name; autodoc looks for a module.
+sys.modules["palpate.figures"] = palpate.figures
 
 #: Subject, and the packages of palpate whose public names it has.
 SUBJECTS = {
@@ -84,7 +88,7 @@ def _all_names() -> Iterator[tuple[str, str, object]]:
 
 
 def _place(module: str) -> str:
-    return f"palpate.{'output.' if module == 'figures' else ''}{module}".rstrip(".")
+    return f"palpate.{module}" if module else "palpate"
 
 
 def _subject(value: object) -> str:
