@@ -204,6 +204,7 @@ def test_the_design_that_is_shown_is_the_design_that_is_printed(run):
     assert run(*words)[1].split() == shown.text.split()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("page", ["payload.md", "late-force.md"])
 def test_what_a_page_shows_of_its_simulation_is_printed(page, run, at_home):
     simulation, command, shown = SNIPPETS[ROOT / "docs" / "how-to" / page][:3]
@@ -243,6 +244,7 @@ def test_each_line_of_the_first_answer_of_a_page_is_printed(name, run, at_home):
     assert [line for line in shown if line not in printed_lines] == []
 
 
+@pytest.mark.long
 def test_the_statement_that_is_shown_is_the_statement_that_is_printed(run, at_home, undrawn):
     mujoco = pytest.importorskip("mujoco")
     [shown] = [

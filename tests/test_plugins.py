@@ -56,6 +56,7 @@ def run(folder, *words):
     return subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
 
 
+@pytest.mark.long
 def test_a_law_and_a_format_of_another_package_are_used_and_a_broken_one_is_one_line(
     installed, recording
 ):
@@ -69,6 +70,7 @@ def test_a_law_and_a_format_of_another_package_are_used_and_a_broken_one_is_one_
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.long
 def test_no_plugins_are_loaded_by_no_plugins_or_for_what_palpate_has(installed, recording):
     refused = run(installed, "lab", "fung", "--no-plugins", "-o", "no.csv")
     assert refused.returncode == 2

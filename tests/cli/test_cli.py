@@ -63,6 +63,7 @@ def test_compare_prints_every_method_the_same_each_time(run, printed, good):
 MEASURES = ("prediction_rmse_percent", "fit_rmse_percent", "violated_fraction")
 
 
+@pytest.mark.long
 def test_json_is_one_object_with_the_numbers_of_the_library(printed, good):
     whole = json.loads(printed("compare", good, "--json"))
     assert (whole["file"], whole["samples"]) == (str(good), 600)
@@ -280,6 +281,7 @@ def result_of(output: str) -> dict:
     return json.loads(output)["results"][0]
 
 
+@pytest.mark.long
 def test_a_named_position_keeps_the_orientation_of_its_topic(run, tmp_path):
     """Only the topics that are named are read; the wrench is in the tool's frame."""
     felt, maker = hand(2.0), files.Maker()

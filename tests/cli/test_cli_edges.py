@@ -248,6 +248,7 @@ WHICH = (slice(300, 301), slice(0, None, 7), slice(None))
 FAR = ((1,), (2,), (1, 2))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "size, which, columns, vectors",
     [(SIZES[(i + j) % 3], WHICH[i], FAR[j], i != j) for i in range(3) for j in range(3)],

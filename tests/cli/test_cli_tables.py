@@ -130,6 +130,7 @@ def on_a_terminal(*commands):
     return seen.decode().split("=" * 9)[:-1]
 
 
+@pytest.mark.long
 def test_colour_is_for_terminals_only(run, monkeypatch):
     design = COMMANDS["design"]
     seen = on_a_terminal(

@@ -57,6 +57,7 @@ def test_diagnose_prints_every_finding_with_its_remedy(printed, write):
     ]  # fmt: skip
 
 
+@pytest.mark.long
 def test_each_segment_between_changes_is_identified_by_itself(run, write):
     path = write(faults.changed(0.5))
     whole = result_of(run("identify", path, "--json")[1])
@@ -137,6 +138,7 @@ def test_a_failed_identification_ends_with_its_finding(refused, write):
     assert "--flip-force" in line
 
 
+@pytest.mark.long
 def test_compare_recommends_nothing_if_nothing_is_trusted(run, write):
     path = write(faults.remembering(0.1, 1.0))
     status, out, _ = run("compare", path, "--json", "--fail-on", "with-care")

@@ -122,6 +122,7 @@ def test_a_recording_of_many_places_prints_counts_and_the_worst(path, monkeypatc
     assert re.match(r"\d+ places: stiffness \d+ .*; damping \d+ ", lines[1])
 
 
+@pytest.mark.long
 def test_relaxing_and_plain_laws_give_the_same_stiffness(tmp_path, run):
     """K′ and B′ at the working depth and the motion's frequency; the relaxed stiffness beside."""
     file = tmp_path / "relaxing.csv"

@@ -117,6 +117,7 @@ def test_a_skew_that_jumps_is_found_with_its_time(jump):
     assert abs(error) < 2.0 * bar
 
 
+@pytest.mark.long
 def test_a_clean_skew_does_not_jump():
     for seed in range(6):
         for late in (0.0, 5e-3):

@@ -185,6 +185,7 @@ def test_places_keep_every_segment_that_load_transfer_cut() -> None:
     assert sum(map(len, whole)) == len(contact)
 
 
+@pytest.mark.long
 def test_identify_and_identify_many_share_the_rule_of_damping_sign() -> None:
     pytest.importorskip("pyarrow")
     time = np.arange(1000) * 1e-3

@@ -61,6 +61,7 @@ def fed(estimator: ContactEstimator, motion: Motion, force: np.ndarray) -> Conta
     return estimator
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", MATERIALS)
 def test_every_estimate_in_contact_is_physically_possible(kind, name):

@@ -48,6 +48,7 @@ def excess(curves: Curves, starts: int, **more: Any) -> np.ndarray:
     return result
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", MOTIONS)
 def test_the_fit_of_a_curve_is_scipys_minimum(name: str) -> None:
     curves = random_curves(MOTIONS[name], 8, seed=11)
@@ -61,6 +62,7 @@ def quickening(time: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return 1.3 * time**1.5 - 0.3, time**0.5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("offset", [True, False])
 def test_short_one_way_curves_end_in_the_better_of_their_valleys(offset: bool) -> None:
     # J has one at stiffness below 0, beside that of the other exponent.

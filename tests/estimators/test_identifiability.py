@@ -176,6 +176,7 @@ def test_correlated_noise_is_covered(law, motion: Motion, memory: float, seeds: 
         assert (as_if_white <= binom.ppf(1.0 - 1e-4, seeds, 0.30)).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "method, law",
     [

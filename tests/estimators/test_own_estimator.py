@@ -146,6 +146,7 @@ def registered():
         del force_laws.FORCE_LAWS[kind], contact_estimator.ESTIMATORS[kind]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["fung", "own"])
 @pytest.mark.parametrize("promise", conformance.CHECKS.values(), ids=conformance.CHECKS)
 def test_custom_laws_and_methods_pass_the_conformance_tests(promise, name, registered, monkeypatch):

@@ -203,6 +203,7 @@ def test_a_relaxing_recording_is_exported_as_hunt_crossley():
     assert "K′ = " in words
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("relaxing, large", [(8000.0, True), (500.0, False)])
 def test_a_relaxing_law_is_refused_if_its_export_is_far_off(relaxing, large, toy, tmp_path):
     """Whether the engine has the exported law exactly makes no difference."""

@@ -288,6 +288,7 @@ def test_a_pulling_law_is_exported_by_contacts_that_only_push():
     assert any("the pair pulls" in each for each in map(str, pair.findings))
 
 
+@pytest.mark.long
 def test_an_older_mujoco_gets_contacts_that_only_push(
     monkeypatch,
 ):

@@ -17,6 +17,7 @@ from palpate.fleet.tasks import MOST_DIAGNOSED, ContactSource, Settings, batches
 SIX = episodes()
 
 
+@pytest.mark.long
 def test_each_episode_is_a_row_with_its_verdict(run, tmp_path, threaded):
     write_lerobot_3(tmp_path / "set", SIX, in_a_file=4)
     folder = tmp_path / "rows"
@@ -84,6 +85,7 @@ def test_moderate_fleets_get_the_full_diagnosis():
     assert answers == ["full", "input", "input", "input"]
 
 
+@pytest.mark.long
 def test_the_card_states_how_late_the_force_is(tmp_path):
     write_lerobot_3(tmp_path / "set", episodes(12, rate=50.0, samples=500, late=0.012), rate=50)
     [batch] = batches(list_sources([tmp_path / "set"]), [1e-6])

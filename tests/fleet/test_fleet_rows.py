@@ -582,6 +582,7 @@ def test_scattered_places_are_drawn_as_dots():
                 assert len(left.lines[0].get_xdata()) == 1
 
 
+@pytest.mark.long
 def test_the_page_says_what_there_is_and_leaves_the_rest_out(tmp_path, monkeypatch):
     from palpate.fleet.report import fleet_page
 

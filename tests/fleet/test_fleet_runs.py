@@ -109,6 +109,7 @@ def test_a_fleet_of_which_nothing_was_identified_fails(run, tmp_path):
     assert err.startswith("palpate: no contact was identified; the column error")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seconds, workers", [(0.2, 1), (0.01, 8)])
 def test_a_resumed_fleet_gives_the_same_results(seconds, workers, recordings, tmp_path):
     """Nothing is done again, and nothing is lost, by a run with fewer or more workers."""
@@ -132,6 +133,7 @@ def test_a_resumed_fleet_gives_the_same_results(seconds, workers, recordings, tm
     assert read_seconds(tmp_path / "in-two").num_rows == tables[0].num_rows
 
 
+@pytest.mark.long
 def test_batches_are_balanced_and_the_longest_come_first(tmp_path):
     lengths = [200, 400, 800, 1600, 3200, 6400, 12800, 25600]
     for k in range(48):

@@ -47,6 +47,7 @@ def test_without_a_pause_the_bias_stays_and_the_penetration_may_be_rounded():
     np.testing.assert_allclose(steps, np.round(steps), atol=1e-9)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("probe", [IDEAL, lab.TwinPantograph()], ids=["ideal", "robot"])
 def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path):
     bench = lab.Bench(lab.PVC, lab.THREE_SINES, probe)

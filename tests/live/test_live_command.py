@@ -176,6 +176,7 @@ def test_nothing_is_lost_with_page_recording_and_diagnosis(monkeypatch):
         assert rows[process] > 0.0
 
 
+@pytest.mark.long
 def test_sinks_see_every_row_and_free_their_memory(tmp_path):
     sinks = [Looking(tmp_path / "one", "one"), Looking(tmp_path / "two", "two")]
     status = run(Endless(500), None, sinks)
@@ -350,6 +351,7 @@ def recorded(tmp_path_factory):
     return folder / "touch-2.mcap"
 
 
+@pytest.mark.long
 def test_a_recording_is_not_written_over_another(recorded, tmp_path):
     assert recorded.exists()
     for name in ("a.mcap", "a-2.mcap", "a-3.mcap"):
@@ -397,6 +399,7 @@ def test_other_libraries_read_the_file(recorded):
     assert notes[0]["source"] == "scripted source"  # later ones say what changed
 
 
+@pytest.mark.long
 def test_vectors_are_recorded_as_they_came(tmp_path):
     positions = [(0.4, 0.1, -x) for x in POSITIONS[:400]]
     source = paced(TIMES[:400], positions, [(0.0, 1.0, f) for f in FORCES[:400]])

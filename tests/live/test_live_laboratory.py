@@ -91,6 +91,7 @@ def test_a_diverged_simulation_restarts_on_the_first_material():
     assert again[0, 1] < 0.0
 
 
+@pytest.mark.long
 def test_the_laboratory_runs_in_real_time_and_does_what_it_is_asked():
     source = Laboratory("ball", probe="ideal")
     source.open()

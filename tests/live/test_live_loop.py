@@ -123,6 +123,7 @@ def depths_shown(depths, every=0.2):
     return np.array(found)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("every", [0.033, 0.2], ids=["the page", "the console"])
 def test_the_shown_depth_follows_a_new_motion(every):
     time = T * np.arange(60_000)
@@ -376,6 +377,7 @@ def test_a_tare_command_in_contact_changes_nothing():
     assert column(rows, "force")[-1] == pytest.approx(FORCES[-10], abs=1e-9)
 
 
+@pytest.mark.long
 def test_a_run_without_a_successful_tare_fails_with_the_reason(run, tmp_path):
     palpate.write_contact(touch(), tmp_path / "pressing.csv")
     words = [tmp_path / "pressing.csv", "--tare", "1s", "--no-page", "--no-diagnosis"]

@@ -262,6 +262,7 @@ def another_process(kind, memory, seconds):
     process.join()
 
 
+@pytest.mark.long
 def test_a_reader_that_races_the_writer_sees_only_whole_rows():
     ring = Writer(256)  # so small that it goes round all the time
     reader = Reader(ring.memory)

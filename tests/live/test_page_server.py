@@ -222,6 +222,7 @@ class Until(Endless):
         return super().take(timeout)
 
 
+@pytest.mark.long
 def test_the_page_gets_every_row_of_a_running_loop_once():
     page, said = Page(port=0), []
     source = Until()
@@ -397,6 +398,7 @@ def test_the_loop_is_asked_for_no_more_than_a_person_would():
         assert server.MOST_COMMANDS <= arrived < 100
 
 
+@pytest.mark.long
 def test_a_silent_loop_and_its_return_are_reported(monkeypatch):
     monkeypatch.setattr(watch, "ALIVE", 0.6)  # s
     with served(seconds=0.1) as page, page.socket() as client:

@@ -130,6 +130,7 @@ def test_every_claim_that_can_be_checked_has_its_share_of_the_draws():
     assert {len(share.held) for share in shares().values()} == {DRAWS}
 
 
+@pytest.mark.long
 def test_a_draw_varies_only_what_the_paper_leaves_open():
     contact = simulated_contact("ball", "three-sines", SEED)
     with choosing(draws()[0]):

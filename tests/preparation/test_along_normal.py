@@ -242,6 +242,7 @@ def test_a_probe_that_travels_is_cut_into_places(sign):
     assert prepare(recorded, spot=1.0).prepared.places == ()
 
 
+@pytest.mark.long
 def test_a_travelling_probe_is_fitted_by_the_law_of_each_place():
     """Laws that relax, each with the state in which its place began, not the place before."""
     relaxing = [

@@ -257,6 +257,7 @@ def felt_below(law, motion, surface, seed, offset=0.0):
     return clean + offset + white(len(motion), seed)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("surface", [-1.9e-3, 0.0, 0.33e-3, 1.9e-3])
 def test_the_surface_of_the_phantom_is_found_within_40_micrometres(surface):
     motion = approached(20.0, surface)
@@ -351,6 +352,7 @@ def test_segments_of_one_contact_are_separated_without_inventing_a_sample():
     assert result.estimate.surface == whole.estimate.surface
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("rise", [0.0, 5e-3])
 def test_a_contact_without_free_approach_is_refused_in_plain_words(rise):
     motion = three_sines(2.0)

@@ -60,6 +60,7 @@ def errors_in_bars(result, law):
     return [abs(found.value - true) / found.whole_error for found, true in pairs]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "offset, rates",
     [(37e-3, (500.0, 1000.0)), (-0.4, (1000.0, 500.0)), (0.0, (250.0, 2000.0)), (12.0, (125, 500))],
@@ -86,6 +87,7 @@ def test_a_dated_clock_against_one_from_zero_is_an_offset():
     assert "ft.csv's clock is 1700000000.037" in contact.provenance["clocks"]
 
 
+@pytest.mark.long
 def test_half_space_damping_hides_a_clock_offset():
     """A force that is late by 7 ms without damping fits nearly as well: no fit can tell."""
     for seed in range(2):
@@ -116,6 +118,7 @@ def test_dated_clocks_move_only_by_a_significant_offset(offset, moved):
     assert contact.delay.standard_error > 0.0
 
 
+@pytest.mark.long
 def test_a_drifting_clock_is_reported_and_widens_the_bar():
     [steady, drifting] = (touched(drift=drift) for drift in (0.0, 1e-3))
     results = [
@@ -141,6 +144,7 @@ def files(tmp_path):
     return tmp_path / "pose.npz", write_hdf5(tmp_path / "ft.h5", columns)
 
 
+@pytest.mark.long
 def test_pose_and_wrench_files_combine_in_any_order_and_format(files, printed, tmp_path):
     config = tmp_path / "run.toml"
     out = printed("identify", files[0], "--with", files[1], "--save-config", config)
@@ -157,6 +161,7 @@ def test_pose_and_wrench_files_combine_in_any_order_and_format(files, printed, t
     assert again.delay == contact.delay
 
 
+@pytest.mark.long
 def test_info_shows_both_files_on_one_clock(files, printed):
     out = printed("info", files[0], "--with", files[1])
     assert "ft.h5/time_s" in out
@@ -198,6 +203,7 @@ def test_files_without_a_common_contact_are_refused_with_the_remedy(run, tmp_pat
     assert "--with joins a second file to one file" in err
 
 
+@pytest.mark.long
 def test_a_companion_with_only_a_force_provides_the_force():
     at, depth, later, force = touched()
     pose, push = tables(at, depth, later, force)

@@ -344,6 +344,7 @@ def test_a_kelvin_voigt_law_pulls_at_light_touch():
     assert found.measured_fraction > 0.05
 
 
+@pytest.mark.long
 def test_json_has_the_numbers_of_every_method():
     for name, result in palpate.compare(faults.clean()).items():
         whole = json.loads(json.dumps(result.as_dict(), allow_nan=False))

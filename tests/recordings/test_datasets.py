@@ -58,6 +58,7 @@ def check_law(contact, each, *, mark="trust"):
     assert result.diagnosis.verdict.stiffness == mark
 
 
+@pytest.mark.long
 def test_episodes_need_no_option_and_free_air_is_no_contact(stored):
     path, given = stored
     for number in (1, 5, *FREE):
@@ -73,6 +74,7 @@ def test_episodes_need_no_option_and_free_air_is_no_contact(stored):
             check_law(recording, each)
 
 
+@pytest.mark.long
 def test_all_episodes_are_contacts_with_one_object(stored):
     path, given = stored
     contact = palpate.prepare(path)

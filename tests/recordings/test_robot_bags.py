@@ -183,6 +183,7 @@ SAID = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", SAID)
 def test_recordings_of_robots_need_no_option(recorded, name):
     result = identify(recorded[name])

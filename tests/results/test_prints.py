@@ -66,6 +66,7 @@ def results(tmp_path_factory):
     }
 
 
+@pytest.mark.long
 def test_every_result_prints_in_lines_that_can_be_read(results):
     for name, result in results.items():
         words = str(result)

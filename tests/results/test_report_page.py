@@ -113,6 +113,7 @@ def places():
     return palpate.identify(palpate.prepare(recorded)).by_place()
 
 
+@pytest.mark.long
 def test_the_report_of_a_travelling_probe_begins_with_its_map(places):
     text = page(places, HERE)
     words = Reading(text).words

@@ -82,6 +82,7 @@ def test_the_command_writes_the_same_and_its_options_repeat_it(run, tmp_path, un
     assert again["working_depth"]["depth"] == pytest.approx(9e-3)
 
 
+@pytest.mark.long
 def test_a_result_replaces_only_files_that_palpate_wrote(run, refused, good, undrawn):
     folder = good.parent / "results"
     folder.mkdir()

@@ -98,6 +98,7 @@ def test_a_fault_is_taken_out_or_not_trusted(name):
     assert abs(found.in_errors["C"]) < 3.0 or found.damping_mark == "do-not-trust"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["zeroed in contact", "zeroed in free air", "zeroed in one touch"])
 def test_a_zeroed_sensor_is_reported(name):
     log = simulate(Setup(seed=5, **FAULTS[name]))
@@ -118,6 +119,7 @@ def turning(ideal):
     return prepare(ideal)
 
 
+@pytest.mark.long
 def test_a_payload_of_another_log_serves_one_without_turns(turning):
     assert "zeroed sensor" not in {each.check for each in turning.findings}
     tool = turning.prepared.payload
@@ -195,6 +197,7 @@ def test_vertical_motion_tells_the_mass_but_not_the_mount(frequency, blur):
     assert found.mount_error.max() > 0.1
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [2, pytest.param(6, marks=LONG)])
 def test_quick_presses_are_not_trusted_without_the_mass_of_the_tool(seed):
     """The noise of the pose hides the inertia in free air; in contact it is a tenth of S."""
@@ -216,6 +219,7 @@ def test_turns_about_one_axis_tell_the_centre_of_mass():
     assert np.abs(off / found.centre_error).max() < 3.0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", ["gain", "crosstalk", "cable"])
 def test_a_force_that_is_no_weight_is_reported(ideal, turning, fault):
     channels = dict(ideal.channels)
@@ -266,6 +270,7 @@ def test_a_tools_weight_acts_or_is_refused(ideal):
         prepare(still.recording, tool_weight=3.92)
 
 
+@pytest.mark.long
 def test_without_a_torque_the_mass_is_found(ideal):
     tool = prepare(without(ideal, "torque")).prepared.payload
     assert tool.mass == pytest.approx(0.4, rel=5e-3)
