@@ -12,7 +12,7 @@ PERMISSIVE = re.compile(r"MIT|BSD|Apache|PSF|Python Software|License agreement f
                         r"Zlib|CC0|any-OSI", re.I)  # fmt: skip
 #: Others, which NOTICE names, with the extra that installs them.
 OTHERS = {"igor2": "afm"}
-OWN_USE = {"test", "develop", "peers", "browser"}  # extras that no user installs
+OWN_USE = {"test", "develop", "peers", "browser", "docs"}  # extras that no user installs
 
 
 def _plain(name):

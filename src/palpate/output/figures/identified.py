@@ -707,8 +707,8 @@ def draw_comparison(
     if look.plain:
         values = 0.9 + 0.3 * count
         with drawing(look, values) as figure:
-            names = _number_methods(ordered)
-            draw_values(*figure.subplots(1, 2), ordered, names, look)
+            stiffness, damping = figure.subplots(1, 2)
+            draw_values(stiffness, damping, ordered, _number_methods(ordered), look)
         return figure
     narrow = look.narrow
     heights = (0.9 + 0.19 * count, 1.15 * count + 0.3) if narrow else (2.3, 1.3 * count + 0.3)
