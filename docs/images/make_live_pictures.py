@@ -1,4 +1,4 @@
-"""Write the pictures of the live page, light and dark, while the material is exchanged.
+"""Write the pictures of the live page, light and dark, while the laboratory presses a ball.
 
 python docs/images/make_live_pictures.py    # needs the extras browser and lab, and chromium
 """
@@ -20,7 +20,7 @@ ENDINGS = {"light": "", "dark": "-dark"}
 
 
 def main() -> None:
-    """Press the ball, replace it by the sponge, and take the picture of both schemes."""
+    """Press the ball until there is a verdict, and take the picture of both schemes."""
     command = [sys.executable, "-m", "palpate", "live", "lab:ball", "--port", PORT, "--no-console"]
     live = subprocess.Popen(command)
     try:
@@ -30,13 +30,10 @@ def main() -> None:
             browser = started.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
             pages = {}
             for scheme in ENDINGS:
-                size = {"width": 1280, "height": 1470}
+                size = {"width": 1280, "height": 950}
                 pages[scheme] = browser.new_page(viewport=size, color_scheme=scheme)
                 pages[scheme].goto(f"http://127.0.0.1:{PORT}/")
-            time.sleep(14.0)
-            pages["light"].get_by_label("Sudden change to").select_option("sponge")
-            pages["light"].get_by_role("button", name="Change now").click()
-            time.sleep(6.5)
+            time.sleep(20.0)
             for scheme, ending in ENDINGS.items():
                 picture = Image.open(io.BytesIO(pages[scheme].screenshot()))
                 picture.quantize(64).save(IMAGES / f"live{ending}.png", optimize=True)
