@@ -247,7 +247,7 @@ def draw_map(found: Map, *, dark: bool = False, width: float | None = None) -> "
         for axes, what in zip(panels, ("value", "error"), strict=True):
             unit = figures.choose_scale(_usual(getattr(found, what)), found.unit)
             (_draw_line if line else _draw_plane)(axes, found, what, unit, look)
-        figures.set_titles(figure, look, found.lines[:1], lines=2 if look.narrow else 1)
+        figures.set_titles(figure, look, [found.title])
     return figure
 
 

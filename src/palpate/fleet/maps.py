@@ -509,17 +509,24 @@ class Map:
         return f"at the working depth of each contact, {span}{self.frequencies}"
 
     @property
+    def title(self) -> str:
+        """The quantity, where it holds, and its median with the error of one place."""
+        known = self.value[np.isfinite(self.value)]
+        if not known.size:
+            return f"none of {len(self.value)} places has a {self.name} {self.where}"
+        error = float(np.nanmedian(self.error)) if np.isfinite(self.error).any() else np.nan
+        middle = with_error(float(np.median(known)), error, unit=self.unit)
+        return f"{self.name} {self.where}: median {middle}"
+
+    @property
     def lines(self) -> list[str]:
         """Median and range of the values, and counts of places to treat with care."""
         known = self.value[np.isfinite(self.value)]
         if not known.size:
-            nothing = f"none of {len(self.value)} places has a {self.name} {self.where}"
-            return [nothing, *self._remarks]
-        error = float(np.nanmedian(self.error)) if np.isfinite(self.error).any() else np.nan
+            return [self.title, *self._remarks]
         low, high = (rounded(float(v), 3) for v in np.percentile(known, (5.0, 95.0)))
-        middle = with_error(float(np.median(known)), error, unit=self.unit)
         words = (
-            f"{self.name} {self.where}: median {middle} (error of one place), 5th to 95th "
+            f"{self.title} (error of one place), 5th to 95th "
             f"percentile of {known.size} places {low} to {high} {self.unit}".rstrip()
         )
         return [words, *self._remarks]
