@@ -25,7 +25,7 @@ WORDS: dict[str, str] = {
     "force": "force forces wrench load ft f fx fy fz fn fts kraft fuerza forza",
     "torque": "torque torques moment tau mx my mz tx ty tz",
     "penetration": (
-        "penetration indentation depth deformation compression eindringtiefe tiefe "
+        "penetration indentation depth depths deformation compression eindringtiefe tiefe "
         "profundidad profondeur profondita h"
     ),
     "position": (
@@ -62,10 +62,11 @@ JOINTS = "sensor_msgs/msg/JointState"
 # A joint that slides has a position in metres.
 SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
 _KIND = {word: kind for kind, words in WORDS.items() for word in words.split()}
-# Words of the channel to prefer: the tip touches the material, and pushes along the normal.
+# Words of the channel to prefer: the tip touches the material, and pushes along the normal; the
+# total is the sum of the contacts beside it.
 PREFERRED = {
     "position": frozenset(("tip", "tcp", "probe")),
-    "force": frozenset(("normal", "fn", "n")),
+    "force": frozenset(("normal", "fn", "n", "total")),
 }
 OF_UNIT = {
     **dict.fromkeys(UNITS["time"], ("time",)),
@@ -95,6 +96,9 @@ def channel_kind(name: str, unit: str | None = None) -> str | None:
     words = split_name(_FORCE_AND_TORQUE.sub("wrench", name))
     if "depth" in words and not _CAMERA.isdisjoint(words):
         return "nothing"
+    if "of" in words:  # the velocity of deformation is no deformation
+        head = words[: words.index("of")]
+        words = words if _KIND.keys().isdisjoint(head) else head
     words = [word for word in words if word in _KIND and word != unit]
     kinds = [_KIND[word] for word in sorted(words, key=lambda word: _WEAK.get(word, 3))]
     if possible is not None:

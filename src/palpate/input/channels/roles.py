@@ -757,7 +757,7 @@ def _question(
     candidates = {role: depths, "force": forces}
     several = {role: names for role, names in candidates.items() if len(names) > 1}
     questions = [
-        f"{len(names)} channels could be the {role}: {list_names([*map(' '.join, names)])}"
+        f"{len(names)} channels could be the {role}: {list_names([*map(_shorten, names)])}"
         for role, names in several.items()
     ]
     message = f"{'; '.join(questions)}; choose one, such as {_options(example, several)}"
@@ -802,6 +802,12 @@ def _share_source(name: str, reference: str) -> bool:
     # ``/ft/wrench/force/x`` and ``/ft/wrench/torque/x`` differ only in the name of the vector.
     vectors = [re.sub(r"[/.][xyzw]$", "", full, flags=re.I) for full in (name, reference)]
     return vectors[0].rpartition("/")[0] == vectors[1].rpartition("/")[0]
+
+
+def _shorten(names: Names) -> str:
+    """A channel, or a vector by its first component and the ends of the others."""
+    shared = len(commonprefix(names))  # noqa: RUF071
+    return ",".join([names[0], *(name[shared:] for name in names[1:])])
 
 
 def _numbers(names: Sequence[str]) -> list[str]:

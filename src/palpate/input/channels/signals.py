@@ -13,6 +13,7 @@ from palpate.input.channels.clocks import (
     Times,
     gaps,
     report_gaps,
+    report_rate_of_motion,
     report_rows,
     report_stated_rate,
     report_unmatched,
@@ -34,6 +35,8 @@ Channels: TypeAlias = dict[str, NDArray[np.generic]]
 SINCE_LONG_AGO = 1e8
 # s, three thousand years. A larger float cannot resolve a millisecond, and comes from a bit error.
 LATEST = 1e11
+# Largest part of the motion that the velocity at an inferred rate may leave unexplained.
+MOST_MISFIT = 0.1
 
 
 @frozen(eq=False)
@@ -141,6 +144,8 @@ def read_stream(
         if not rate and stated is not None:
             reader.findings.append(report_stated_rate(stated))
         rate = rate or stated
+        if rate is None and (rate := _find_rate_of_motion(values)) is not None:
+            reader.findings.append(report_rate_of_motion(rate))
         if rate is None:
             raise RecordingError.of(
                 recording.source,
@@ -165,6 +170,23 @@ def read_stream(
         reader.stated.add("time")
     unit = "ns" if dated else reader.unit_of_time(clock)
     return Stream(clock, time, unit, values)
+
+
+def _find_rate_of_motion(values: Channels) -> float | None:
+    """Return the rate, Hz, at which the depth follows its velocity; None if no rate fits."""
+    depth = values.get("depth", np.empty(0))
+    if "velocity" not in values or depth.ndim > 1:
+        return None
+    steps = np.diff(np.asarray(depth, dtype=np.float64))
+    velocity = np.asarray(values["velocity"], dtype=np.float64)
+    means = 0.5 * (velocity[1:] + velocity[:-1])
+    known = np.isfinite(steps) & np.isfinite(means)
+    steps, means = steps[known], means[known]
+    with np.errstate(all="ignore"):
+        period = float(steps @ means / (means @ means))
+        misfit = float(np.linalg.norm(steps - period * means))
+        fits = period > 0.0 and misfit < MOST_MISFIT * float(np.linalg.norm(steps))
+    return 1.0 / period if fits else None
 
 
 class Increasing(NamedTuple):

@@ -373,7 +373,8 @@ def _detect_kind(name: str, filled: Sequence[str], decimal: str) -> str:
     def is_text(cell: str) -> bool:
         return parse_number(cell, decimal) is None and not WHOLE_THOUSANDS.fullmatch(cell.strip())
 
-    if is_timelike(name) and are_mostly(is_nanoseconds):
+    increases = filled[0] < filled[-1] and [*filled] == sorted(filled)
+    if (is_timelike(name) or increases) and are_mostly(is_nanoseconds):
         return "nanoseconds"
     if not are_mostly(is_text):
         return "numbers"
@@ -703,6 +704,8 @@ class _Table:
             epoch = detect_epoch(channels[name])
             if epoch is not None and draft.units.setdefault(name, epoch[0]) == epoch[0]:
                 channels[name] = epoch[1]
+        if any(name.startswith("field") for name in channels) and "%time" in channels:
+            draft.units["%time"] = "ns"  # rostopic's, also of a simulation's clock
         stamps = join_stamps(channels)
         channels |= stamps
         draft.units |= dict.fromkeys(stamps, "ns")

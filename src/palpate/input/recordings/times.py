@@ -9,7 +9,7 @@ import numpy as np
 from palpate.validation import Integers, Values
 
 _ISO = re.compile(
-    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?"
+    r"(\d{4}[-/]\d\d[-/]\d\d)[T /_](\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?"
     r"\s*(?:(Z|UTC)|([+-])(\d\d):?(\d\d)?)?",
     re.ASCII,
 )
@@ -19,6 +19,7 @@ _OF_DAY = re.compile(
 )
 DAY = 86_400 * 10**9  # ns
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # a float cannot represent it exactly
 _SINCE = datetime(1970, 1, 1, tzinfo=UTC)
 # From 1990 to 2100 in seconds; no other unit has numbers in that range.
@@ -41,7 +42,8 @@ def iso_nanoseconds(cell: str) -> int | None:
     day, minute, second, fraction, _, sign, hours, minutes = date.groups()
     offset = f"{sign}{hours}:{minutes or '00'}" if sign else "+00:00"
     try:
-        past = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}{offset}") - _SINCE
+        moment = f"{day.replace('/', '-')}T{minute}:{second or '00'}{offset}"
+        past = datetime.fromisoformat(moment) - _SINCE
     except ValueError:
         return None
     value = (past.days * 86_400 + past.seconds) * 10**9 + int((fraction or "").ljust(9, "0"))
@@ -68,8 +70,8 @@ def past_midnight(times: Integers) -> Integers:
 
 
 def is_timelike(name: str) -> bool:
-    """Whether the name of a column suggests times."""
-    return _TIMELIKE.search(name.lower()) is not None
+    """Whether the name of a column suggests times: ``time_s``, ``rosbagTimestamp``."""
+    return _TIMELIKE.search(_HUMP.sub("_", name).lower()) is not None
 
 
 def whole_time(cell: str) -> int | None:
