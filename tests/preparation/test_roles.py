@@ -74,7 +74,7 @@ def test_a_unit_tells_what_a_name_does_not_and_reasons_are_given():
 def test_several_that_could_be_it_are_named_with_the_option():
     names = [f"{topic}.wrench.force.{axis}" for topic in ("/left", "/right") for axis in "xyz"]
     both = recording("time", "x", "y", "z", *names)
-    words = r"2 channels could be the force: /left\.wrench\.force\.x .*--force"
+    words = r"2 channels could be the force: /left\.wrench\.force\.x,y,z, .*--force"
     with pytest.raises(RecordingError, match=words):
         choose_roles(both)
     for name in ("/left", "/left.wrench", "/left.wrench.force", ",".join(names[:3])):

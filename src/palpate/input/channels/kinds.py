@@ -62,11 +62,10 @@ JOINTS = "sensor_msgs/msg/JointState"
 # A joint that slides has a position in metres.
 SLIDES = frozenset(("prismatic", "slide", "slider", "rail", "linear"))
 _KIND = {word: kind for kind, words in WORDS.items() for word in words.split()}
-# Words of the channel to prefer: the tip touches the material, and pushes along the normal; the
-# total is the sum of the contacts beside it.
+# Words of the channel to prefer: the tip touches the material, and pushes along the normal.
 PREFERRED = {
     "position": frozenset(("tip", "tcp", "probe")),
-    "force": frozenset(("normal", "fn", "n", "total")),
+    "force": frozenset(("normal", "fn", "n")),
 }
 OF_UNIT = {
     **dict.fromkeys(UNITS["time"], ("time",)),

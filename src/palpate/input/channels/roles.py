@@ -271,6 +271,8 @@ _PREFERENCES: tuple[
     (("position", "force"), lambda choosing, names, _: choosing.kinds.moves(names)),
     (PREFERRED, lambda _, names, kind: not PREFERRED[kind].isdisjoint(split_name(names[0]))),
     (("position",), lambda choosing, names, _: names in choosing.chains),
+    # The sum of the contacts beside it.
+    (("force",), lambda _, names, __: len(names) > 1 and "total" in split_name(names[0])),
 )
 
 
@@ -805,9 +807,10 @@ def _share_source(name: str, reference: str) -> bool:
 
 
 def _shorten(names: Names) -> str:
-    """A channel, or a vector by its first component and the ends of the others."""
-    shared = len(commonprefix(names))  # noqa: RUF071
-    return ",".join([names[0], *(name[shared:] for name in names[1:])])
+    """The names in one text; of a vector of messages only once: ``ft.force.x,y,z``."""
+    first, *others = (name.rpartition(".") for name in names)
+    is_vector = {stem for stem, _, _ in others} == {first[0]}
+    return ",".join([names[0], *(axis for *_, axis in others)]) if is_vector else " ".join(names)
 
 
 def _numbers(names: Sequence[str]) -> list[str]:
