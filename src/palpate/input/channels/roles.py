@@ -37,6 +37,7 @@ from palpate.input.recordings.recording import holds_numbers
 from palpate.input.recordings.units import (
     OTHER_UNITS,
     UNITS,
+    WEIGHTS,
     divide_unit,
     find_unit,
     is_wanted,
@@ -710,7 +711,7 @@ def _recorded_kinds(choosing: _Choosing) -> set[str | None]:
 def _unknown_units(choosing: _Choosing) -> Iterable[str]:
     for name in choosing.recording.channels:
         unit = find_unit(name) if choosing.kinds.of(name) is None else None
-        if unit and unit not in OF_UNIT:
+        if unit and unit not in OF_UNIT and unit not in WEIGHTS:
             yield f"{unit} of {name!r}"
 
 
@@ -720,6 +721,12 @@ def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]
         return _REMEDIES["strain"]
     if absent == ["position"] and "angle" in recorded:
         return _REMEDIES["angle"]
+    recording = choosing.recording
+    weights = [name for name in recording.channels if recording.unit_of(name) in WEIGHTS]
+    if weights and absent == ["force"]:
+        name = weights[0]
+        unit = f"{recording.unit_of(name)}f"
+        return f"if {name!r} is the force, in {unit}, pass --force {shlex.quote(name)}"
     if unnamed := _match_unknown_names(choosing, absent):
         what = "its channel" if len(absent) == 1 else "their channels"
         return f"name {what}, such as {_options(unnamed, unnamed)}"

@@ -24,10 +24,11 @@ from palpate.input.channels.frames import interpolate_columns, lie_between_sampl
 from palpate.input.channels.roles import Roles
 from palpate.input.channels.si_numbers import ChannelReader
 from palpate.input.recordings import Recording
+from palpate.input.recordings.times import is_timelike
 from palpate.input.recordings.units import unit_size
 from palpate.method.contact import number_runs
 from palpate.method.rows import count_true, typical_step
-from palpate.validation import Floats, Integers, Mask, frozen
+from palpate.validation import Floats, Integers, Mask, frozen, shown
 
 Channels: TypeAlias = dict[str, NDArray[np.generic]]
 
@@ -149,9 +150,9 @@ def read_stream(
         if rate is None:
             raise RecordingError.of(
                 recording.source,
-                "no channel looks like the time; name it with --time, or pass --rate if the "
-                "samples are evenly spaced and you know the rate; --no-time gives the "
-                "stiffness alone",
+                f"no channel looks like the time{_describe_unread_times(recording)}; name it with "
+                "--time, or pass --rate if the samples are evenly spaced and you know the rate; "
+                "--no-time gives the stiffness alone",
             )
         remedy = "choose others with --position and --force, or name their clocks with --time"
         reader.check_lengths("channels at one rate", lengths, remedy)
@@ -170,6 +171,15 @@ def read_stream(
         reader.stated.add("time")
     unit = "ns" if dated else reader.unit_of_time(clock)
     return Stream(clock, time, unit, values)
+
+
+def _describe_unread_times(recording: Recording) -> str:
+    """Clause on the first channel with the name of a time that holds text; empty without one."""
+    for name, values in recording.channels.items():
+        if is_timelike(name) and values.dtype.kind in "OUS" and values.size:
+            cell = shown(str(values[0]), 40)
+            return f": {name!r} holds {cell}, neither a number nor a date such as 2026-01-31T14:03"
+    return ""
 
 
 def _find_rate_of_motion(values: Channels) -> float | None:

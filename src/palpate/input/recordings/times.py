@@ -13,9 +13,10 @@ _ISO = re.compile(
     r"\s*(?:(Z|UTC)|([+-])(\d\d):?(\d\d)?)?",
     re.ASCII,
 )
-# A time of day, ``14:03:27.250`` or ``2:03:27 PM``; or minutes and seconds, ``03:27.250``.
+# A time of day, ``14:03:27.250`` or ``2:03:27 PM``; or minutes and seconds, ``03:27.250``. A date
+# of another order before it, ``9/5/2023``, does not matter.
 _OF_DAY = re.compile(
-    r"(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?", re.ASCII
+    r"(?:\d{1,2}[./-]\d{1,2}[./-]\d{2,4},?[ T]+)?(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?", re.ASCII
 )
 DAY = 86_400 * 10**9  # ns
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
