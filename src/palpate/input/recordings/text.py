@@ -42,6 +42,7 @@ from palpate.input.recordings.times import (
     past_midnight,
     whole_time,
 )
+from palpate.input.recordings.worded_cells import find_cell_words
 from palpate.validation import Values
 
 try:
@@ -407,6 +408,12 @@ class _Table:
         self.words = b""  # trailing lines of words
         blocks = self.text.blocks()
         first = next(blocks, b"")
+        head = self.text.decode(first[: first.rfind(b"\n", 0, HEAD) + 1])
+        self.words_in_cells = words = find_cell_words(head.split("\n"))
+        if words is not None:
+            encoding = "cp1252" if self.text.encoding == "windows-1252" else "utf-8"
+            first = words.strip(first, encoding)
+            blocks = (words.strip(block, encoding) for block in blocks)
         self._begin(first, kinds)
         row = self.layout.first + 1
         rows = first.split(b"\n", self.layout.first)[-1]
@@ -430,7 +437,8 @@ class _Table:
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
             layout = detect_layout(lines, source, header_row)
-        self.layout: TextLayout = layout
+        words = self.words_in_cells
+        self.layout: TextLayout = layout if words is None else words.add_to(layout)
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
         units = b"|".join(re.escape(line + b"\n") for line in [*below, b""])
@@ -438,7 +446,7 @@ class _Table:
         self.header = re.compile(header, re.MULTILINE)
         probed = lines[layout.first : layout.first + PROBED]
         records = [cells for _, cells in self._records(probed, 0, lambda *_: None)]
-        for name, cells in zip(layout.header, self._transpose(records), strict=True):
+        for name, cells in zip(self.layout.header, self._transpose(records), strict=True):
             kind = kinds.get(name) if self.request.wants(name) else "nothing"
             self.columns.append(_column_for(name, cells, layout.decimal, kind))
 
