@@ -254,6 +254,8 @@ _REMEDIES = {
     "force": "record the force, or name its channel with --force, or its file with --with",
     "both": "record both, or name their channels with --position and --force",
     "angle": "record the pose of the tool or tf, or name the position's channels with --position",
+    "deflection": "pass the calibration of the cantilever, such as --sensitivity 40nm/V if the "
+    "deflection is in volts, and --spring-constant 0.05N/m",
     "strain": "multiply the stress by the area and the strain by the length of the specimen, and "
     "name the products with --force and --position",
 }
@@ -727,6 +729,8 @@ def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]
         name = weights[0]
         unit = f"{recording.unit_of(name)}f"
         return f"if {name!r} is the force, in {unit}, pass --force {shlex.quote(name)}"
+    if {"deflection", "segment"} <= recording.channels.keys() and "force" in absent:
+        return _REMEDIES["deflection"]
     if unnamed := _match_unknown_names(choosing, absent):
         what = "its channel" if len(absent) == 1 else "their channels"
         return f"name {what}, such as {_options(unnamed, unnamed)}"

@@ -20,6 +20,7 @@ import numpy as np
 
 from palpate.errors import MissingChannelError
 from palpate.input.recordings.opening import Draft, Request, excess, first_line
+from palpate.input.recordings.plain_rows import find_plain_rows
 from palpate.input.recordings.recording import Faults, Recording
 from palpate.input.recordings.text_layout import (
     SPACES,
@@ -42,7 +43,6 @@ from palpate.input.recordings.times import (
     past_midnight,
     whole_time,
 )
-from palpate.input.recordings.worded_cells import find_cell_words
 from palpate.validation import Values
 
 try:
@@ -409,11 +409,11 @@ class _Table:
         blocks = self.text.blocks()
         first = next(blocks, b"")
         head = self.text.decode(first[: first.rfind(b"\n", 0, HEAD) + 1])
-        self.words_in_cells = words = find_cell_words(head.split("\n"))
-        if words is not None:
-            encoding = "cp1252" if self.text.encoding == "windows-1252" else "utf-8"
-            first = words.strip(first, encoding)
-            blocks = (words.strip(block, encoding) for block in blocks)
+        encoding = "cp1252" if self.text.encoding == "windows-1252" else "utf-8"
+        self.plain = find_plain_rows(head, encoding)
+        if self.plain is not None:
+            first = self.plain.rewrite(first)
+            blocks = map(self.plain.rewrite, blocks)
         self._begin(first, kinds)
         row = self.layout.first + 1
         rows = first.split(b"\n", self.layout.first)[-1]
@@ -437,8 +437,7 @@ class _Table:
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
             layout = detect_layout(lines, source, header_row)
-        words = self.words_in_cells
-        self.layout: TextLayout = layout if words is None else words.add_to(layout)
+        self.layout: TextLayout = self.plain.add_to(layout) if self.plain else layout
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
         units = b"|".join(re.escape(line + b"\n") for line in [*below, b""])

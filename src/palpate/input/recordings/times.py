@@ -16,7 +16,8 @@ _ISO = re.compile(
 # A time of day, ``14:03:27.250`` or ``2:03:27 PM``; or minutes and seconds, ``03:27.250``. A date
 # of another order before it, ``9/5/2023``, does not matter.
 _OF_DAY = re.compile(
-    r"(?:\d{1,2}[./-]\d{1,2}[./-]\d{2,4},?[ T]+)?(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?",
+    r"(?:\d{1,2}[./-]\d{1,2}[./-]\d{2,4},?[ T]+)?"
+    r"(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?",
     re.ASCII,
 )
 DAY = 86_400 * 10**9  # ns
