@@ -220,8 +220,9 @@ class ReadingOptions:
 
         recording = None
         try:
-            given = "strict curve episode sheet header_row sensitivity spring_constant".split()
-            options = {name: getattr(self, name) for name in given}
+            given = ("strict", "curve", "episode", "sheet", "header_row")
+            calibration = ("sensitivity", "spring_constant")
+            options = {name: getattr(self, name) for name in (*given, *calibration)}
             recording = open_with_progress(file, self._channels, max_size=self.max_size, **options)
             if tip is not None:
                 curve = self._force_curve(recording, tip)

@@ -605,7 +605,7 @@ class _Table:
                 stop = end + 1
             cells = split_cells(line, delimiter)
             # Padding an almost empty row of a wide table would invent many cells.
-            if width > WIDE and 2 * len(cells) < width:
+            if width > WIDE and 2 * len(cells) < width and not self.layout.clocks:
                 lose("has less than half as many cells as the header", row + k)
             elif any(map(str.strip, cells[width:])):
                 lose("has more cells than the header", row + k)
@@ -713,6 +713,7 @@ class _Table:
                 channels[name] = epoch[1]
         if any(name.startswith("field") for name in channels) and "%time" in channels:
             draft.units["%time"] = "ns"  # rostopic's, also of a simulation's clock
+        self._separate_samples(draft)
         stamps = join_stamps(channels)
         channels |= stamps
         draft.units |= dict.fromkeys(stamps, "ns")
@@ -720,12 +721,25 @@ class _Table:
             del channels[name]
             draft.units.pop(name, None)
         has_numbers = any(values.dtype != object for values in channels.values())
-        if len(self.begins) > 1 and has_numbers:
+        if len(self.begins) > 1 and has_numbers and not draft.clocks:
             ends = [*self.begins[1:], len(self.rows)]
             blocks = [self.rows[a:b] for a, b in zip(self.begins, ends, strict=True)]
             lengths = [sum(map(len, block)) for block in blocks]
             segments = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
             channels.setdefault("segment", segments)
+
+    def _separate_samples(self, draft: Draft) -> None:
+        """Give each of the samples side by side its clock and its rows."""
+        clocks = {name: time for name, time in self.layout.clocks.items() if name in draft.channels}
+        for time in {*clocks.values()}:
+            names = [name for name, clock in clocks.items() if clock == time]
+            columns = [draft.channels[name] for name in names]
+            known = [column == column for column in columns if column.dtype != object]
+            for name, column in zip(names, columns, strict=True):
+                draft.channels[name] = column[np.logical_or.reduce(known)]
+                if name in draft.faults and not draft.faults[name].text.strip():
+                    del draft.faults[name]
+        draft.clocks |= {name: time for name, time in clocks.items() if name != time}
 
     def _report_losses(self, draft: Draft) -> None:
         """Report the rows, lines and columns that are not in the recording."""

@@ -139,6 +139,8 @@ class TextLayout:
         Where the table is among the given lines.
     place : str
         Begin of the table and the text there, for messages; empty if it is the first line.
+    clocks : dict of str
+        For samples side by side, each column to the time of its sample.
     """
 
     header: list[str]
@@ -150,6 +152,7 @@ class TextLayout:
     settings: dict[str, float]
     table: NumberBlock
     place: str
+    clocks: dict[str, str] = field(default_factory=dict)
 
 
 def detect_layout(lines: Sequence[str], source: str, header_row: int | None = None) -> TextLayout:
@@ -182,6 +185,10 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         header = _read_commented_header("" if report else comments.last, header, delimiter)
     first = int(has_header)
     _check_header(header, table.header + first, source)
+    size = _size_of_repeat(header, table.shape.numbers)
+    if size:
+        near = [*report[-1:], *lines[table.header + first : table.first]]
+        header = _name_groups(header, size, (_names(line, delimiter) for line in near))
     names = _make_names_unique(header)
     decimal = _decimal_mark(body[max(first, table.first - table.header) :][:TRIED], delimiter)
     notes = comments.notes
@@ -196,6 +203,14 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         units |= row
     if report:
         units = _read_units_of_report(report, names, delimiter, units)
+    clocks: dict[str, str] = {}
+    for begin in range(0, len(names), size) if size else ():
+        group = names[begin : begin + size]
+        for name, same in zip(group, names, strict=False):
+            if same in units:
+                units.setdefault(name, units[same])
+        times = [n for n in group if is_timelike(n) or units.get(n) in UNITS["time"]]
+        clocks |= dict.fromkeys(group, times[0]) if times else {}
     is_plain = not report and header_row is None and table.rows > 0
     return TextLayout(
         names,
@@ -203,10 +218,11 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         decimal,
         units,
         dict(description[:MOST_NOTES]) | notes,
-        table.header + first + len(unit_rows),
+        table.first if size else table.header + first + len(unit_rows),
         dict(filter(None, starmap(_read_setting, description))),
         table,
         "" if is_plain else _describe_place(table.header + 1, names),
+        clocks,
     )
 
 
@@ -369,11 +385,15 @@ def _find_header(lines: Sequence[str], above: Sequence[int], shape: RowShape) ->
         filled = [cell for cell in cells if cell]
         if not filled or _RULE.fullmatch(lines[k]) or _are_units(filled):
             continue
+        starts = [place for place, cell in enumerate(cells) if cell]
+        if len(cells) == shape.cells and starts in _starts_of_groups(cells):
+            continue  # the names of samples side by side
         is_second = k - 1 in above and len(_names(lines[k - 1], shape.delimiter)) == len(cells)
         if is_second and _are_units(filled, 0.5):
             continue
         are_names = all(re.search(r"[^\W\d_]", cell) for cell in filled)
         fit = least <= len(cells) <= shape.cells + 2 and 2 * len(filled) >= least
+        fit = fit or _size_of_repeat(cells, shape.numbers) > 0
         return k if are_names and fit else None
     return None
 
@@ -430,6 +450,40 @@ def _make_names_unique(names: Sequence[str]) -> list[str]:
             name += " (2)"
         unique[name] = None
     return list(unique)
+
+
+# Samples side by side: the same names again and again, or names above the first sample only.
+
+
+def _size_of_repeat(header: Sequence[str], numbers: int) -> int:
+    """The number of columns of a sample; 0 if no names repeat."""
+    for size in range(2, 1 + (len(header) + 1) // 2):
+        first = header[:size]
+        filled = [name for name in first if name]
+        rest = len(header) % size
+        is_whole = rest == 0 or (rest == size - 1 and not first[-1])  # without the last border
+        is_unique = 1 < len({*filled}) == len(filled) < numbers
+        repeats = all(name == first[k % size] for k, name in enumerate(header))
+        if is_whole and is_unique and (repeats or (first == filled and not any(header[size:]))):
+            return size
+    return 0
+
+
+def _starts_of_groups(cells: Sequence[str]) -> list[list[int]]:
+    """The places at which samples side by side may begin."""
+    count = len(cells)
+    return [[*range(0, count, size)] for size in range(2, 1 + (count + 1) // 2)]
+
+
+def _name_groups(header: list[str], size: int, lines: Iterable[list[str]]) -> list[str]:
+    """The names with that of their sample before them, ``Sample 2/Force``, else its number."""
+    begins = [*range(0, len(header), size)]
+    labels = [f"sample {k}" for k in range(1, len(begins) + 1)]
+    for cells in lines:
+        if [place for place, cell in enumerate(cells) if cell] == begins:
+            labels = [cells[place] for place in begins]
+    columns = range(len(header))
+    return [header[k % size] and f"{labels[k // size]}/{header[k % size]}" for k in columns]
 
 
 # Units: in rows below the header, in lines above it, or by the kind of the report.
