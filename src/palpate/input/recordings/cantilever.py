@@ -15,7 +15,7 @@ from palpate.input.recordings.units import find_unit, unit_size
 
 #: Units of a deflection that is a voltage, with their size in V.
 VOLTS = {"V": 1.0, "mV": 1e-3}
-_NUMBER = re.compile(r"\d+\.?\d*(?:[eE][+-]?\d+)?")
+_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
 #: Channels in texts of JPK, with the names in its other files.
 _JPK = {
     "verticalTipPosition": "tip position",
@@ -53,39 +53,34 @@ def complete_force_curve(
     unit = recording.unit_of("deflection")
     if unit is None or "deflection" not in channels or "force" in channels:
         return recording
-    deflection = recording.numbers("deflection")
-    noted = _NUMBER.match(recording.notes.get("springConstant", ""))
+    noted = _NUMBER.match(recording.notes.get("springConstant", "nan"))
     stiffness = spring_constant or (float(noted[0]) if noted else np.nan)
-    newtons = unit_size("force", unit)
     metres = unit_size("penetration", unit) or VOLTS.get(unit, 0.0) * (sensitivity or np.nan)
-    made = {"force": deflection * (newtons or metres * stiffness)}
+    newtons = unit_size("force", unit) or metres * stiffness
+    if not newtons > 0.0:
+        return recording
+    channels["force"] = force = newtons * recording.numbers("deflection")
+    del channels["deflection"]
+    units = {**recording.units, "force": "N"}
     height = next((name for name in _HEIGHTS if name in channels), None)
-    if height is not None and "tip position" not in channels:
+    if height is not None and "tip position" not in channels and stiffness > 0.0:
         base = unit_size("penetration", recording.unit_of(height) or "m")
-        made["tip position"] = base * recording.numbers(height) + made["force"] / stiffness
-    units = dict(recording.units)
-    for name, values in made.items():
-        if np.isfinite(values).any():
-            channels[name] = values
-            units[name] = "N" if name == "force" else "m"
+        channels["tip position"] = base * recording.numbers(height) + force / stiffness
+        units["tip position"] = "m"
     faults = dict(recording.faults)
-    if "force" in channels:
-        del channels["deflection"]
-        faults.pop("deflection", None)
+    if "deflection" in faults:
+        faults["force"] = faults.pop("deflection")
     return replace(recording, channels=channels, units=units, faults=faults)
 
 
 def _name_channels_of_jpk(recording: Recording) -> Recording:
-    """Name the channels as in JPK's other files, with a time that increases over the segments."""
+    """Name the channels as in JPK's other files."""
     if "vDeflection" not in recording.channels:
         return recording
-    channels = {_JPK.get(name, name): values for name, values in recording.channels.items()}
-    units = {_JPK.get(name, name): unit for name, unit in recording.units.items()}
-    faults = {_JPK.get(name, name): fault for name, fault in recording.faults.items()}
-    if "time" not in channels and "time of the segment" in channels:
-        steps = np.diff(channels["time of the segment"], prepend=0.0)
-        channels["time"] = np.cumsum(np.where(steps < 0.0, np.median(steps), steps))
-        units["time"] = "s"
+    names = _JPK if "seriesTime" in recording.channels else {**_JPK, "time": "time"}
+    channels = {names.get(name, name): values for name, values in recording.channels.items()}
+    units = {names.get(name, name): unit for name, unit in recording.units.items()}
+    faults = {names.get(name, name): fault for name, fault in recording.faults.items()}
     return replace(recording, channels=channels, units=units, faults=faults)
 
 
@@ -98,23 +93,28 @@ def _join_halves(recording: Recording) -> Recording:
         if _HALF.search(name) and _HALF.sub("_Rt", name) in columns
     }
     ramp = next((stem for stem in pairs if "defl" not in stem.lower()), None)
+    # A length or a force before a voltage.
     deflections = [stem for stem in pairs if "defl" in stem.lower()]
+    deflections.sort(key=lambda stem: find_unit(stem) in VOLTS)
     if ramp is None or not deflections:
         return recording
-    # A force before a length, and a length before a voltage.
-    deflection = min(deflections, key=lambda stem: (find_unit(stem) or "V") in VOLTS)
-    names = {ramp: "height (piezo)", deflection: "deflection"}
-    extension, retraction, bending = (
-        np.subtract(*recording.numbers(name)[[-1, 0]])
-        for name in (*pairs[ramp], pairs[deflection][0])
-    )
-    inward = -1.0 if extension * bending < 0.0 else 1.0  # the ramp may grow towards the sample
-    backward = inward * extension < 0.0, inward * retraction > 0.0
-    channels = {}
+    names = {ramp: "height (piezo)", deflections[0]: "deflection"}
+    bending = [recording.numbers(name) for name in pairs[deflections[0]]]
+    rising = [values[-1:].sum() > values[:1].sum() for values in bending]
+    orders = (1 if rising[0] else -1, -1 if rising[1] else 1)
+    channels = {"segment": np.repeat([0.0, 1.0], len(bending[0]))}
     for stem, pair in pairs.items():
-        halves = [recording.numbers(pair[k])[:: -1 if backward[k] else 1] for k in (0, 1)]
-        channels[names.get(stem, stem)] = np.concatenate(halves)
-    channels["height (piezo)"] *= -inward
-    channels["segment"] = np.repeat([0.0, 1.0], len(next(iter(columns.values()))))
+        halves = map(recording.numbers, pair)
+        ordered = [half[::order] for half, order in zip(halves, orders, strict=True)]
+        channels[names.get(stem, stem)] = np.concatenate(ordered)
+    height = channels["height (piezo)"]
+    if height[:1].sum() < height[len(bending[0]) - 1 :][:1].sum():
+        height *= -1.0  # the ramp grows towards the sample
     units = {names.get(stem, stem): unit for stem in pairs if (unit := find_unit(stem))}
-    return replace(recording, channels=channels, units=units, rows=None, faults={})
+    faults = {
+        names.get(stem, stem): recording.faults[name]
+        for stem, pair in pairs.items()
+        for name in pair
+        if name in recording.faults
+    }
+    return replace(recording, channels=channels, units=units, rows=None, faults=faults)

@@ -287,7 +287,7 @@ class _Column:
 
     def take(self, cells: Sequence[str]) -> None:
         """Parse and add cells."""
-        if self.kind == "nothing":
+        if self.kind == "nothing" or not cells:
             return
         if self.kind == "text":
             # Python objects, because one long cell would widen all others of an array of text, and

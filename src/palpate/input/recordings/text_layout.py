@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import starmap
+from itertools import pairwise, starmap
 from typing import NamedTuple
 
 from palpate.errors import RecordingError
@@ -186,10 +186,7 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
     first = int(has_header)
     _check_header(header, table.header + first, source)
     size = _size_of_repeat(header, table.shape.numbers)
-    if size:
-        near = [*report[-1:], *lines[table.header + first : table.first]]
-        header = _name_groups(header, size, (_names(line, delimiter) for line in near))
-    names = _make_names_unique(header)
+    names = _make_names_unique(_name_samples(header, size))
     decimal = _decimal_mark(body[max(first, table.first - table.header) :][:TRIED], delimiter)
     notes = comments.notes
     if not has_header and header[0] == "column 1":
@@ -197,20 +194,14 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
     if decimal == ",":
         notes["decimal mark"] = "comma"
     description = _read_description(report, delimiter, decimal)
-    unit_rows = _read_unit_rows(body[first:], names, delimiter, decimal, may_be_blank=bool(report))
+    may_be_blank = size + len(report) > 0
+    unit_rows = _read_unit_rows(body[first:], names, delimiter, decimal, may_be_blank=may_be_blank)
     units = {name: unit for name in names if (unit := unit_in_name(name))}
     for row in unit_rows:
         units |= row
     if report:
         units = _read_units_of_report(report, names, delimiter, units)
-    clocks: dict[str, str] = {}
-    for begin in range(0, len(names), size) if size else ():
-        group = names[begin : begin + size]
-        for name, same in zip(group, names, strict=False):
-            if same in units:
-                units.setdefault(name, units[same])
-        times = [n for n in group if is_timelike(n) or units.get(n) in UNITS["time"]]
-        clocks |= dict.fromkeys(group, times[0]) if times else {}
+    clocks = _clocks_of_samples(names, size, units)
     is_plain = not report and header_row is None and table.rows > 0
     return TextLayout(
         names,
@@ -218,7 +209,7 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         decimal,
         units,
         dict(description[:MOST_NOTES]) | notes,
-        table.first if size else table.header + first + len(unit_rows),
+        table.header + first + len(unit_rows),
         dict(filter(None, starmap(_read_setting, description))),
         table,
         "" if is_plain else _describe_place(table.header + 1, names),
@@ -278,7 +269,10 @@ def _read_comments(lines: Sequence[str]) -> _Comments:
 
 def _find_table(lines: Sequence[str], top: int, source: str, header_row: int | None) -> NumberBlock:
     if header_row is None:
-        return _largest_block(lines, top)
+        table = _largest_block(lines, top)
+        if 2 * table.rows < len(lines):
+            _refuse_steps(lines, source)
+        return table
     if header_row > len(lines):
         raise RecordingError(
             f"{source}: --header-row {header_row} is below the lines in which a table begins, "
@@ -286,6 +280,20 @@ def _find_table(lines: Sequence[str], top: int, source: str, header_row: int | N
         )
     shape = _largest_block(lines, header_row).shape
     return NumberBlock(header_row - 1, header_row, len(lines), named=True, shape=shape)
+
+
+def _refuse_steps(lines: Sequence[str], source: str) -> None:
+    """Refuse a text that repeats lines of several words and sizes for each step."""
+    rows = [re.split(r"[,;:\s]+", line.strip()) for line in lines if line.strip()]
+    counts = Counter(cells[0] for cells in rows if cells[0].isidentifier())
+    words = [word for word, count in counts.items() if count > 2]
+    sizes = {len(cells) for cells in rows if cells[0] in words}
+    alternate = sum(a[0] != b[0] and a[0] in words for a, b in pairwise(rows))
+    if len(words) > 2 and len(sizes) > 1 and 2 * alternate > len(rows):
+        raise RecordingError(
+            f"{source}: this is no table: it has a block of lines for each step, with "
+            f"{', '.join(words[:4])}; write one row for each step, with time, position and force"
+        )
 
 
 def is_other_table(lines: Sequence[str]) -> bool:
@@ -385,9 +393,8 @@ def _find_header(lines: Sequence[str], above: Sequence[int], shape: RowShape) ->
         filled = [cell for cell in cells if cell]
         if not filled or _RULE.fullmatch(lines[k]) or _are_units(filled):
             continue
-        starts = [place for place, cell in enumerate(cells) if cell]
-        if len(cells) == shape.cells and starts in _starts_of_groups(cells):
-            continue  # the names of samples side by side
+        if len(cells) == shape.cells and _are_starts(cells):
+            continue
         is_second = k - 1 in above and len(_names(lines[k - 1], shape.delimiter)) == len(cells)
         if is_second and _are_units(filled, 0.5):
             continue
@@ -469,21 +476,29 @@ def _size_of_repeat(header: Sequence[str], numbers: int) -> int:
     return 0
 
 
-def _starts_of_groups(cells: Sequence[str]) -> list[list[int]]:
-    """The places at which samples side by side may begin."""
-    count = len(cells)
-    return [[*range(0, count, size)] for size in range(2, 1 + (count + 1) // 2)]
+def _are_starts(cells: Sequence[str]) -> bool:
+    """Whether cells are filled at equal distances from the first on: names of samples."""
+    starts = [place for place, cell in enumerate(cells) if cell]
+    return len(starts) > 1 and starts[1] > 1 and starts == [*range(0, len(cells), starts[1])]
 
 
-def _name_groups(header: list[str], size: int, lines: Iterable[list[str]]) -> list[str]:
-    """The names with that of their sample before them, ``Sample 2/Force``, else its number."""
-    begins = [*range(0, len(header), size)]
-    labels = [f"sample {k}" for k in range(1, len(begins) + 1)]
-    for cells in lines:
-        if [place for place, cell in enumerate(cells) if cell] == begins:
-            labels = [cells[place] for place in begins]
-    columns = range(len(header))
-    return [header[k % size] and f"{labels[k // size]}/{header[k % size]}" for k in columns]
+def _name_samples(header: list[str], size: int) -> list[str]:
+    """The names after the number of their sample: ``sample 2/Force``."""
+    if not size:
+        return header
+    names = [header[k % size] for k in range(len(header))]
+    return [name and f"sample {1 + k // size}/{name}" for k, name in enumerate(names)]
+
+
+def _clocks_of_samples(names: Sequence[str], size: int, units: dict[str, str]) -> dict[str, str]:
+    """The time of each column of samples side by side, which share the units of the first one."""
+    clocks: dict[str, str] = {}
+    for k in range(0, len(names), size) if size else ():
+        sample = names[k : k + size]
+        units |= {a: units[b] for a, b in zip(sample, names, strict=False) if b in units} | units
+        times = [name for name in sample if is_timelike(name) or units.get(name) in UNITS["time"]]
+        clocks |= dict.fromkeys(sample, *times[:1]) if times else {}
+    return clocks
 
 
 # Units: in rows below the header, in lines above it, or by the kind of the report.
@@ -511,6 +526,8 @@ def _read_units(
         cells += [""] * (len(names) - len(cells))
     if len(cells) != len(names) or any(_is_number(cell, decimal) for cell in cells):
         return None
+    if _are_starts(cells):
+        return {}
     units = {name: plain_unit(cell) for name, cell in zip(names, cells, strict=True)}
     filled = list(filter(None, units.values()))
     known = sum(unit in KNOWN or unit in OTHER_UNITS for unit in filled)
