@@ -735,6 +735,9 @@ class _Table:
             names = [name for name, clock in clocks.items() if clock == time]
             columns = [draft.channels[name] for name in names]
             known = [column == column for column in columns if column.dtype != object]
+            if not known:  # names above blank cells
+                clocks = {name: clock for name, clock in clocks.items() if clock != time}
+                continue
             for name, column in zip(names, columns, strict=True):
                 draft.channels[name] = column[np.logical_or.reduce(known)]
                 if name in draft.faults and not draft.faults[name].text.strip():

@@ -464,14 +464,17 @@ def _make_names_unique(names: Sequence[str]) -> list[str]:
 
 def _size_of_repeat(header: Sequence[str], numbers: int) -> int:
     """The number of columns of a sample; 0 if no names repeat."""
+    named = [*header]
+    while named and not named[-1]:
+        named.pop()
     for size in range(2, 1 + (len(header) + 1) // 2):
-        first = header[:size]
+        first = named[:size]
         filled = [name for name in first if name]
-        rest = len(header) % size
-        is_whole = rest == 0 or (rest == size - 1 and not first[-1])  # without the last border
+        whole = len(named) + (not first[-1])  # without the border after the last sample
+        repeats = whole > size and all(name == first[k % size] for k, name in enumerate(named))
+        is_alone = filled == named and len(header) % size == 0
         is_unique = 1 < len({*filled}) == len(filled) < numbers
-        repeats = all(name == first[k % size] for k, name in enumerate(header))
-        if is_whole and is_unique and (repeats or (first == filled and not any(header[size:]))):
+        if is_unique and (is_alone or (repeats and whole % size == 0)):
             return size
     return 0
 
