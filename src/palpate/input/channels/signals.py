@@ -184,19 +184,16 @@ def _describe_unread_times(recording: Recording) -> str:
 
 def _find_rate_of_motion(values: Channels) -> float | None:
     """Return the rate, Hz, at which the depth follows its velocity; None if no rate fits."""
-    depth = values.get("depth", np.empty(0))
-    if "velocity" not in values or depth.ndim > 1:
+    depth = np.asarray(values.get("depth", 0.0), dtype=np.float64)
+    velocity = np.asarray(values.get("velocity", 0.0), dtype=np.float64)
+    if not depth.ndim == velocity.ndim == 1:
         return None
-    steps = np.diff(np.asarray(depth, dtype=np.float64))
-    velocity = np.asarray(values["velocity"], dtype=np.float64)
-    means = 0.5 * (velocity[1:] + velocity[:-1])
-    known = np.isfinite(steps) & np.isfinite(means)
-    steps, means = steps[known], means[known]
+    motion = np.array([np.diff(depth), 0.5 * (velocity[1:] + velocity[:-1])])
+    steps, means = motion[:, np.isfinite(motion).all(axis=0)]
     with np.errstate(all="ignore"):
         period = float(steps @ means / (means @ means))
-        misfit = float(np.linalg.norm(steps - period * means))
-        fits = period > 0.0 and misfit < MOST_MISFIT * float(np.linalg.norm(steps))
-    return 1.0 / period if fits else None
+        misfit = np.linalg.norm(steps - period * means) / np.linalg.norm(steps)
+    return 1.0 / period if period > 0.0 and misfit < MOST_MISFIT else None
 
 
 class Increasing(NamedTuple):

@@ -16,17 +16,7 @@ from palpate.input.recordings.units import find_unit, unit_size
 #: Units of a deflection that is a voltage, with their size in V.
 VOLTS = {"V": 1.0, "mV": 1e-3}
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
-#: Channels in texts of JPK, with the names in its other files.
-_JPK = {
-    "verticalTipPosition": "tip position",
-    "vDeflection": "deflection",
-    "measuredHeight": "height (measured)",
-    "capacitiveSensorHeight": "height (measured)",
-    "height": "height (piezo)",
-    "time": "time of the segment",
-    "seriesTime": "time",
-}
-_HEIGHTS = ("height (measured)", "height (piezo)")
+_HEIGHTS = ("height (measured)", "capacitiveSensorHeight", "height (piezo)")
 # NanoScope writes the extension and the retraction of a curve as separate columns.
 _HALF = re.compile(r"_Ex(?=_|$)")
 
@@ -48,7 +38,7 @@ def complete_force_curve(
     spring_constant : float, optional
         That of the cantilever, N/m. Default: from the file.
     """
-    recording = _name_channels_of_jpk(_join_halves(recording))
+    recording = _join_halves(recording)
     channels = dict(recording.channels)
     unit = recording.unit_of("deflection")
     if unit is None or "deflection" not in channels or "force" in channels:
@@ -70,17 +60,6 @@ def complete_force_curve(
     faults = dict(recording.faults)
     if "deflection" in faults:
         faults["force"] = faults.pop("deflection")
-    return replace(recording, channels=channels, units=units, faults=faults)
-
-
-def _name_channels_of_jpk(recording: Recording) -> Recording:
-    """Name the channels as in JPK's other files."""
-    if "vDeflection" not in recording.channels:
-        return recording
-    names = _JPK if "seriesTime" in recording.channels else {**_JPK, "time": "time"}
-    channels = {names.get(name, name): values for name, values in recording.channels.items()}
-    units = {names.get(name, name): unit for name, unit in recording.units.items()}
-    faults = {names.get(name, name): fault for name, fault in recording.faults.items()}
     return replace(recording, channels=channels, units=units, faults=faults)
 
 

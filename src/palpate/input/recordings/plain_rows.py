@@ -20,6 +20,16 @@ _CLOCK = r"(?:[\d:.]+ -> )?"  # of the Arduino's serial monitor
 _COMMENTS = re.compile(rb"^(?:(?:#.*)?\n)+", re.MULTILINE)
 _COLUMNS = b"# columns: "
 _UNITS = b"# units: "
+#: Channels in texts of JPK, with the names in its other files; a segment has its own time.
+_NAMES_OF_JPK = {
+    b"verticalTipPosition": b'"tip position"',
+    b"vDeflection": b"deflection",
+    b"measuredHeight": b'"height (measured)"',
+    b"height": b'"height (piezo)"',
+    b"time": b'"time of the segment"',
+    b"seriesTime": b"time",
+}
+_OF_JPK = re.compile(rb"(?<![^ \n])(?:" + b"|".join(_NAMES_OF_JPK) + rb")(?![^ \n])")
 
 #: Delimiter, names (empty without any) and units (None in a cell without a number) of a row.
 _Words: TypeAlias = tuple[str, tuple[str, ...], tuple[str | None, ...]]
@@ -102,4 +112,5 @@ def _move_header_down(comments: re.Match[bytes]) -> bytes:
     others = [line for line in lines if line not in stated]
     if comments.start():  # the notes are those of the first segment
         others = [b"\n"] * len(others)
-    return b"".join([*others, *(line.partition(b": ")[2] for line in stated)])
+    rows = b"".join([*others, *(line.partition(b": ")[2] for line in stated)])
+    return _OF_JPK.sub(lambda name: _NAMES_OF_JPK[name[0]], rows)

@@ -284,7 +284,7 @@ def _find_table(lines: Sequence[str], top: int, source: str, header_row: int | N
 
 def _refuse_steps(lines: Sequence[str], source: str) -> None:
     """Refuse a text that repeats lines of several words and sizes for each step."""
-    rows = [re.split(r"[,;:\s]+", line.strip()) for line in lines if line.strip()]
+    rows = [re.split(r"[,;:\s]+", line.strip(" ,;:")) for line in lines if line.strip()]
     counts = Counter(cells[0] for cells in rows if cells[0].isidentifier())
     words = [word for word, count in counts.items() if count > 2]
     sizes = {len(cells) for cells in rows if cells[0] in words}
