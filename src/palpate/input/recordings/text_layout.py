@@ -467,16 +467,16 @@ def _size_of_repeat(header: Sequence[str], numbers: int) -> int:
     named = [*header]
     while named and not named[-1]:
         named.pop()
-    for size in range(2, 1 + (len(header) + 1) // 2):
-        first = named[:size]
-        filled = [name for name in first if name]
-        whole = len(named) + (not first[-1])  # without the border after the last sample
-        repeats = whole > size and all(name == first[k % size] for k, name in enumerate(named))
-        is_alone = filled == named and len(header) % size == 0
-        is_unique = 1 < len({*filled}) == len(filled) < numbers
-        if is_unique and (is_alone or (repeats and whole % size == 0)):
-            return size
-    return 0
+    repeats = bool(named and named[0]) and named.count(named[0]) > 1
+    size = named.index(named[0], 1) if repeats else len(named)
+    filled = [name for name in named[:size] if name]
+    if not 1 < len({*filled}) == len(filled) < numbers:
+        return 0
+    # Without the border after the last sample; or without names from the second sample on.
+    count = len(named) + (not named[size - 1]) if repeats else len(header)
+    same = all(name == named[k % size] for k, name in enumerate(named))
+    is_whole = size < count and count % size == 0
+    return size if same and is_whole and (repeats or filled == named) else 0
 
 
 def _are_starts(cells: Sequence[str]) -> bool:
