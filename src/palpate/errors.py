@@ -151,8 +151,8 @@ class MissingChannelError(RecordingError):
 
 
 def list_names(names: list[str]) -> str:
-    """Up to 20 names, each cut after 40 characters."""
-    shown = [name[:40] if name.isprintable() else repr(name[:40]) for name in names[:20]]
+    """Up to 20 names, each cut after 80 characters."""
+    shown = [name[:80] if name.isprintable() else repr(name[:80]) for name in names[:20]]
     more = [f"{len(names) - 20} more"] if len(names) > 20 else []
     return ", ".join(shown + more) or "none"
 

@@ -43,7 +43,7 @@ ARGUMENTS: Mapping[str, tuple[str, Callable[[str], str]]] = {
         for name in (
             "velocity-window", "delay", "tare", "surface", "tool-weight", "mass", "rate", "spot",
             "tip-offset", "exponent", "curve", "header-row", "episode", "max-size", "time-step",
-            "tip-radius", "max-depth", "max-speed",
+            "tip-radius", "max-depth", "max-speed", "sensitivity", "spring-constant",
         )
     },
     **{

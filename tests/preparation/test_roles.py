@@ -31,6 +31,7 @@ BRACKETS = "Time [s];Displacement (mm);Force [mN]"
 COMMANDED = "time_s position_command_m position_m force_N"
 ARRAYS = "time " + " ".join([f"pos[{k}]" for k in range(3)] + [f"wrench[{k}]" for k in range(6)])
 MESSAGE = ["wrench.force", "wrench.torque", "pose.position"]
+GAZEBO = ["s0.wrenches0.force", "s0.total_wrench.force", "s0.contact_positions0"]
 TABLES = {
     "the names that palpate writes": (WRITTEN, "penetration_m", "force_N"),
     "a script's own": ("t depth_mm Fz", "depth_mm", "Fz"),
@@ -49,6 +50,12 @@ TABLES = {
         tuple(f"field.pose.position.{axis}" for axis in "xyz"),
         tuple(f"field.wrench.force.{axis}" for axis in "xyz"),
     ),
+    "contacts of Gazebo": (
+        " ".join(["%time", *(f"{each}.{axis}" for each in GAZEBO for axis in "xyz"), "s0.depths0"]),
+        "s0.depths0",
+        tuple(f"s0.total_wrench.force.{axis}" for axis in "xyz"),
+    ),
+    "a velocity of it": ("t;Penetration;Velocity of deformation;Force", "Penetration", "Force"),
 }
 
 
@@ -59,7 +66,7 @@ def test_the_channels_are_known_by_their_names(names, depth, force):
     assert roles.depth == (depth if isinstance(depth, tuple) else (depth,))
     assert roles.force == (force if isinstance(force, tuple) else (force,))
     assert roles.time == split[0]
-    counted = ("penetration", "depth", "Indentation")
+    counted = ("penetration", "depth", "Indentation", "Penetration", "s0.depth")
     assert roles.is_penetration == roles.depth[0].startswith(counted)
 
 
@@ -74,7 +81,7 @@ def test_a_unit_tells_what_a_name_does_not_and_reasons_are_given():
 def test_several_that_could_be_it_are_named_with_the_option():
     names = [f"{topic}.wrench.force.{axis}" for topic in ("/left", "/right") for axis in "xyz"]
     both = recording("time", "x", "y", "z", *names)
-    words = r"2 channels could be the force: /left\.wrench\.force\.x .*--force"
+    words = r"2 channels could be the force: /left\.wrench\.force\.x,y,z, .*--force"
     with pytest.raises(RecordingError, match=words):
         choose_roles(both)
     for name in ("/left", "/left.wrench", "/left.wrench.force", ",".join(names[:3])):
@@ -302,6 +309,28 @@ def test_the_time_of_a_run_is_the_one_with_its_number():
     ]
     chosen = choose_roles(side_by_side(*names), Columns(position="x2", force="F2"))
     assert chosen.time == "t2"
+
+
+def test_a_velocity_gives_the_rate_of_a_table_without_a_time():
+    time, depth, force = touch()
+    velocity = np.gradient(depth, time)
+    table = Recording({"Penetration": depth, "Velocity of deformation": velocity, "Force": force})
+    law = palpate.identify(prepare(table)).law
+    assert (law.K, law.B) == pytest.approx((6000.0, 3000.0), rel=0.02)
+    still = Recording({**table.channels, "Velocity of deformation": velocity[::-1].copy()})
+    with pytest.raises(RecordingError, match="no channel looks like the time; name it"):
+        prepare(still)
+
+
+def test_errors_name_a_mass_and_a_time_in_words():
+    _, depth, force = touch()
+    with pytest.raises(
+        RecordingError, match=r"is the force, in gf, pass --force 'Scale \(grams\)'"
+    ):
+        prepare(Recording({"Travel (mm)": depth, "Scale (grams)": force}))
+    when = np.array(["about noon"] * depth.size, dtype=object)
+    with pytest.raises(RecordingError, match="time: 'time' holds 'about noon', neither a number"):
+        prepare(Recording({"time": when, "x_mm": depth, "F_N": force}))
 
 
 FLATTENED = {

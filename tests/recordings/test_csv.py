@@ -405,6 +405,8 @@ DATES = {
     "2024-02-29T14:30:00.000000001+02:00": 1,
     "2024-02-29T05:30:00-0700": 0,
     '"2024-02-29 12:30:00,5"': 500_000_000,
+    "2024/02/29/12:30:00.000004": 4000,
+    "29.2.2024 12:30:00.5": 500_000_000 - 19782 * 86_400 * 10**9,  # only differences matter
 }
 
 
@@ -440,6 +442,16 @@ def test_a_whole_number_since_1970_is_exact(tmp_path, unit, size, name):
     times = [SECONDS * size + k for k in range(3)]
     text = f"{name},x\n" + "".join(f"{time},1\n" for time in times)
     assert_times(open_recording(written(tmp_path / "t.csv", text)), name, times, unit)
+
+
+@pytest.mark.parametrize(
+    "name, first", [("rosbagTimestamp", NANOSECONDS), ("bag", NANOSECONDS), ("%time", 10**9)]
+)
+def test_whole_nanoseconds_are_times_by_their_size(tmp_path, name, first):
+    times = [first + 10**6 * k for k in range(3)]
+    text = f"{name},field.x\n" + "".join(f"{time},1\n" for time in times)
+    read = open_recording(written(tmp_path / "t.csv", text))
+    assert (read.channels[name].tolist(), read.units) == (times, {name: "ns"})
 
 
 def test_a_large_number_is_a_time_only_by_its_name(tmp_path):

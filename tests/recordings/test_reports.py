@@ -66,7 +66,53 @@ INDENTER = (
     "Time (s)\tLoad (uN)\tIndentation (nm)\tPiezo (nm)\tAuxiliary\n"
     + lines("{0:.4f}\t{2:.3f}\t{1:.3f}\t{1:.3f}\t0.5", 1.0, 1e9, 1e6)
 )
+# Trapezium exports a title a specimen, names, units, every cell between quotation marks.
+TRAPEZIUM = '"1 _ 1",,\n"Time","Force","Stroke"\n"sec","N","mm"\n' + lines(
+    '"{0:.4f}","{2:.5f}","{1:.5f}"', 1.0, 1e3, 1.0
+)
+
+
+def beside(head: str, form: str, count: int, *, missing: int = 0) -> str:
+    """The rows with as many specimens side by side, the last one shorter."""
+    rows = lines(form, 1.0, 1e3, 1.0).splitlines()
+    blank = form.count(",") * ","
+    columns = [rows] * (count - 1) + [rows[: len(rows) - missing] + [blank] * missing]
+    return head + "".join(",".join(row) + "\n" for row in zip(*columns, strict=True))
+
+
+NAMES = "Time,Load,Extension,"
+SPECIMENS = {
+    "names and units repeated": beside(
+        f'"1 _ 1",,,"1 _ 2",,\n{NAMES}Time,Load,Extension\ns,N,mm,s,N,mm\n',
+        "{0},{2:.5f},{1:.5f}",
+        2,
+    ),
+    "names of the first alone": beside(
+        f"{NAMES}Event,,,,\ns,N,mm,,,,,\nA,,,,B,,,\n\n", "{0},{2:.5f},{1:.5f},0", 2
+    ),
+    "a border between, one shorter": beside(
+        "Time (s),Load (N),Extension (mm),,Time (s),Load (N),Extension (mm),\n",
+        "{0},{2:.5f},{1:.5f},",
+        2,
+        missing=100,
+    ),
+    "three, and rows cut where two end": beside(
+        NAMES * 3 + "\n" + "s,N,mm," * 3 + "\n", "{0},{2:.5f},{1:.5f}", 3, missing=50
+    ).replace(",,\n", "\n"),
+}
+# Sketches and spreadsheets repeat names and units in each cell.
+SERIAL = "Time: {0:.4f} s, Position: {1:.3f} mm, Force: {2:.4f} N"
+WORDED = {
+    "a serial monitor": lines(SERIAL, 1.0, 1e3, 1.0),
+    "the Arduino's clock before it": lines("16:56:55.120 -> " + SERIAL, 1.0, 1e3, 1.0),
+    "spaces alone": lines("t={0:.4f}s x={1:.3f}mm F={2:.4f}N", 1.0, 1e3, 1.0),
+    "decimal commas": lines(SERIAL, 1.0, 1e3, 1.0).replace(".", ","),
+    "units below names": "Time,Position,Force,state\n"
+    + lines("{0:.4f} s,{1:.3f} mm,{2:.4f} N,ok", 1.0, 1e3, 1.0),
+}
 MACHINES = {
+    "Trapezium": (TRAPEZIUM.encode(), "csv"),
+    **{name: (text.encode(), "csv") for name, text in (SPECIMENS | WORDED).items()},
     "Instron": (INSTRON.encode(), "csv"),
     "Zwick": (ZWICK.encode("cp1252"), "txt"),
     "LabVIEW": (LABVIEW.replace("\n", "\r\n").encode(), "lvm"),
@@ -83,8 +129,10 @@ def test_a_ball_in_the_report_of_a_machine_has_its_true_stiffness(tmp_path, cont
     error = found.stiffness.whole_error
     print(f"{found.stiffness.value:.1f} ± {error:.1f}, truth {true:.1f} N/m")
     assert abs(found.stiffness.value - true) < 3.0 * error
-    assert error < 0.03 * true
-    assert contact.time.size == TIME.size
+    assert error < 0.05 * true  # three specimens with the same noise are not independent
+    count = content.count(b"Extension") if content.decode("latin-1") in SPECIMENS.values() else 1
+    count = 2 if b"Event" in content else count
+    assert (count - 1) * TIME.size < contact.time.size <= count * TIME.size
 
 
 HEAD = "Time,Extension,Load\n(s),(mm),(N)\n"
@@ -228,6 +276,7 @@ BROKEN = {
     "a header alone": b"Report\n\nTime,Extension,Load\n(s),(mm),(N)\n",
     "a title above numbers": b"Report of today\n\n0,1,2\n1,2,3\n",
     "an empty block": b"<DATA>\nTime, s\tFz, N\n<END DATA>\n",
+    "a block for each step": b"STEP,1\nforce,0.1,0,0\ndist,1\n\nSTEP,2\nforce,1,0,0\ndist,2\n" * 9,
     "half a quotation": b'Report,"5\n\nTime,Load\n0,1\n',
 }
 

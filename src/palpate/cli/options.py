@@ -275,7 +275,9 @@ def quantity(option: str, text: str, channel: str | Mapping[str, float]) -> floa
     return float(found[1]) * units[found[2] or si]
 
 
-#: Units of a size in memory.
+#: Units of a cantilever's calibration, and of a size in memory.
+SENSITIVITIES = {"m/V": 1.0, "nm/V": 1e-9, "um/V": 1e-6, "µm/V": 1e-6, "nm/mV": 1e-6}
+STIFFNESSES = {"N/m": 1.0, "mN/m": 1e-3, "nN/nm": 1.0, "pN/nm": 1e-3, "N/mm": 1e3}
 SIZES = {"B": 1.0, "MB": 1e6, "GB": 1e9, "kB": 1e3, "MiB": 2.0**20, "GiB": 2.0**30}
 
 

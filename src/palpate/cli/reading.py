@@ -11,6 +11,8 @@ from palpate.cli.options import (
     KEPT,
     PREPARED,
     READ,
+    SENSITIVITIES,
+    STIFFNESSES,
     Channel,
     Channels,
     MaxSize,
@@ -93,6 +95,10 @@ class ReadingOptions:
     "Sheet of a spreadsheet: its name or its number from 1 (default: all that hold a table)."
     header_row: Annotated[int | None, _READ] = None
     "Line of the column names in a text (default: above the largest block of numbers)."
+    sensitivity: Annotated[float | None, si_parameter(SENSITIVITIES, "SIZE", READ)] = None
+    "Deflection of a cantilever per volt, such as 40nm/V, for a force curve in volts."
+    spring_constant: Annotated[float | None, si_parameter(STIFFNESSES, "SIZE", READ)] = None
+    "Spring constant of a cantilever, such as 0.05N/m (default: from the file)."
     max_size: MaxSize = None
     "Largest size of the data in memory, such as 8GB (default: 4 GiB)."
     start: Annotated[float | None, _READ] = None
@@ -215,7 +221,8 @@ class ReadingOptions:
         recording = None
         try:
             given = ("strict", "curve", "episode", "sheet", "header_row")
-            options = {name: getattr(self, name) for name in given}
+            calibration = ("sensitivity", "spring_constant")
+            options = {name: getattr(self, name) for name in (*given, *calibration)}
             recording = open_with_progress(file, self._channels, max_size=self.max_size, **options)
             if tip is not None:
                 curve = self._force_curve(recording, tip)

@@ -141,7 +141,8 @@ def fit_force_curve(
 def prepare_force_curve(recording: Recording, found: Indentation) -> Contact:
     """Return a force curve as a contact: the force above the baseline, over the depth.
 
-    An approach alone is timeless: at one speed damping does not differ from stiffness.
+    A curve without times is timeless, and an approach alone: at one speed damping does not differ
+    from stiffness.
     """
     names = Columns(penetration="penetration", force="force above the baseline")
     depth = -np.asarray(recording.channels[POSITION]) - found.contact_point.value
@@ -151,7 +152,8 @@ def prepare_force_curve(recording: Recording, found: Indentation) -> Contact:
     units = {**recording.units, names.penetration: "m", names.force: "N"}
     clocks = {name: "time" for name in channels if name != "time" and "time" in channels}
     curve = replace(recording, channels=channels, units=units, clocks=clocks)
-    contact = prepare(curve, columns=names, no_time=found.samples == len(depth))
+    timeless = found.samples == len(depth) or "time" not in channels
+    contact = prepare(curve, columns=names, no_time=timeless)
     of_modulus = Check.MODULUS, Check.TIP_SHAPE
     findings = (each for each in found.findings if each.check not in of_modulus)
     return replace(

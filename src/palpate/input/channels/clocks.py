@@ -341,6 +341,12 @@ def report_stated_rate(rate: float) -> Finding:
     return Check.CLOCK.finding(message, "pass --rate if another is right")
 
 
+def report_rate_of_motion(rate: float) -> Finding:
+    """Report that the rate at which the depth follows its velocity is used, Hz."""
+    message = f"there is no time; the depth follows its velocity at {rate:.4g} Hz"
+    return Check.CLOCK.finding(message, "pass --rate if another is right")
+
+
 def report_unmatched(keep: Mask, clock: str | None) -> Finding:
     """Report the samples at which another clock has none."""
     message = f"palpate excluded {count_true(~keep)} of {keep.size} samples of {clock}"

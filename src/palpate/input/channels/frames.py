@@ -239,7 +239,7 @@ def _quaternion_channels(stem: str, turns: Floats) -> dict[str, Floats]:
 IN_BASE = re.compile(
     r"(?:.*[./])?(?:O_T_EE|O_F_ext_hat_K|actual_TCP_(?:pose|force))(?![^\W\d_]|_[^\W\d])", re.I
 )
-_LAST_OF_16 = re.compile(r"(.*[^\d_.])(\[15\]|_15)")
+_LAST_OF_16 = re.compile(r"(.*[^\d_.])(\[15\]|_?15)")
 _LAST_OF_6 = re.compile(r"((?:.*[./])?actual_TCP_pose)(\[5\]|_5)", re.I)
 
 

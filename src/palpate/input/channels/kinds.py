@@ -25,7 +25,7 @@ WORDS: dict[str, str] = {
     "force": "force forces wrench load ft f fx fy fz fn fts kraft fuerza forza",
     "torque": "torque torques moment tau mx my mz tx ty tz",
     "penetration": (
-        "penetration indentation depth deformation compression eindringtiefe tiefe "
+        "penetration indentation depth depths deformation compression eindringtiefe tiefe "
         "profundidad profondeur profondita h"
     ),
     "position": (
@@ -95,6 +95,9 @@ def channel_kind(name: str, unit: str | None = None) -> str | None:
     words = split_name(_FORCE_AND_TORQUE.sub("wrench", name))
     if "depth" in words and not _CAMERA.isdisjoint(words):
         return "nothing"
+    if "of" in words:  # the velocity of deformation is no deformation
+        head = words[: words.index("of")]
+        words = words if _KIND.keys().isdisjoint(head) else head
     words = [word for word in words if word in _KIND and word != unit]
     kinds = [_KIND[word] for word in sorted(words, key=lambda word: _WEAK.get(word, 3))]
     if possible is not None:

@@ -37,6 +37,7 @@ from palpate.input.recordings.recording import holds_numbers
 from palpate.input.recordings.units import (
     OTHER_UNITS,
     UNITS,
+    WEIGHTS,
     divide_unit,
     find_unit,
     is_wanted,
@@ -253,6 +254,8 @@ _REMEDIES = {
     "force": "record the force, or name its channel with --force, or its file with --with",
     "both": "record both, or name their channels with --position and --force",
     "angle": "record the pose of the tool or tf, or name the position's channels with --position",
+    "deflection": "pass the calibration of the cantilever, such as --sensitivity 40nm/V if the "
+    "deflection is in volts, and --spring-constant 0.05N/m",
     "strain": "multiply the stress by the area and the strain by the length of the specimen, and "
     "name the products with --force and --position",
 }
@@ -271,6 +274,8 @@ _PREFERENCES: tuple[
     (("position", "force"), lambda choosing, names, _: choosing.kinds.moves(names)),
     (PREFERRED, lambda _, names, kind: not PREFERRED[kind].isdisjoint(split_name(names[0]))),
     (("position",), lambda choosing, names, _: names in choosing.chains),
+    # The sum of the contacts beside it.
+    (("force",), lambda _, names, __: len(names) > 1 and "total" in split_name(names[0])),
 )
 
 
@@ -708,7 +713,7 @@ def _recorded_kinds(choosing: _Choosing) -> set[str | None]:
 def _unknown_units(choosing: _Choosing) -> Iterable[str]:
     for name in choosing.recording.channels:
         unit = find_unit(name) if choosing.kinds.of(name) is None else None
-        if unit and unit not in OF_UNIT:
+        if unit and unit not in OF_UNIT and unit not in WEIGHTS:
             yield f"{unit} of {name!r}"
 
 
@@ -718,6 +723,14 @@ def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]
         return _REMEDIES["strain"]
     if absent == ["position"] and "angle" in recorded:
         return _REMEDIES["angle"]
+    recording = choosing.recording
+    weights = [name for name in recording.channels if recording.unit_of(name) in WEIGHTS]
+    if weights and absent == ["force"]:
+        name = weights[0]
+        unit = f"{recording.unit_of(name)}f"
+        return f"if {name!r} is the force, in {unit}, pass --force {shlex.quote(name)}"
+    if {"deflection", "segment"} <= recording.channels.keys() and "force" in absent:
+        return _REMEDIES["deflection"]
     if unnamed := _match_unknown_names(choosing, absent):
         what = "its channel" if len(absent) == 1 else "their channels"
         return f"name {what}, such as {_options(unnamed, unnamed)}"
@@ -757,7 +770,7 @@ def _question(
     candidates = {role: depths, "force": forces}
     several = {role: names for role, names in candidates.items() if len(names) > 1}
     questions = [
-        f"{len(names)} channels could be the {role}: {list_names([*map(' '.join, names)])}"
+        f"{len(names)} channels could be the {role}: {list_names([*map(_shorten, names)])}"
         for role, names in several.items()
     ]
     message = f"{'; '.join(questions)}; choose one, such as {_options(example, several)}"
@@ -802,6 +815,13 @@ def _share_source(name: str, reference: str) -> bool:
     # ``/ft/wrench/force/x`` and ``/ft/wrench/torque/x`` differ only in the name of the vector.
     vectors = [re.sub(r"[/.][xyzw]$", "", full, flags=re.I) for full in (name, reference)]
     return vectors[0].rpartition("/")[0] == vectors[1].rpartition("/")[0]
+
+
+def _shorten(names: Names) -> str:
+    """The names in one text; of a vector of messages only once: ``ft.force.x,y,z``."""
+    first, *others = (name.rpartition(".") for name in names)
+    is_vector = {stem for stem, _, _ in others} == {first[0]}
+    return ",".join([names[0], *(axis for *_, axis in others)]) if is_vector else " ".join(names)
 
 
 def _numbers(names: Sequence[str]) -> list[str]:

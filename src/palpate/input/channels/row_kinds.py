@@ -59,7 +59,7 @@ def state_penetration(recording: Recording) -> tuple[Recording, Mapping[str, str
     clocks = dict(recording.clocks)
     penetrations: dict[str, str] = {}
     marked = is_contact_table(recording)
-    placed = any(channel_kind(name) == "position" for name in channels)
+    placed = any(channel_kind(name) == "position" and not _is_distance(name) for name in channels)
     for name, values in recording.channels.items():
         if not _is_distance(name) or values.ndim != 1 or values.dtype.kind not in "fi":
             continue

@@ -13,6 +13,7 @@ from palpate.input.channels.clocks import (
     Times,
     gaps,
     report_gaps,
+    report_rate_of_motion,
     report_rows,
     report_stated_rate,
     report_unmatched,
@@ -23,10 +24,11 @@ from palpate.input.channels.frames import interpolate_columns, lie_between_sampl
 from palpate.input.channels.roles import Roles
 from palpate.input.channels.si_numbers import ChannelReader
 from palpate.input.recordings import Recording
+from palpate.input.recordings.times import is_timelike
 from palpate.input.recordings.units import unit_size
 from palpate.method.contact import number_runs
 from palpate.method.rows import count_true, typical_step
-from palpate.validation import Floats, Integers, Mask, frozen
+from palpate.validation import Floats, Integers, Mask, frozen, shown
 
 Channels: TypeAlias = dict[str, NDArray[np.generic]]
 
@@ -34,6 +36,8 @@ Channels: TypeAlias = dict[str, NDArray[np.generic]]
 SINCE_LONG_AGO = 1e8
 # s, three thousand years. A larger float cannot resolve a millisecond, and comes from a bit error.
 LATEST = 1e11
+# Largest part of the motion that the velocity at an inferred rate may leave unexplained.
+MOST_MISFIT = 0.1
 
 
 @frozen(eq=False)
@@ -141,12 +145,14 @@ def read_stream(
         if not rate and stated is not None:
             reader.findings.append(report_stated_rate(stated))
         rate = rate or stated
+        if rate is None and (rate := _find_rate_of_motion(values)) is not None:
+            reader.findings.append(report_rate_of_motion(rate))
         if rate is None:
             raise RecordingError.of(
                 recording.source,
-                "no channel looks like the time; name it with --time, or pass --rate if the "
-                "samples are evenly spaced and you know the rate; --no-time gives the "
-                "stiffness alone",
+                f"no channel looks like the time{_describe_unread_times(recording)}; name it with "
+                "--time, or pass --rate if the samples are evenly spaced and you know the rate; "
+                "--no-time gives the stiffness alone",
             )
         remedy = "choose others with --position and --force, or name their clocks with --time"
         reader.check_lengths("channels at one rate", lengths, remedy)
@@ -165,6 +171,29 @@ def read_stream(
         reader.stated.add("time")
     unit = "ns" if dated else reader.unit_of_time(clock)
     return Stream(clock, time, unit, values)
+
+
+def _describe_unread_times(recording: Recording) -> str:
+    """Clause on the first channel with the name of a time that holds text; empty without one."""
+    for name, values in recording.channels.items():
+        if is_timelike(name) and values.dtype.kind in "OUS" and values.size:
+            cell = shown(str(values[0]), 40)
+            return f": {name!r} holds {cell}, neither a number nor a date such as 2026-01-31T14:03"
+    return ""
+
+
+def _find_rate_of_motion(values: Channels) -> float | None:
+    """Return the rate, Hz, at which the depth follows its velocity; None if no rate fits."""
+    depth = np.asarray(values.get("depth", 0.0), dtype=np.float64)
+    velocity = np.asarray(values.get("velocity", 0.0), dtype=np.float64)
+    if not depth.ndim == velocity.ndim == 1:
+        return None
+    motion = np.array([np.diff(depth), 0.5 * (velocity[1:] + velocity[:-1])])
+    steps, means = motion[:, np.isfinite(motion).all(axis=0)]
+    with np.errstate(all="ignore"):
+        period = float(steps @ means / (means @ means))
+        misfit = np.linalg.norm(steps - period * means) / np.linalg.norm(steps)
+    return 1.0 / period if period > 0.0 and misfit < MOST_MISFIT else None
 
 
 class Increasing(NamedTuple):

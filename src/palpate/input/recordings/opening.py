@@ -21,8 +21,9 @@ from rich.filesize import decimal as format_bytes
 from palpate._plugins import load_plugins
 from palpate.errors import InvalidParameterError, PalpateError, RecordingError, import_extra
 from palpate.findings import Check
+from palpate.input.recordings.cantilever import complete_force_curve
 from palpate.input.recordings.recording import Faults, Recording, printable
-from palpate.validation import Values, frozen, shown
+from palpate.validation import Values, frozen, number_in, shown
 from palpate.writing import scratch_file
 
 _LOGGER = logging.getLogger(__name__)
@@ -268,6 +269,8 @@ def open_recording(
     episode: int | None = None,
     progress: Callable[[float], None] | None = None,
     max_size: float | None = None,
+    sensitivity: float | None = None,
+    spring_constant: float | None = None,
 ) -> Recording:
     """Read the channels of a file, unchanged.
 
@@ -295,6 +298,10 @@ def open_recording(
     max_size : float, optional
         Largest size of all arrays together, bytes; a message or a compressed block may take a 64th
         of it. Default: 128 times the size of the file, from 64 MiB to 4 GiB; a block 64 MiB.
+    sensitivity : float, optional
+        Deflection of the cantilever per volt, m/V, for a force curve in volts.
+    spring_constant : float, optional
+        That of the cantilever, N/m, for a force curve in volts or lengths.
 
     Returns
     -------
@@ -326,6 +333,9 @@ def open_recording(
         raise InvalidParameterError(f"header_row must be a line from 1 on, not {header_row}")
     if max_size is not None and not 1.0 <= max_size <= 1e18:
         raise InvalidParameterError(f"max_size must be in [1, 1e+18] bytes, not {max_size!r}")
+    for name, value in (("sensitivity", sensitivity), ("spring_constant", spring_constant)):
+        if value is not None:
+            number_in(name, value, 0.0, 1e9, open_low=True)
     begun = time.perf_counter()
     request = Request(
         "standard input" if str(file) == "-" else printable(file),
@@ -340,6 +350,7 @@ def open_recording(
     # Readers name what they find damaged; this is for what none of them foresees.
     with request.explain_damage("the file is damaged", "copy it again", (Exception,)):
         recording = _read(file, request, max_size)
+        recording = complete_force_curve(recording, sensitivity, spring_constant)
     _log(recording, time.perf_counter() - begun)
     return recording
 

@@ -20,6 +20,7 @@ import numpy as np
 
 from palpate.errors import MissingChannelError
 from palpate.input.recordings.opening import Draft, Request, excess, first_line
+from palpate.input.recordings.plain_rows import find_plain_rows
 from palpate.input.recordings.recording import Faults, Recording
 from palpate.input.recordings.text_layout import (
     SPACES,
@@ -286,7 +287,7 @@ class _Column:
 
     def take(self, cells: Sequence[str]) -> None:
         """Parse and add cells."""
-        if self.kind == "nothing":
+        if self.kind == "nothing" or not cells:
             return
         if self.kind == "text":
             # Python objects, because one long cell would widen all others of an array of text, and
@@ -373,7 +374,8 @@ def _detect_kind(name: str, filled: Sequence[str], decimal: str) -> str:
     def is_text(cell: str) -> bool:
         return parse_number(cell, decimal) is None and not WHOLE_THOUSANDS.fullmatch(cell.strip())
 
-    if is_timelike(name) and are_mostly(is_nanoseconds):
+    increases = filled[0] < filled[-1] and [*filled] == sorted(filled)
+    if (is_timelike(name) or increases) and are_mostly(is_nanoseconds):
         return "nanoseconds"
     if not are_mostly(is_text):
         return "numbers"
@@ -406,6 +408,12 @@ class _Table:
         self.words = b""  # trailing lines of words
         blocks = self.text.blocks()
         first = next(blocks, b"")
+        head = self.text.decode(first[: first.rfind(b"\n", 0, HEAD) + 1])
+        encoding = "cp1252" if self.text.encoding == "windows-1252" else "utf-8"
+        self.plain = find_plain_rows(head, encoding)
+        if self.plain is not None:
+            first = self.plain.rewrite(first)
+            blocks = map(self.plain.rewrite, blocks)
         self._begin(first, kinds)
         row = self.layout.first + 1
         rows = first.split(b"\n", self.layout.first)[-1]
@@ -429,7 +437,7 @@ class _Table:
         if layout is None or layout.first >= len(lines) - 1 or layout.table.last < len(lines) - 1:
             lines = self.text.decode(first).split("\n")[:-1]
             layout = detect_layout(lines, source, header_row)
-        self.layout: TextLayout = layout
+        self.layout: TextLayout = self.plain.add_to(layout) if self.plain else layout
         # The lines of the header, which other blocks may repeat.
         self.title, *below = first.split(b"\n", layout.first)[layout.table.header : -1] or [b""]
         units = b"|".join(re.escape(line + b"\n") for line in [*below, b""])
@@ -437,7 +445,7 @@ class _Table:
         self.header = re.compile(header, re.MULTILINE)
         probed = lines[layout.first : layout.first + PROBED]
         records = [cells for _, cells in self._records(probed, 0, lambda *_: None)]
-        for name, cells in zip(layout.header, self._transpose(records), strict=True):
+        for name, cells in zip(self.layout.header, self._transpose(records), strict=True):
             kind = kinds.get(name) if self.request.wants(name) else "nothing"
             self.columns.append(_column_for(name, cells, layout.decimal, kind))
 
@@ -597,7 +605,7 @@ class _Table:
                 stop = end + 1
             cells = split_cells(line, delimiter)
             # Padding an almost empty row of a wide table would invent many cells.
-            if width > WIDE and 2 * len(cells) < width:
+            if width > WIDE and 2 * len(cells) < width and not self.layout.clocks:
                 lose("has less than half as many cells as the header", row + k)
             elif any(map(str.strip, cells[width:])):
                 lose("has more cells than the header", row + k)
@@ -703,6 +711,9 @@ class _Table:
             epoch = detect_epoch(channels[name])
             if epoch is not None and draft.units.setdefault(name, epoch[0]) == epoch[0]:
                 channels[name] = epoch[1]
+        if any(name.startswith("field") for name in channels) and "%time" in channels:
+            draft.units["%time"] = "ns"  # rostopic's, also of a simulation's clock
+        self._separate_samples(draft)
         stamps = join_stamps(channels)
         channels |= stamps
         draft.units |= dict.fromkeys(stamps, "ns")
@@ -710,12 +721,28 @@ class _Table:
             del channels[name]
             draft.units.pop(name, None)
         has_numbers = any(values.dtype != object for values in channels.values())
-        if len(self.begins) > 1 and has_numbers:
+        if len(self.begins) > 1 and has_numbers and not draft.clocks:
             ends = [*self.begins[1:], len(self.rows)]
             blocks = [self.rows[a:b] for a, b in zip(self.begins, ends, strict=True)]
             lengths = [sum(map(len, block)) for block in blocks]
             segments = np.repeat(np.arange(1.0, len(lengths) + 1.0), lengths)
             channels.setdefault("segment", segments)
+
+    def _separate_samples(self, draft: Draft) -> None:
+        """Give each of the samples side by side its clock and its rows."""
+        clocks = {name: time for name, time in self.layout.clocks.items() if name in draft.channels}
+        for time in {*clocks.values()}:
+            names = [name for name, clock in clocks.items() if clock == time]
+            columns = [draft.channels[name] for name in names]
+            known = [column == column for column in columns if column.dtype != object]
+            if not known:  # names above blank cells
+                clocks = {name: clock for name, clock in clocks.items() if clock != time}
+                continue
+            for name, column in zip(names, columns, strict=True):
+                draft.channels[name] = column[np.logical_or.reduce(known)]
+                if name in draft.faults and not draft.faults[name].text.strip():
+                    del draft.faults[name]
+        draft.clocks |= {name: time for name, time in clocks.items() if name != time}
 
     def _report_losses(self, draft: Draft) -> None:
         """Report the rows, lines and columns that are not in the recording."""

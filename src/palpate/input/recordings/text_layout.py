@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import starmap
+from itertools import pairwise, starmap
 from typing import NamedTuple
 
 from palpate.errors import RecordingError
@@ -139,6 +139,8 @@ class TextLayout:
         Where the table is among the given lines.
     place : str
         Begin of the table and the text there, for messages; empty if it is the first line.
+    clocks : dict of str
+        For samples side by side, each column to the time of its sample.
     """
 
     header: list[str]
@@ -150,6 +152,7 @@ class TextLayout:
     settings: dict[str, float]
     table: NumberBlock
     place: str
+    clocks: dict[str, str] = field(default_factory=dict)
 
 
 def detect_layout(lines: Sequence[str], source: str, header_row: int | None = None) -> TextLayout:
@@ -182,7 +185,8 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         header = _read_commented_header("" if report else comments.last, header, delimiter)
     first = int(has_header)
     _check_header(header, table.header + first, source)
-    names = _make_names_unique(header)
+    size = _size_of_repeat(header, table.shape.numbers)
+    names = _make_names_unique(_name_samples(header, size))
     decimal = _decimal_mark(body[max(first, table.first - table.header) :][:TRIED], delimiter)
     notes = comments.notes
     if not has_header and header[0] == "column 1":
@@ -190,12 +194,14 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
     if decimal == ",":
         notes["decimal mark"] = "comma"
     description = _read_description(report, delimiter, decimal)
-    unit_rows = _read_unit_rows(body[first:], names, delimiter, decimal, may_be_blank=bool(report))
+    may_be_blank = size + len(report) > 0
+    unit_rows = _read_unit_rows(body[first:], names, delimiter, decimal, may_be_blank=may_be_blank)
     units = {name: unit for name in names if (unit := unit_in_name(name))}
     for row in unit_rows:
         units |= row
     if report:
         units = _read_units_of_report(report, names, delimiter, units)
+    clocks = _clocks_of_samples(names, size, units)
     is_plain = not report and header_row is None and table.rows > 0
     return TextLayout(
         names,
@@ -207,6 +213,7 @@ def detect_layout(lines: Sequence[str], source: str, header_row: int | None = No
         dict(filter(None, starmap(_read_setting, description))),
         table,
         "" if is_plain else _describe_place(table.header + 1, names),
+        clocks,
     )
 
 
@@ -262,7 +269,10 @@ def _read_comments(lines: Sequence[str]) -> _Comments:
 
 def _find_table(lines: Sequence[str], top: int, source: str, header_row: int | None) -> NumberBlock:
     if header_row is None:
-        return _largest_block(lines, top)
+        table = _largest_block(lines, top)
+        if 2 * table.rows < len(lines):
+            _refuse_steps(lines, source)
+        return table
     if header_row > len(lines):
         raise RecordingError(
             f"{source}: --header-row {header_row} is below the lines in which a table begins, "
@@ -270,6 +280,20 @@ def _find_table(lines: Sequence[str], top: int, source: str, header_row: int | N
         )
     shape = _largest_block(lines, header_row).shape
     return NumberBlock(header_row - 1, header_row, len(lines), named=True, shape=shape)
+
+
+def _refuse_steps(lines: Sequence[str], source: str) -> None:
+    """Refuse a text that repeats lines of several words and sizes for each step."""
+    rows = [re.split(r"[,;:\s]+", line.strip(" ,;:")) for line in lines if line.strip()]
+    counts = Counter(cells[0] for cells in rows if cells[0].isidentifier())
+    words = [word for word, count in counts.items() if count > 2]
+    sizes = {len(cells) for cells in rows if cells[0] in words}
+    alternate = sum(a[0] != b[0] and a[0] in words for a, b in pairwise(rows))
+    if len(words) > 2 and len(sizes) > 1 and 2 * alternate > len(rows):
+        raise RecordingError(
+            f"{source}: this is no table: it has a block of lines for each step, with "
+            f"{', '.join(words[:4])}; write one row for each step, with time, position and force"
+        )
 
 
 def is_other_table(lines: Sequence[str]) -> bool:
@@ -369,11 +393,14 @@ def _find_header(lines: Sequence[str], above: Sequence[int], shape: RowShape) ->
         filled = [cell for cell in cells if cell]
         if not filled or _RULE.fullmatch(lines[k]) or _are_units(filled):
             continue
+        if len(cells) == shape.cells and _are_starts(cells):
+            continue
         is_second = k - 1 in above and len(_names(lines[k - 1], shape.delimiter)) == len(cells)
         if is_second and _are_units(filled, 0.5):
             continue
         are_names = all(re.search(r"[^\W\d_]", cell) for cell in filled)
         fit = least <= len(cells) <= shape.cells + 2 and 2 * len(filled) >= least
+        fit = fit or _size_of_repeat(cells, shape.numbers) > 0
         return k if are_names and fit else None
     return None
 
@@ -432,6 +459,51 @@ def _make_names_unique(names: Sequence[str]) -> list[str]:
     return list(unique)
 
 
+# Samples side by side: the same names again and again, or names above the first sample only.
+
+
+def _size_of_repeat(header: Sequence[str], numbers: int) -> int:
+    """The number of columns of a sample; 0 if no names repeat."""
+    named = [*header]
+    while named and not named[-1]:
+        named.pop()
+    repeats = bool(named and named[0]) and named.count(named[0]) > 1
+    size = named.index(named[0], 1) if repeats else len(named)
+    filled = [name for name in named[:size] if name]
+    if not 1 < len({*filled}) == len(filled) < numbers:
+        return 0
+    # Without the border after the last sample; or without names from the second sample on.
+    count = len(named) + (not named[size - 1]) if repeats else len(header)
+    same = all(name == named[k % size] for k, name in enumerate(named))
+    is_whole = size < count and count % size == 0
+    return size if same and is_whole and (repeats or filled == named) else 0
+
+
+def _are_starts(cells: Sequence[str]) -> bool:
+    """Whether cells are filled at equal distances from the first on: names of samples."""
+    starts = [place for place, cell in enumerate(cells) if cell]
+    return len(starts) > 1 and starts[1] > 1 and starts == [*range(0, len(cells), starts[1])]
+
+
+def _name_samples(header: list[str], size: int) -> list[str]:
+    """The names after the number of their sample: ``sample 2/Force``."""
+    if not size:
+        return header
+    names = [header[k % size] for k in range(len(header))]
+    return [name and f"sample {1 + k // size}/{name}" for k, name in enumerate(names)]
+
+
+def _clocks_of_samples(names: Sequence[str], size: int, units: dict[str, str]) -> dict[str, str]:
+    """The time of each column of samples side by side, which share the units of the first one."""
+    clocks: dict[str, str] = {}
+    for k in range(0, len(names), size) if size else ():
+        sample = names[k : k + size]
+        units |= {a: units[b] for a, b in zip(sample, names, strict=False) if b in units} | units
+        times = [name for name in sample if is_timelike(name) or units.get(name) in UNITS["time"]]
+        clocks |= dict.fromkeys(sample, *times[:1]) if times else {}
+    return clocks
+
+
 # Units: in rows below the header, in lines above it, or by the kind of the report.
 
 
@@ -457,6 +529,8 @@ def _read_units(
         cells += [""] * (len(names) - len(cells))
     if len(cells) != len(names) or any(_is_number(cell, decimal) for cell in cells):
         return None
+    if _are_starts(cells):
+        return {}
     units = {name: plain_unit(cell) for name, cell in zip(names, cells, strict=True)}
     filled = list(filter(None, units.values()))
     known = sum(unit in KNOWN or unit in OTHER_UNITS for unit in filled)

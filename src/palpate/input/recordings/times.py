@@ -9,16 +9,20 @@ import numpy as np
 from palpate.validation import Integers, Values
 
 _ISO = re.compile(
-    r"(\d{4}-\d\d-\d\d)[T ](\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?"
+    r"(\d{4}[-/]\d\d[-/]\d\d)[T /_](\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?"
     r"\s*(?:(Z|UTC)|([+-])(\d\d):?(\d\d)?)?",
     re.ASCII,
 )
-# A time of day, ``14:03:27.250`` or ``2:03:27 PM``; or minutes and seconds, ``03:27.250``.
+# A time of day, ``14:03:27.250`` or ``2:03:27 PM``; or minutes and seconds, ``03:27.250``. A date
+# of another order before it, ``9/5/2023``, does not matter.
 _OF_DAY = re.compile(
-    r"(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?", re.ASCII
+    r"(?:\d{1,2}[./-]\d{1,2}[./-]\d{2,4},?[ T]+)?"
+    r"(?:(\d{1,2}):)?(\d{1,2}):(\d\d)(?:[.,:](\d{1,9}))?(?:\s*([AaPp])\.?[Mm]\.?)?",
+    re.ASCII,
 )
 DAY = 86_400 * 10**9  # ns
 _TIMELIKE = re.compile(r"(?:^|[^a-z])(?:time|timestamp|stamp|t|epoch|datetime|clock)(?:[^a-z]|$)")
+_HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 _WHOLE = re.compile(r"\s*\d{17,19}\s*", re.ASCII)  # a float cannot represent it exactly
 _SINCE = datetime(1970, 1, 1, tzinfo=UTC)
 # From 1990 to 2100 in seconds; no other unit has numbers in that range.
@@ -41,7 +45,8 @@ def iso_nanoseconds(cell: str) -> int | None:
     day, minute, second, fraction, _, sign, hours, minutes = date.groups()
     offset = f"{sign}{hours}:{minutes or '00'}" if sign else "+00:00"
     try:
-        past = datetime.fromisoformat(f"{day}T{minute}:{second or '00'}{offset}") - _SINCE
+        moment = f"{day.replace('/', '-')}T{minute}:{second or '00'}{offset}"
+        past = datetime.fromisoformat(moment) - _SINCE
     except ValueError:
         return None
     value = (past.days * 86_400 + past.seconds) * 10**9 + int((fraction or "").ljust(9, "0"))
@@ -68,8 +73,8 @@ def past_midnight(times: Integers) -> Integers:
 
 
 def is_timelike(name: str) -> bool:
-    """Whether the name of a column suggests times."""
-    return _TIMELIKE.search(name.lower()) is not None
+    """Whether the name of a column suggests times: ``time_s``, ``rosbagTimestamp``."""
+    return _TIMELIKE.search(_HUMP.sub("_", name).lower()) is not None
 
 
 def whole_time(cell: str) -> int | None:

@@ -52,6 +52,7 @@ _SPELT = {
     "inches": "in", "mils": "mil", "lbs": "lb", "pounds": "lb",
     "ounces": "oz", "gram": "g", "grams": "g", "gram-force": "gf", "kilogram-force": "kgf",
     "pound-force": "lbf", "second": "s",
+    "millis": "ms", "milliseconds": "ms", "micros": "us", "microseconds": "us",
     **{f"{prefix}met{end}{s}": f"{unit}m" for end in ("er", "re") for s in ("", "s")
        for prefix, unit in (("", ""), ("milli", "m"), ("micro", "µ"), ("nano", "n"))},
     **{f"{prefix}newton{s}": f"{unit}N" for s in ("", "s")
@@ -114,6 +115,8 @@ def find_unit_in_name(name: str) -> tuple[str | None, bool]:
         name = bracketed[1]
     if (behind := _AFTER_A_COMMA.fullmatch(name)) and plain_unit(behind[1]) in _BARE:
         return _lower_time_unit(name, plain_unit(behind[1])), True  # ``Fz, gf``, ``Kraft in N``
+    if (unit := plain_unit(name)) in ("ms", "us") and len(name) > 2:  # Arduino's millis()
+        return unit, True
     pieces = re.split(r"[_\s]+", name)
     for count in (2, 1):  # velocity_m_s before any other that ends with _s
         unit = _lower_time_unit(name, plain_unit("/".join(pieces[-count:])))
