@@ -86,6 +86,55 @@ def _adhesive_sphere(
     return np.where(touching, np.interp(x, depth, force), 0.0)
 
 
+#: What may be wrong with a curve of :func:`faulty_curve`.
+FAULTS = ("none", "wrong tip", "thin sample", "tilted baseline")
+EACH = 12
+
+
+def faulty_curve(fault: str, number: int, *, stated: bool = False) -> tuple[Indentation, float]:
+    """Return palpate's fit and the true modulus of a curve with a fault, always the same.
+
+    Even numbers have a sphere, odd ones a cone, and the wrong tip is the other; a thin sample, of 3
+    to 7 µm (Dimitriadis 2002; ``stated`` to palpate or not), and a tilted baseline have spheres.
+    The baseline tilts by 5 to 15 % of the peak over the position of the piezo. 1 to 20 kPa, noise
+    of 0.2 to 0.8 % of the peak, indentation of 0.08 to 0.3 of the radius.
+    """
+    random = np.random.default_rng([SEED, 69, number])
+    modulus = math.exp(random.uniform(math.log(1e3), math.log(2e4)))
+    radius = random.uniform(2e-6, 8e-6)
+    half_angles = np.radians(random.uniform(18.0, 36.0, 2))
+    depth, travel = radius * random.uniform(0.08, 0.3), random.uniform(2e-6, 5e-6)
+    thickness = random.uniform(3e-6, 7e-6)
+    sphere, cone = Sphere(radius), Cone(float(half_angles[0]))
+    true: Tip = sphere if number % 2 == 0 or fault in FAULTS[2:] else cone
+    named = true
+    if fault == "wrong tip":
+        named = Cone(float(half_angles[1])) if true is sphere else sphere
+    if fault == "thin sample":
+        true = Sphere(radius, thickness)
+        named = true if stated else sphere
+    depths = np.linspace(-travel, depth, 20_000)
+    law = np.array([true.force(modulus / 0.75, x) for x in depths])
+    compliance = depth * random.uniform(0.5, 3.0) / law[-1]
+    base = np.linspace(-travel, depth + compliance * law[-1], SAMPLES)
+    force = np.interp(base, depths + compliance * law, law)
+    if fault == "tilted baseline":
+        tilt = random.choice([-1, 1]) * random.uniform(0.05, 0.15)
+        force = force + tilt * law[-1] * (base - base[0]) / (base[-1] - base[0])
+    base, force = (np.concatenate([each, each[::-1]]) for each in (base, force))
+    force = force + law[-1] * random.uniform(0.002, 0.008) * random.normal(size=force.size)
+    segment = np.repeat([0, 1], SAMPLES)
+    return fit_approach(base - compliance * force, force, segment, named, base=base), modulus
+
+
+def falsely_trusted(fits: list[tuple[Indentation, float]]) -> int:
+    """Count the moduli that are wrong by more than 10 % and trusted all the same."""
+    return sum(
+        fit.modulus.mark == "trust" and abs(fit.modulus.value.value / modulus - 1.0) > 0.1
+        for fit, modulus in fits
+    )
+
+
 def measure() -> Section:
     """Count the curves whose modulus is within two error bars, and whose adhesion is named."""
     curves = [force_curve(number) for number in range(COUNT)]
@@ -109,6 +158,14 @@ def measure() -> Section:
             limit=at_least(COUNT)),
         Row("trusted", sum(trusted), ""),
     ]  # fmt: skip
+    for fault in FAULTS:
+        faulty = [faulty_curve(fault, number) for number in range(EACH)]
+        right = EACH - falsely_trusted(faulty)
+        rows.append(
+            Row(f"{fault}: within 10 % or not trusted, of {EACH}", right, "", limit=at_least(EACH))
+        )
+        trusted = [fit.modulus.mark == "trust" for fit, _ in faulty]
+        rows.append(Row(f"{fault}: trusted", sum(trusted), ""))
     notes = [
         "sphere and cone, baselines with slope and bend, adhesion by Johnson, Kendall, Roberts"
     ]

@@ -8,7 +8,14 @@ import pytest
 from containers import HEIGHT_SCALE, SENSITIVITY, SPRING_CONSTANT, VOLTS, write_jpk
 
 import palpate
-from benchmarks.fleets.force_curves import COUNT, force_curve
+from benchmarks.fleets.force_curves import (
+    COUNT,
+    EACH,
+    FAULTS,
+    falsely_trusted,
+    faulty_curve,
+    force_curve,
+)
 from palpate import Cone, FlatPunch, Pyramid, Recording, RecordingError, Sphere
 from palpate.findings import Check
 from palpate.identification.quantities.elastic_modulus import TIPS
@@ -80,8 +87,60 @@ def test_another_tip_than_the_true_one_is_not_trusted():
     assert fit_approach(x, force, None, Cone(0.6)).modulus.mark == "trust"
     found = fit_approach(x, force, None, Sphere(RADIUS))
     assert Check.TIP_SHAPE in checks(found)
-    assert found.modulus.mark == "with-care"
-    assert "to the power 2.00" in found.modulus.remarks[0]
+    assert found.modulus.mark == "do-not-trust"
+    assert found.modulus.remarks[0].endswith("n = 1.5: a cone or a pyramid or a thin sample?")
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_no_modulus_that_is_wrong_by_a_tenth_is_trusted(fault):
+    fits = [faulty_curve(fault, number) for number in range(EACH)]
+    assert falsely_trusted(fits) == 0
+    marks = [fit.modulus.mark for fit, _ in fits]
+    if fault == "none":
+        assert set(marks) == {"trust"}
+    elif fault != "tilted baseline":
+        assert "trust" not in marks
+    if fault == "thin sample":
+        for number in range(EACH):
+            fit, modulus = faulty_curve(fault, number, stated=True)
+            assert fit.modulus.mark == "trust"
+            # Its error bar is 1 to 3 %.
+            assert fit.modulus.value.value == pytest.approx(modulus, rel=0.06)
+
+
+def test_a_sample_that_relaxes_states_the_speed_of_its_approach():
+    time = 1e-3 * np.arange(4000)
+    x = 0.8e-6 - 2e-6 * np.abs(time - 2.0)
+    load = Sphere(RADIUS).factor * 2000.0 / 0.75 * np.maximum(x, 0.0) ** 1.5
+    fading = 0.8 + 0.2 * np.exp(-time / 0.3)
+    force = np.convolve(fading, np.diff(load, prepend=0.0))[: time.size]
+    for curve, relaxes in ((load, False), (np.maximum(force, 0.0), True)):
+        noisy = curve + 1e-11 * np.random.default_rng(3).normal(size=time.size)
+        segment = np.repeat([0, 1], 2000)
+        found = fit_approach(x, noisy, segment, Sphere(RADIUS), time=time).modulus
+        assert ("that at 2 µm/s" in " ".join(found.remarks)) is relaxes
+
+
+def test_a_text_with_units_is_the_same_force_curve(tmp_path, run):
+    x, force = approach(Sphere(RADIUS), noise=1e-12)
+    units = {"force (nN)": 1e9, "Vertical Tip Position [nm]": 1e9}
+    columns = [size * each for size, each in zip(units.values(), (force, -x), strict=True)]
+    path = tmp_path / "curve.csv"
+    np.savetxt(path, np.transpose(columns), delimiter=",", header=",".join(units), comments="")
+    _, out, _ = run("identify", path, "--tip", TIP, "--json")
+    answer = json.loads(out)["results"][0]
+    # Written with 19 digits.
+    assert answer["elastic_modulus"]["value"] == pytest.approx(
+        fit_approach(x, force, None, Sphere(RADIUS)).modulus.value.value, rel=1e-6
+    )
+    assert answer["fixed"] == ["n"]
+    tip = ("--tip", TIP, "--thickness", "4um")
+    thin = json.loads(run("identify", path, *tip, "--json")[1])["results"][0]["elastic_modulus"]
+    assert thin["tip"]["thickness"] == pytest.approx(4e-6)
+    assert thin["value"] < 0.7 * answer["elastic_modulus"]["value"]
+    for wrong in (("--tip", "cone:angle=20deg", "--thickness", "4um"), (*tip, "--poisson", "0.3")):
+        code, _, error = run("identify", path, *wrong)
+        assert (code, "thickness needs" in error) == (2, True)
 
 
 def test_impossible_curves_and_depths_have_no_modulus():

@@ -1,7 +1,10 @@
 """Data sets of robot learning, written by the libraries of their recorders (dataset_files.py)."""
 
 import json
+import re
+import shutil
 
+import h5py
 import numpy as np
 import pytest
 from dataset_files import (
@@ -28,6 +31,19 @@ def write_zip(path, given):
     write_replay_buffer(path, given, zip_file=True)
 
 
+def write_zipped_folder(path, given):
+    """As ``zip -r store.zip store.zarr`` does."""
+    store = path.with_suffix(".zarr")
+    write_replay_buffer(store, given)
+    shutil.make_archive(path.with_suffix(""), "zip", path.parent, store.name)
+    shutil.rmtree(store)
+
+
+def write_lerobot_3_without_episodes(path, given):
+    write_lerobot_3(path, given)
+    shutil.rmtree(path / "meta/episodes")
+
+
 LAYOUTS = {
     "LeRobot v2.1": ("pressing", write_lerobot_2),
     "LeRobot v3.0": ("pressing", write_lerobot_3),
@@ -35,6 +51,8 @@ LAYOUTS = {
     "LIBERO": ("pressing.hdf5", write_libero),
     "UMI": ("pressing.zarr", write_replay_buffer),
     "UMI in a zip": ("pressing.zarr.zip", write_zip),
+    "LeRobot v3.0 without meta/episodes": ("pressing", write_lerobot_3_without_episodes),
+    "UMI in a folder in a zip": ("pressing.zip", write_zipped_folder),
 }
 
 
@@ -120,6 +138,55 @@ def test_force_umi_names_the_one_option_that_it_needs(tmp_path):
             palpate.prepare(file)
         if each.law is not None:
             check_law(palpate.prepare(file, columns=Columns(position="state")), each)
+
+
+# Layouts of HDF5: arrays of a pose (7 numbers) and a wrench (6), with the options that they need.
+CLOCKS = {"robot/pose": 0, "robot/wrench": 1, "timestamps/pose": 2, "timestamps/wrench": 2}
+ASKED = {
+    "two arms": (lambda a: np.stack([a, a[::-1]], 1), "end/pose[0]", "end/wrench[0]"),
+    "windows": (lambda a: np.stack([a[:-1], a[1:]], 1), "end/pose[1]", "end/wrench[1]"),
+    "one state": (None, "state[0],state[1],state[2]", "state[7],state[8],state[9]"),
+}
+
+
+def test_a_group_of_clocks_has_the_names_of_their_arrays(tmp_path):
+    each = SIX[0]
+    arrays = [pose_of_seven(each), wrench_of(each), 1.76e9 + each.time]
+    with h5py.File(tmp_path / "clocks.h5", "w") as file:
+        for name, number in CLOCKS.items():
+            file[name] = arrays[number]
+        file["robot/gripper"] = np.zeros(90)
+        file["timestamps/gripper"] = 1.76e9 + 0.1 * np.arange(90)
+    recording = open_recording(tmp_path / "clocks.h5")
+    assert recording.clocks["robot/gripper"] == "timestamps/gripper"
+    check_law(recording, each)
+
+
+@pytest.mark.parametrize("layout", ASKED)
+def test_several_vectors_in_a_sample_ask_which_one(tmp_path, layout):
+    join, position, force = ASKED[layout]
+    each = SIX[0]
+    pose, wrench, time = pose_of_seven(each), wrench_of(each), 1.76e9 + each.time
+    with h5py.File(tmp_path / "set.h5", "w") as file:
+        if join is None:
+            file["state"] = np.hstack([pose, wrench])
+        else:
+            file["end/pose"], file["end/wrench"] = join(pose), join(wrench)
+            time = time[-len(file["end/pose"]) :]
+            file["ee_rotation"] = np.tile(np.eye(3), (time.size, 1, 1))  # no vectors
+        file["timestamp"] = time
+    with pytest.raises(RecordingError, match=f"such as --position '{re.escape(position[:-2])}"):
+        palpate.prepare(tmp_path / "set.h5")
+    columns = Columns(position=position, force=force)
+    check_law(palpate.prepare(tmp_path / "set.h5", columns=columns), each)
+
+
+def pose_of_seven(each):
+    return np.hstack([each.position, np.tile([1.0, 0.0, 0.0, 0.0], (each.samples, 1))])
+
+
+def wrench_of(each):
+    return pose_and_wrench(each)["observation.wrench"]
 
 
 def state_with_names(each):

@@ -79,6 +79,7 @@ def fleet(
     choosing: MethodOptions = MethodOptions(),
     diagnosis: Literal["none", "input", "full"] | None = None,
     tip: Shape = None,
+    thickness: Depth | None = None,
     poisson: float | None = None,
     fail_on: Literal["do-not-trust", "with-care"] | None = None,
     report: Annotated[bool, Parameter(negative="", group=OUTPUT)] = False,
@@ -110,6 +111,8 @@ def fleet(
     tip
         Give Young's modulus for this tip, as for palpate identify. Force curves are then identified
         from their approach: baseline, contact point and modulus, with a verdict for each.
+    thickness
+        Thickness of a sample that is bonded to stiff ground, such as 5um, for --tip sphere.
     poisson
         Poisson's ratio of the material, for --tip (default: 0.5, incompressible).
     fail_on
@@ -124,7 +127,7 @@ def fleet(
     from palpate.fleet.tasks import default_diagnosis
     from palpate.input.recordings.opening import whole_recording
 
-    shape, ratio = parse_material(tip, poisson)
+    shape, ratio = parse_material(tip, poisson, thickness)
     listed = list_sources(sources, leave_out=output)
     if diagnosis is None:
         diagnosis = default_diagnosis(listed)

@@ -101,7 +101,8 @@ def identify(
     if query.tip is not None:
         from palpate.identification.quantities.indentation import find_force_curve
 
-        if find_force_curve(contact) is not None:
+        power_law = not query.tip.thinness(1.0)
+        if power_law and find_force_curve(contact) is not None:
             reading = replace(reading, exponent=query.tip.exponent)
     choosing, estimator = _estimator(contact, choosing, reading)
     if query.tip is None:

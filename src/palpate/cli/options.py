@@ -233,6 +233,8 @@ class QuantityOptions:
     pyramid:angle=35deg."""
     specimen: Annotated[str | None, Parameter(metavar="SIZE")] = None
     "Print Young's modulus S h/A of a specimen between plates: area=314mm2,height=20mm."
+    thickness: Depth | None = None
+    "Thickness of a sample that is bonded to stiff ground, such as 5um, for --tip sphere."
     poisson: float | None = None
     "Poisson's ratio of the material, for --tip (default: 0.5, incompressible)."
     frequency: Annotated[str | None, Parameter(metavar="FREQUENCY")] = None
@@ -250,7 +252,7 @@ class QuantityOptions:
         from palpate.identification.quantities.derived import QueryOptions
 
         speed = positive("--impact-speed", self.impact_speed, "velocity", 1e6)
-        tip, ratio = parse_material(self.tip, self.poisson)
+        tip, ratio = parse_material(self.tip, self.poisson, self.thickness)
         specimen = None if self.specimen is None else parse_specimen(self.specimen)
         frequency = positive("--frequency", self.frequency, _FREQUENCIES, 1e12)
         return QueryOptions(speed, tip, ratio, frequency, specimen)
@@ -330,21 +332,32 @@ def parse_units(option: str, pairs: tuple[str, ...]) -> dict[str, str]:
     return units
 
 
-def parse_material(tip: str | None, poisson: float | None) -> "tuple[Tip | None, float | None]":
-    """Return the tip and Poisson's ratio of the options.
+def parse_material(
+    tip: str | None, poisson: float | None, thickness: str | None
+) -> "tuple[Tip | None, float | None]":
+    """Return the tip, with the thickness of the sample below it, and Poisson's ratio.
 
     Raises
     ------
     InvalidParameterError
-        The tip has none of the forms, the ratio is out of its range, or has no tip.
+        The tip has none of the forms, the ratio is out of its range, or has no tip; or the
+        thickness has no sphere.
     """
+    from palpate.identification.quantities.elastic_modulus import Sphere
     from palpate.validation import number_in
 
     if poisson is not None:
         if tip is None:
             raise InvalidParameterError(f"--poisson needs --tip, such as {_FORMS}")
         number_in("--poisson", poisson, -1.0, 0.5, open_low=True)
-    return None if tip is None else parse_tip(tip), poisson
+    shape = None if tip is None else parse_tip(tip)
+    if thickness is not None:
+        if not isinstance(shape, Sphere):
+            raise InvalidParameterError(
+                "--thickness needs --tip sphere:radius=5um, or another size"
+            )
+        shape = Sphere(shape.radius, quantity("--thickness", thickness, "penetration"))
+    return shape, poisson
 
 
 def parse_tip(text: str) -> "Tip":
@@ -360,7 +373,7 @@ def parse_tip(text: str) -> "Tip":
     kind, _, size = text.partition(":")
     name, _, value = (part.strip() for part in size.partition("="))
     option = f"--tip {kind}:{name}"
-    round_ = {"sphere": Sphere, "punch": FlatPunch}
+    round_: dict[str, type[Sphere | FlatPunch]] = {"sphere": Sphere, "punch": FlatPunch}
     pointed: dict[str, type[Cone | Pyramid]] = {"cone": Cone, "pyramid": Pyramid}
     if kind in round_ and name in ("radius", "diameter"):
         length = quantity(option, value, "penetration")

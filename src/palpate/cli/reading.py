@@ -204,16 +204,17 @@ class ReadingOptions:
         """Return the contact of a force curve, from the contact point that the tip finds."""
         from palpate.identification.quantities.indentation import (
             fit_force_curve,
-            is_force_curve,
             prepare_force_curve,
+            read_force_curve,
             refuse_options,
         )
 
-        if not is_force_curve(recording.channels):
+        curve = read_force_curve(recording)
+        if curve is None:
             return None
         fixed = ["exponent"] if self.exponent is not None else []
         refuse_options([*self.changed_preparation, *fixed])
-        return prepare_force_curve(recording, fit_force_curve(recording, tip))
+        return prepare_force_curve(curve, fit_force_curve(curve, tip))
 
     def _contact(self, file: Path, tip: "Tip | None") -> "Contact":
         from palpate.input.preparation import prepare

@@ -134,6 +134,7 @@ class Curves:
             *signals,
             settings.tip,
             settings.poisson_ratio,
+            time=self.time[row] if self.time.ndim == 2 else self.time,
             source=self.source,
         )
 
@@ -299,11 +300,11 @@ def identify_each(
 def _identify_given(given: Any, settings: Settings, by: Settings) -> Iterator[Row]:
     """Yield the rows of a contact, a recording or the fit of a force curve."""
     if isinstance(given, Recording):
-        curve = settings.tip is not None and indentation.is_force_curve(given.channels)
-        if curve and settings.tip is not None:
+        curve = None if settings.tip is None else indentation.read_force_curve(given)
+        if curve is not None and settings.tip is not None:
             fixed = settings.estimator.keys() & {"exponent", "surface"}
             indentation.refuse_options(fixed | settings.preparation.keys())
-            given = indentation.fit_force_curve(given, settings.tip, settings.poisson_ratio)
+            given = indentation.fit_force_curve(curve, settings.tip, settings.poisson_ratio)
     if isinstance(given, indentation.Indentation):
         yield indentation_row(given, settings)
         return

@@ -320,10 +320,11 @@ def indentation_row(found: indentation.Indentation, settings: Settings) -> Row:
         "flags": [],
         "findings": [finding_cell(finding) for finding in found.findings],
     }
-    exponent = found.modulus.tip.exponent
+    tip = found.modulus.tip
     if "n" in law:
-        row |= {"n": exponent, "n_standard_error": 0.0}
-    force = found.K.scaled(depth**exponent)
+        row |= {"n": tip.exponent, "n_standard_error": 0.0}
+    force = found.K.scaled(tip.force(1.0, depth) / tip.factor)
+    exponent = tip.exponent_at(depth)
     for name, value in (("force", force), ("stiffness", force.scaled(exponent / depth))):
         row |= _quantity_columns(name, value)
     mark = found.modulus.mark

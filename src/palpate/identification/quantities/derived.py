@@ -69,6 +69,10 @@ class QueryOptions:
             from palpate.identification.quantities.elastic_modulus import Tip
 
             instance("tip", self.tip, Tip)
+            if self.tip.thinness(1.0) and self.poisson_ratio not in (None, 0.5):
+                raise InvalidParameterError(
+                    "a thickness needs an incompressible sample: drop Poisson's ratio"
+                )
         if self.specimen is not None:
             from palpate.identification.quantities.specimen import Specimen
 

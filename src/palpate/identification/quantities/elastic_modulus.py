@@ -10,6 +10,8 @@ import math
 from dataclasses import fields
 from typing import Any, ClassVar
 
+import numpy as np
+
 from palpate.digits import format_quantity, percent
 from palpate.findings import Check, Mark, worst
 from palpate.force_laws import ForceLaw
@@ -19,6 +21,13 @@ from palpate.validation import check_field, finite_or_none, frozen
 
 # Depth over radius, and strain: beyond these the assumption of small strains may fail.
 SMALL_DEPTH = SMALL_STRAIN = 0.1
+# The force on a layer that is bonded to stiff ground, over that on a thick sample, as a polynomial
+# of the contact's radius √(R x) over the thickness; incompressible. Equation 12 of Dimitriadis,
+# Horkay, Maresca, Kachar and Chadwick, *Biophysical J.* 82 (2002) 2798–2810.
+LAYER = np.polynomial.Polynomial([1.0, 1.133, 1.283, 0.769, 0.0975])
+LAYER_SLOPE = LAYER.deriv()
+# Largest radius of the contact over the thickness for which the polynomial is used.
+THINNEST = 1.0
 
 
 class Tip:
@@ -40,8 +49,9 @@ class Tip:
     _largest: ClassVar[float]
 
     def __post_init__(self) -> None:
-        [size] = fields(self)  # type: ignore[arg-type]  # every subclass is a dataclass
-        check_field(self, size.name, 0.0, self._largest, open_low=True)
+        for size in fields(self):  # type: ignore[arg-type]  # every subclass is a dataclass
+            if getattr(self, size.name) is not None:
+                check_field(self, size.name, 0.0, self._largest, open_low=True)
 
     @property
     def factor(self) -> float:
@@ -50,7 +60,19 @@ class Tip:
 
     def force(self, reduced_modulus: float, depth: float) -> float:
         """Force [N] on a material of reduced modulus E* [Pa] at a depth [m]; 0 out of contact."""
-        return float(reduced_modulus * self.factor * max(depth, 0.0) ** self.exponent)
+        inside = max(depth, 0.0)
+        layer = float(LAYER(self.thinness(inside)))
+        return float(reduced_modulus * self.factor * inside**self.exponent * layer)
+
+    def thinness(self, depth: float) -> float:
+        """Radius of the contact at a depth [m] over the thickness of the sample; 0 if thick."""
+        return 0.0
+
+    def exponent_at(self, depth: float) -> float:
+        """Exponent d ln F/d ln x at a depth [m]; that of the tip, but larger on a thin sample."""
+        thinness = self.thinness(depth)
+        growth = float(LAYER_SLOPE(thinness) / LAYER(thinness))
+        return self.exponent + (self.exponent - 1.0) * thinness * growth
 
     def departure(self, depth: float) -> float:
         """Fraction by which the formula exceeds the force on the true shape at a depth [m]."""
@@ -65,9 +87,10 @@ class Tip:
         return True
 
     def as_dict(self) -> dict[str, Any]:
-        """Return kind and sizes, SI."""
+        """Return kind and the sizes that were stated, SI."""
         own = fields(self)  # type: ignore[arg-type]  # every subclass is a dataclass
-        return {"kind": self.kind, **{each.name: getattr(self, each.name) for each in own}}
+        sizes = {each.name: getattr(self, each.name) for each in own}
+        return {"kind": self.kind, **{name: size for name, size in sizes.items() if size}}
 
 
 @frozen
@@ -81,6 +104,9 @@ class Sphere(Tip):
     ----------
     radius : float
         R, m, in (0, 1].
+    thickness : float, optional
+        Thickness of an incompressible sample that is bonded to stiff ground, m, in (0, 1]; the
+        force is then larger by a polynomial of √(R x) over it (Dimitriadis 2002). Default: thick.
 
     Examples
     --------
@@ -90,14 +116,23 @@ class Sphere(Tip):
     """
 
     radius: float
+    thickness: float | None = None
     kind: ClassVar[str] = "sphere"
     exponent: ClassVar[float] = 1.5
     _largest: ClassVar[float] = 1.0
+
+    def __repr__(self) -> str:
+        layer = "" if self.thickness is None else f", thickness={self.thickness!r}"
+        return f"Sphere(radius={self.radius!r}{layer})"
 
     @property
     def factor(self) -> float:
         """4/3 √R."""
         return 4.0 / 3.0 * math.sqrt(self.radius)
+
+    def thinness(self, depth: float) -> float:
+        """√(R x) over the thickness."""
+        return 0.0 if self.thickness is None else math.sqrt(self.radius * depth) / self.thickness
 
     def departure(self, depth: float) -> float:
         """x/(10 R), for a ball instead of Hertz's paraboloid."""
@@ -110,8 +145,8 @@ class Sphere(Tip):
         return [text] if part > SMALL_DEPTH else []
 
     def holds(self, depth: float) -> bool:
-        """Whether the depth is less than the radius, where the ball ends."""
-        return depth < self.radius
+        """Whether the depth is less than the radius, and the sample is not too thin for it."""
+        return depth < self.radius and self.thinness(depth) <= THINNEST
 
 
 @frozen
@@ -231,8 +266,9 @@ WIDEST_SPREAD = STOPPED[0]
 # Poisson's ratio of incompressible materials; soft tissue, gels and rubber are nearly
 # incompressible.
 INCOMPRESSIBLE = 0.5
-# Half the distance to the next shape's exponent, and standard errors for a certain difference.
-NEXT_SHAPE = 0.25
+# Exponents that differ by more belong to another shape, and standard errors for a certain
+# difference; neighbouring shapes differ by 0.5.
+NEXT_SHAPE = 0.2
 CERTAIN = 3.0
 
 
@@ -344,7 +380,7 @@ def compute_elastic_modulus(
         for depth in (depths[0], there.depth, depths[1])
     )
     spread = 0.5 * abs(high - low) / modulus
-    refused = _shape_mismatch(exponent, spread, tip)
+    refused = _shape_mismatch(exponent, spread, tip, there.depth)
     if refused:
         return ElasticModulus(UNKNOWN, *known, refused)
     moved = there.stiffness.systematic / abs(there.stiffness.value)
@@ -381,15 +417,16 @@ def _exponent(there: WorkingDepth) -> Quantity:
     return there.stiffness.scaled(there.depth / there.force.value)
 
 
-def _shape_mismatch(exponent: Quantity, spread: float, tip: Tip) -> str | None:
+def _shape_mismatch(exponent: Quantity, spread: float, tip: Tip, depth: float) -> str | None:
     """Return why the force does not grow with depth as for this tip; None if it does."""
+    expected = tip.exponent_at(depth)
     text = (
         f"the force grows with depth to the power {exponent.combined.format()}, but under a "
-        f"{tip.kind} it has the power {tip.exponent:g}"
+        f"{tip.kind} it has the power {expected:.3g}"
     )
     if spread > WIDEST_SPREAD:
         return f"{text}: moduli from light and deep touch differ by {percent(2.0 * spread)}"
-    if abs(exponent.value - tip.exponent) > max(NEXT_SHAPE, CERTAIN * exponent.whole_error):
+    if abs(exponent.value - expected) > max(NEXT_SHAPE, CERTAIN * exponent.whole_error):
         return f"{text}: the tip has another shape"
     return None
 

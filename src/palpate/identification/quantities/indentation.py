@@ -16,7 +16,7 @@ weights is one of its systematic errors; nanite has weights of this form within 
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import cached_property
@@ -26,19 +26,23 @@ import numpy as np
 
 from palpate.digits import format_quantity, rough_percent, with_error
 from palpate.errors import InvalidParameterError, RecordingError
-from palpate.findings import Check, Finding, Mark, worst
+from palpate.findings import Check, Finding, worst
 from palpate.identification.diagnosis.outcome import UNKNOWN, Quantity
 from palpate.identification.quantities.elastic_modulus import (
     INCOMPRESSIBLE,
+    LAYER,
+    LAYER_SLOPE,
     NEXT_SHAPE,
+    TIPS,
     ElasticModulus,
-    FlatPunch,
     Tip,
     error_mark,
 )
 from palpate.input.channels import Columns
+from palpate.input.channels.kinds import channel_kind
 from palpate.input.preparation import prepare
 from palpate.input.recordings import Recording
+from palpate.input.recordings.units import UNITS, split_name, unit_size
 from palpate.method.contact import Contact
 from palpate.method.estimators.batch_fit import fit_curves
 from palpate.method.rows import count_true, median, rms
@@ -47,6 +51,9 @@ from palpate.validation import Floats, frozen
 POSITION = "tip position"
 FORCE = "force"
 SEGMENT = "segment"
+HEIGHT = "height"
+# Farther than the piezo of a microscope moves, m.
+MOST_TRAVEL = 1e-3
 # Part of the indentation, next to the contact point, in which samples count less.
 ZONE = 1.0 / 3.0
 # Lighter part of the indentation that is fitted by itself: up to half the force under a sphere.
@@ -61,11 +68,14 @@ _REFIT_STEPS = 3
 _TOGETHER = 12  # means in a block of residuals
 _FEWEST = 10  # samples in contact, and in air
 _SURE = 3.0  # standard errors, or standard deviations of the noise
+_LIKELY = 2.5
+RELAXES = 0.9  # part of the work; a sample that gives back less relaxes
 _LEAST_PULL = 0.02  # of the peak force
 _BLURRED = "check the tip for a particle; look for a layer on the sample or a rough surface"
 _UNEVEN = "check the shape of the tip, and whether the sample is uniform and thick enough"
 _STRAIGHT = "let the instrument settle before the approach, or start it nearer to the sample"
 _ADHESION = "measure in a liquid, or coat the tip, so that it does not stick"
+_THIN = "pass --thickness for a sphere on a thin sample, or press less deep"
 _DEEP = "press less deep, or use a larger tip"
 
 
@@ -91,6 +101,9 @@ class Indentation:
         Number of samples of the approach, and of those in contact.
     findings : tuple of Finding
         Problems of the curve and of its fit.
+    tilt : tuple of float
+        Slope of the force over the position of the piezo, N/m, and compliance of the cantilever,
+        m/N, which are subtracted; zeros if the baseline slopes over the position of the tip.
     """
 
     modulus: ElasticModulus
@@ -103,11 +116,35 @@ class Indentation:
     samples: int
     taken: int
     findings: tuple[Finding, ...]
+    tilt: tuple[float, float] = (0.0, 0.0)
 
 
-def is_force_curve(channels: Mapping[str, Any]) -> bool:
-    """Whether the channels are those of a force curve: the position of the tip and the force."""
-    return POSITION in channels and FORCE in channels
+def read_force_curve(recording: Recording) -> Recording | None:
+    """Return a force curve with the names of :mod:`palpate.input.recordings.afm`, in SI, or None.
+
+    Other files call the same channels ``Vertical Tip Position [nm]`` or ``force (nN)``; a position
+    that moves farther than an instrument can is that of a robot's tip.
+    """
+    if {POSITION, FORCE} <= recording.channels.keys():
+        return recording if len({*map(len, recording.channels.values())}) == 1 else None
+    names: dict[str, str] = {}
+    for name in recording.channels:
+        words = split_name(name)
+        kind = channel_kind(name, recording.unit_of(name)) or ""
+        known = SEGMENT if SEGMENT in words else HEIGHT if "height" in words else kind
+        names.setdefault(POSITION if {"tip", "position"} <= set(words) else known, name)
+    if not {POSITION, FORCE} <= names.keys():
+        return None
+    kinds = {"time": "time", POSITION: "penetration", HEIGHT: "penetration", FORCE: "force"}
+    channels = {SEGMENT: recording.channels[names[SEGMENT]]} if SEGMENT in names else {}
+    for known, kind in kinds.items():
+        if known in names:
+            size = unit_size(kind, recording.unit_of(names[known]) or next(iter(UNITS[kind])))
+            channels[known] = size * recording.numbers(names[known])
+    if len({*map(len, channels.values())}) > 1 or not np.ptp(channels[POSITION]) < MOST_TRAVEL:
+        return None
+    clocks = dict.fromkeys(channels.keys() - {"time"}, "time") if "time" in channels else {}
+    return replace(recording, channels=channels, units={}, clocks=clocks)
 
 
 def find_force_curve(contact: Contact) -> Recording | None:
@@ -115,7 +152,7 @@ def find_force_curve(contact: Contact) -> Recording | None:
     recording = None if contact.prepared is None else contact.prepared.recording
     if recording is None or recording.source != contact.source:
         return None
-    return recording if is_force_curve(recording.channels) else None
+    return read_force_curve(recording)
 
 
 def refuse_options(names: Iterable[str]) -> None:
@@ -134,8 +171,17 @@ def fit_force_curve(
 ) -> Indentation:
     """Fit the approach of a recorded force curve; see :func:`fit_approach`."""
     channels = recording.channels
-    signals = -np.asarray(channels[POSITION]), np.asarray(channels[FORCE]), channels.get(SEGMENT)
-    return fit_approach(*signals, tip, poisson_ratio, source=recording.source)
+    height = next((channels[name] for name in channels if name.startswith(HEIGHT)), None)
+    return fit_approach(
+        -np.asarray(channels[POSITION]),
+        np.asarray(channels[FORCE]),
+        channels.get(SEGMENT),
+        tip,
+        poisson_ratio,
+        base=None if height is None else -np.asarray(height),
+        time=channels.get("time"),
+        source=recording.source,
+    )
 
 
 def prepare_force_curve(recording: Recording, found: Indentation) -> Contact:
@@ -145,9 +191,16 @@ def prepare_force_curve(recording: Recording, found: Indentation) -> Contact:
     from stiffness.
     """
     names = Columns(penetration="penetration", force="force above the baseline")
-    depth = -np.asarray(recording.channels[POSITION]) - found.contact_point.value
+    depth = -np.asarray(recording.channels[POSITION])
+    force = np.asarray(recording.channels[FORCE])
+    tilt, compliance = found.tilt
+    if tilt:
+        virtual = tilt * (depth + compliance * force)
+        force = force - virtual
+        depth = depth + compliance * virtual
+    depth = depth - found.contact_point.value
     level, slope = found.baseline
-    force = np.asarray(recording.channels[FORCE]) - level - slope * depth
+    force = force - level - slope * depth
     channels = {**recording.channels, names.penetration: depth, names.force: force}
     units = {**recording.units, names.penetration: "m", names.force: "N"}
     clocks = {name: "time" for name in channels if name != "time" and "time" in channels}
@@ -170,6 +223,8 @@ def fit_approach(
     tip: Tip,
     poisson_ratio: float | None = None,
     *,
+    base: Floats | None = None,
+    time: Any = None,
     source: str = "",
 ) -> Indentation:
     """Fit the approach of a force curve: a line as baseline, and the exponent of the tip.
@@ -184,6 +239,11 @@ def fit_approach(
         The tip of the probe.
     poisson_ratio : float, optional
         ν of the material. Default: 0.5, assumed.
+    base : numpy.ndarray, shape (k,), optional
+        Position of the piezo, m, positive towards the sample; the tip is behind it by the
+        cantilever's deflection. Default: the baseline slopes over the position of the tip.
+    time : array_like, shape (k,), optional
+        s, for the speed at which a sample that relaxes was pressed.
     source : str
         Name of the curve, for errors.
 
@@ -193,12 +253,16 @@ def fit_approach(
         There are fewer than 40 samples, or none in contact.
     """
     where = f"{source}: " if source else ""
-    approach, retract = _split(penetration, force, segment)
+    rows = [penetration, force, penetration if base is None else base]
+    rows.append(np.full(np.shape(force), math.nan) if time is None else time)
+    approach, retract = _split(rows, segment)
     if (count := approach.shape[1]) < 4 * _FEWEST:
         raise RecordingError(f"{where}the approach has {count} samples; it needs {4 * _FEWEST}")
     try:
         with np.errstate(all="ignore"):
             fit = _ApproachFit(approach, retract, tip)
+            if base is not None:
+                fit = _choose_tilt(fit)
             return fit.result(poisson_ratio)
     except np.linalg.LinAlgError:
         raise RecordingError(
@@ -207,10 +271,38 @@ def fit_approach(
         ) from None
 
 
-def _split(penetration: Floats, force: Floats, segment: Any) -> tuple[Floats, Floats]:
-    """Return penetration and force of the approach and of the rest, finite samples only."""
-    both = np.array([penetration, force], dtype=np.float64)
-    finite = np.isfinite(both[0]) & np.isfinite(both[1])
+def _choose_tilt(fit: "_ApproachFit") -> "_ApproachFit":
+    """Return the fit whose baseline slopes over the position of the tip, or over the piezo's.
+
+    Along the piezo the light path changes, and with it the force that the detector shows: a
+    virtual deflection, which belongs neither to the force nor to the position of the tip.
+    """
+    slope = fit.solution[3] * fit.peak / (fit.scale * fit.length)
+    if abs(fit.solution[3]) <= _SURE * fit.errors[3]:
+        return fit
+    position, force, base, _ = fit.approach
+    compliance = float(np.polyfit(force, base - position, 1)[0])
+    tilt = slope / (1.0 + slope * compliance)
+    turn = tilt * np.array([[compliance], [-1.0], [0.0], [0.0]])
+    approach, retract = (signals + turn * signals[2] for signals in (fit.approach, fit.retract))
+    other = _ApproachFit(approach, retract, fit.tip)
+    other.tilt = tilt, compliance
+    with_tip, with_piezo = (each.misfit(compliance) for each in (fit, other))
+    # Neighbouring samples of coloured noise count less: its jumps are smaller.
+    white = min((fit.noise / min(with_tip, with_piezo)) ** 2, 1.0)
+    independent = force.size * white / (2.0 - white)
+    evidence = 2.0 * independent * math.log(with_tip / with_piezo)
+    if evidence < -(_SURE**2):
+        return fit
+    if evidence < _SURE**2:
+        other.tilted = fit.stiffness / other.stiffness - 1.0
+    return other
+
+
+def _split(rows: Sequence[Any], segment: Any) -> tuple[Floats, Floats]:
+    """Return the approach and the rest, without samples that lack a position or the force."""
+    both = np.array(rows, dtype=np.float64)
+    finite = np.logical_and.reduce(np.isfinite(both[:3]))
     labels = np.zeros(1) if segment is None or not len(segment) else np.asarray(segment)
     end = int(np.argmax(labels != labels[0]))
     if not end and finite.any():
@@ -273,14 +365,17 @@ class _ApproachFit:
         self.tip = tip
         self.approach = approach
         self.retract = retract
-        position, force = approach
-        stiffness, self.zero, offset = _search(approach, tip.exponent)
+        self.tilt = 0.0, 0.0
+        self.tilted = 0.0  # change of K with the other baseline, if it fits as well
+        position, force = approach[:2]
+        stiffness, self.zero, offset = _search(approach[:2], tip.exponent)
         self.scale = float(position.max()) - self.zero
         self.peak = stiffness * self.scale**tip.exponent
+        self.thinness = tip.thinness(self.scale)
         far = np.flatnonzero(position < self.zero - self.scale)
         near = int(far[-1]) + 1 if far.size else 0
         starts = _starts(0, near, _AIR), _starts(near, position.size, _NEAR)
-        (x, y), self.counts = _means(approach, np.concatenate(starts))
+        (x, y), self.counts = _means(approach[:2], np.concatenate(starts))
         self.x = (x - self.zero) / self.scale
         self.y = y / self.peak
         self.length = max(1.0, -float(self.x.min()))
@@ -304,7 +399,7 @@ class _ApproachFit:
         steps: int = _REFIT_STEPS,
         zone: float = ZONE,
         deepest: float = math.inf,
-        extra: Literal["bend", "jump", "exponent"] | None = None,
+        extra: Literal["bend", "jump", "exponent", "layer"] | None = None,
     ) -> tuple[Floats, Floats]:
         """Return K, d, F₀, s and an extra parameter, if any, with standard errors.
 
@@ -323,7 +418,8 @@ class _ApproachFit:
             Largest depth used, over the indentation.
         extra : str, optional
             Fit also the bend of the baseline, a parabola; a jump of the force at the contact point;
-            or the difference of the exponent to that of the tip.
+            the difference of the exponent to that of the tip; or of the contact's radius over the
+            thickness of the sample.
         """
         m = self.tip.exponent
         used = self.x - begin[1] <= deepest
@@ -335,7 +431,8 @@ class _ApproachFit:
         columns[3] = x / self.length
         if extra == "bend":
             columns[4] = columns[3] ** 2
-        linear = slice(2, 4 if extra == "exponent" else None)
+        linear = slice(2, 4 if extra in ("exponent", "layer") else None)
+        thinness = self.thinness
         for _ in range(steps):
             depth = x - solution[1]
             weight = counts
@@ -346,10 +443,18 @@ class _ApproachFit:
             inside = np.where(touching, depth, 1.0)  # log 1 = 0
             if extra == "exponent":
                 m = self.tip.exponent + solution[4]
-                columns[4] = solution[0] * inside**m * np.log(inside)
-            slope = inside ** (m - 1.0) * touching
-            columns[0] = depth * slope
-            columns[1] = -m * solution[0] * slope
+            if extra == "layer":
+                thinness = self.thinness + max(solution[4], 0.0)
+            radius = inside ** (m - 1.0)  # of the contact, over that at the depth 1
+            layer = LAYER(thinness * radius)
+            layer_slope = radius * LAYER_SLOPE(thinness * radius)
+            slope = radius * touching
+            columns[0] = depth * slope * layer
+            columns[1] = -(m * layer + (m - 1.0) * thinness * layer_slope) * solution[0] * slope
+            if extra == "exponent":
+                columns[4] = solution[0] * columns[0] * np.log(inside)
+            if extra == "layer":
+                columns[4] = solution[0] * depth * slope * layer_slope
             if extra == "jump":
                 columns[4] = touching
             rest = y - solution[0] * columns[0] - solution[linear] @ columns[linear]
@@ -366,11 +471,44 @@ class _ApproachFit:
         # Neighbouring residuals have common causes: the sums of the scores of blocks vary.
         free = depth < -ZONE
         scores = weighted * rest
-        variance = counts[free] @ rest[free] ** 2 / max(np.count_nonzero(free) - 2, 1)
-        noise = variance * (weighted * (weight / counts)) @ columns.T
+        # In contact the noise of the force moves the tip too, along the slope of the curve.
+        variance = np.empty(x.size)
+        for part, fitted in ((free, 2), (~free, solution.size)):
+            count = max(np.count_nonzero(part) - fitted, 1)
+            variance[part] = counts[part] @ rest[part] ** 2 / count
+        noise = (weighted * (variance * weight / counts)) @ columns.T
         sums = np.add.reduceat(scores, np.arange(0, x.size, _TOGETHER), axis=1)
         spread = np.maximum(np.diag(inverse @ noise @ inverse), ((inverse @ sums) ** 2).sum(axis=1))
         return solution, np.sqrt(spread)
+
+    def above_baseline(self, signals: Floats) -> tuple[Floats, Floats]:
+        """Return depth and force above the baseline, over the indentation and the peak force."""
+        _, point, level, slope = self.solution
+        x = (signals[0] - self.zero) / self.scale
+        return np.maximum(x - point, 0.0), signals[1] / self.peak - level - slope * x / self.length
+
+    def residuals(self, signals: Floats) -> Floats:
+        """Return the force minus the fitted one, over the peak force."""
+        depth, force = self.above_baseline(signals)
+        radius = depth ** (self.tip.exponent - 1.0)
+        law: Floats = self.solution[0] * depth * radius * LAYER(self.thinness * radius)
+        return force - law
+
+    def misfit(self, compliance: float) -> float:
+        """Root mean square of the noise of the force that explains the residuals, N.
+
+        With this compliance, m/N, the noise moves the position as well, along the slope of the fit.
+        """
+        residuals = self.residuals(self.approach)
+        step = 1e-4 * self.scale
+        deeper = self.residuals(self.approach + np.array([[step], [0.0], [0.0], [0.0]]))
+        slope = self.peak * (residuals - deeper) / step
+        return float(self.peak * rms(residuals / (1.0 + compliance * slope)))
+
+    @property
+    def stiffness(self) -> float:
+        """K, N/mᵐ."""
+        return float(self.peak / self.scale**self.tip.exponent * self.solution[0])
 
     def stiffness_change(self, other: tuple[Floats, Floats]) -> float:
         """Return the relative change of K in another fit."""
@@ -381,7 +519,7 @@ class _ApproachFit:
         """The largest pull of the sample during the retract, N; 0 if it is not certain."""
         if self.retract.shape[1] < 4 * _FEWEST:
             return 0.0
-        (x, y), _ = _means(self.retract, _starts(0, self.retract.shape[1], _AIR + _NEAR))
+        (x, y), _ = _means(self.retract[:2], _starts(0, self.retract.shape[1], _AIR + _NEAR))
         depth = (x - self.zero) / self.scale
         force = y / self.peak - self.solution[3] * depth / self.length
         free = depth < -1.0
@@ -409,32 +547,62 @@ class _ApproachFit:
         return -self.peak * float(solution[-1]), self.stiffness_change((solution, errors))
 
     def check_exponent(self) -> Iterator[Finding]:
-        """Check that the force grows with depth as under this tip.
-
-        Under any tip it grows at least as under a flat punch.
-        """
+        """Check that the force grows with depth as under this tip."""
         expected = self.tip.exponent
         with suppress(np.linalg.LinAlgError):
             solution, errors = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="exponent")
             difference = float(solution[4])
             error = float(errors[4])
-            power = with_error(expected + difference, error)
-            if max(NEXT_SHAPE, _SURE * error) < abs(difference):
-                text = f"the force grows with depth to the power {power}, but under a "
-                text += f"{self.tip.kind} it has the power {expected:g}"
-                impossible = expected + difference + _SURE * error < FlatPunch.exponent
-                mark: Mark = "do-not-trust" if impossible else "with-care"
-                yield Check.TIP_SHAPE.finding(text, _UNEVEN, mark=mark)
+            if abs(difference) <= max(NEXT_SHAPE, _SURE * error):
+                return
+            found = expected + difference
+            near = (k for k, t in TIPS.items() if abs(t.exponent - found) <= NEXT_SHAPE)
+            guesses = [f"a {kind}" for kind in near]
+            if difference > 0.0 or not guesses:
+                guesses.append("a thin sample" if difference > 0.0 else "a sample that relaxes")
+            text = f"the curve follows n = {with_error(found, error)}, and under a "
+            text += f"{self.tip.kind} n = {expected:g}"
+            text += f": {' or '.join(guesses)}?"
+            yield Check.TIP_SHAPE.finding(text, _UNEVEN, mark="do-not-trust")
+
+    @cached_property
+    def thin(self) -> tuple[float, str]:
+        """The relative change of K if the sample is thin, and how thin it is; else 0."""
+        # Adhesion, too, makes the curve steeper.
+        least = _SURE if self.pull_off else _LIKELY
+        with suppress(np.linalg.LinAlgError):
+            found = self.minimise(self.solution, steps=_SEARCH_STEPS, extra="layer")
+            thinner = float(found[0][4])
+            if thinner > least * found[1][4]:
+                return abs(self.stiffness_change(found)), rough_percent(self.thinness + thinner)
+        return 0.0, ""
+
+    def relaxation(self) -> Iterator[str]:
+        """State the speed of the approach if the sample gives back less work than it took."""
+        if self.pull_off or not self.retract.size:
+            return
+        depths, forces = zip(*map(self.above_baseline, (self.approach, self.retract)), strict=True)
+        taken, given = map(np.trapezoid, forces, depths)
+        returned = -given / taken
+        speed = np.ptp(self.depths) / np.ptp(self.approach[3, self.inside])
+        if returned < RELAXES and math.isfinite(speed):
+            yield (
+                f"the sample relaxes: it gives back {rough_percent(returned)} of the work, and "
+                f"the modulus is that at {format_quantity(speed, 'm')}/s"
+            )
 
     def systematic_parts(self, depth: float) -> list[_SystematicPart]:
         """Return the systematic errors of the modulus at a depth, the largest first."""
         uneven = abs(self.stiffness_change(self.minimise(self.solution, deepest=LIGHT)))
         pull, by_pull = self.pulled_in
         ball = self.tip.departure(depth)
+        thin, radius = self.thin
         parts = (
+            (thin, f"the sample may be thin: the contact's radius is {radius} of it", _THIN),
             (abs(self.stiffness_change(self.unweighted)), "the contact point is blurred", _BLURRED),
             (0.5 * uneven, f"light and deep touch differ by {rough_percent(uneven)}", _UNEVEN),
             (abs(self.stiffness_change(self.bent)), "the baseline bends", _STRAIGHT),
+            (abs(self.tilted), "the baseline slopes with the tip or with the piezo", _STRAIGHT),
             (abs(by_pull), f"adhesion begins with {format_quantity(pull, 'N')}", _ADHESION),
             (ball, f"the tip sinks in by {rough_percent(10.0 * ball)} of its radius", _DEEP),
         )
@@ -459,18 +627,17 @@ class _ApproachFit:
             deep = format_quantity(depth, "m")
             refused = f"the working depth, {deep}, is larger than the {tip.kind} allows"
         relative = float(self.errors[0] / k)
-        findings = [*self.check_curve(), *_check_modulus(relative, parts, refused)]
-        findings += self.check_exponent()
+        findings = [*self.check_curve(), *self.check_exponent()]
+        findings += _check_modulus(relative, parts, refused)
         mark = worst(*(each.stiffness for each in findings))
         reasons = [each.message for each in findings if each.stiffness == mark != "trust"]
         ratio = INCOMPRESSIBLE if poisson_ratio is None else poisson_ratio
         exponent = Quantity(tip.exponent, 0.0, 0.0)
         known = (tip, ratio, exponent, poisson_ratio is None, refused)
         value = UNKNOWN if refused else stiffness.scaled((1.0 - ratio**2) / tip.factor)
-        remarks = (*reasons[:1], *tip.limitations(depth))
+        remarks = (*reasons[:1], *tip.limitations(depth), *self.relaxation())
         modulus = ElasticModulus(value, *known, remarks, mark)
-        fitted = baseline[0] + slope * self.depths + stiffness.value * self.depths**tip.exponent
-        residual = rms(self.approach[1, self.inside] - fitted)
+        residual = self.peak * rms(self.residuals(self.approach)[self.inside])
         largest = self.scale * (1.0 - point)
         samples = self.inside.size
         counts = samples, self.depths.size, tuple(findings)
@@ -483,6 +650,7 @@ class _ApproachFit:
             largest,
             residual,
             *counts,
+            self.tilt,
         )
 
     def check_curve(self) -> Iterator[Finding]:

@@ -270,6 +270,8 @@ _PREFERENCES: tuple[
     (WORDS, lambda choosing, names, _: names[0] in choosing.recording.plots),
     # Millimetres rather than volts.
     ((*UNITS, "position"), lambda choosing, names, kind: choosing.kinds.converts(names[0], kind)),
+    # The vector of a sample rather than one of several in it.
+    (("position", "force"), lambda _choosing, names, _: "][" not in names[0]),
     # A constant is a fixed frame, or not measured.
     (("position", "force"), lambda choosing, names, _: choosing.kinds.moves(names)),
     (PREFERRED, lambda _, names, kind: not PREFERRED[kind].isdisjoint(split_name(names[0]))),
@@ -737,6 +739,15 @@ def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]
     return _REMEDIES[absent[0] if len(absent) == 1 else "both"]
 
 
+_SMALLEST_STATE = 9  # a position, its orientation and a force
+
+
+def _array_of(names: Sequence[str]) -> str:
+    """Return the name of the array whose columns these are; empty if they are none."""
+    stem = names[0].rpartition("[")[0] if len(names) > 1 else ""
+    return stem if list(names) == [f"{stem}[{k}]" for k in range(len(names))] else ""
+
+
 def _match_unknown_names(choosing: _Choosing, absent: list[str]) -> dict[str, str]:
     """Map the missing roles to channels with unknown names; {} if they cannot be matched.
 
@@ -754,6 +765,15 @@ def _match_unknown_names(choosing: _Choosing, absent: list[str]) -> dict[str, st
         timed = any(kinds.of(name) == "time" for name in names)
         if len(unknown) + timed < len(names):
             return {}
+        if (state := _array_of(unknown)) and len(unknown) >= _SMALLEST_STATE:
+            # A position and an orientation come first, and a wrench or a force last.
+            force = len(unknown) - (6 if len(unknown) >= 12 else 3)
+            starts = {"position": 0, "force": force}
+            return {
+                role: ",".join(f"{state}[{k}]" for k in range(starts[role], starts[role] + 3))
+                for role in absent
+                if role in starts
+            }
         if not timed:
             roles = ["time", *absent]
     return dict(zip(roles, unknown, strict=False)) if len(unknown) >= len(roles) else {}
@@ -764,13 +784,15 @@ def _question(
 ) -> RecordingError:
     """The error that several channels fit, with options that choose one, or all three."""
     same = [names for names in forces if _numbers(names) == _numbers(depths[0])]
-    example = {role: ",".join(depths[0]), "force": ",".join((same or forces)[0])}
+    first = {role: depths[0], "force": (same or forces)[0]}
+    example = {role: _array_of(names) or ",".join(names) for role, names in first.items()}
     if groups := choosing.groups(depths, forces):
         example = dict.fromkeys(example, groups[0])
     candidates = {role: depths, "force": forces}
     several = {role: names for role, names in candidates.items() if len(names) > 1}
     questions = [
-        f"{len(names)} channels could be the {role}: {list_names([*map(_shorten, names)])}"
+        f"{len(names)} channels could be the {role}: "
+        + list_names([_array_of(each) or _shorten(each) for each in names])
         for role, names in several.items()
     ]
     message = f"{'; '.join(questions)}; choose one, such as {_options(example, several)}"

@@ -41,6 +41,8 @@ from palpate.validation import Values
 MOST_EPISODES = 100
 
 _ENDS = "meta/episode_ends"
+# Its members in an archive of the store, or of the folder of the store.
+_STORE = re.compile(rf"((?:[^/]+/)?){_ENDS}/")
 # Columns of LeRobot that count rows, and types of features that are no numbers.
 _COUNTERS = frozenset(("index", "frame_index", "episode_index", "task_index"))
 _NO_NUMBERS = frozenset(("image", "video", "string", "audio"))
@@ -263,8 +265,12 @@ class _LeRobot:
         self.rate: float | None = _check_rate("fps", info["fps"])
         self._places: dict[int, tuple[Path, int]] = {}  # file of each episode, its first row there
         self._decoded: tuple[Path, Any] | None = None  # the last file, with its rows
-        if (root / "meta/episodes").is_dir():
+        self._note = ""
+        if any(root.glob("meta/episodes/*/*.parquet")):
             self.lengths = self._from_metadata(root, request)
+        elif files := sorted(root.glob("data/*/file-*.parquet")):
+            self._note = "is missing: the episodes are those of the column episode_index"
+            self.lengths = self._from_rows(files, request)
         else:
             self.lengths = self._from_names(root, request)
         if only is not None:
@@ -288,6 +294,25 @@ class _LeRobot:
         for number in lengths:  # a file that was not copied is an error of its episode
             self._places.setdefault(number, (root / f"data/episode_{number:06d}.parquet", 0))
         return {number: lengths.get(number, -1) for number in sorted(self._places)}
+
+    def _from_rows(self, files: Sequence[Path], request: Request) -> dict[int, int]:
+        """Find the episodes by the numbers in their rows."""
+        lengths: dict[int, int] = {}
+        for path in files:
+            regular_size(path)
+            with self._arrow.open_parquet(path) as file:
+                self._arrow.check_integers(file.schema_arrow, ["episode_index"])
+                table = self._arrow.read_in_parts(file, ["episode_index"], _MOST_ROWS, request)
+            numbers = table["episode_index"].to_numpy()
+            begins = np.flatnonzero(np.diff(numbers, prepend=numbers[:1] - 1))
+            request.check_count("episodes", len(lengths) + begins.size, _EPISODE)
+            ends = np.append(begins[1:], numbers.size)
+            for number, begin, end in zip(numbers[begins], begins, ends, strict=True):
+                if int(number) in lengths:
+                    raise ValueError(f"episode {number} is in two places")
+                lengths[int(number)] = int(end - begin)
+                self._places[int(number)] = path, int(begin)
+        return lengths
 
     def _from_metadata(self, root: Path, request: Request) -> dict[int, int]:
         columns = ["episode_index", "data/chunk_index", "data/file_index", "dataset_from_index"]
@@ -322,8 +347,11 @@ class _LeRobot:
                     "says; copy the data set again"
                 )
             table = table.drop_columns(["episode_index"])
+        draft = Draft(request)
+        if self._note:
+            draft.omit("meta/episodes", self._note)
         recording: Recording = self._arrow.read_columns(
-            table.schema, lambda name: table.select([name]), Draft(request)
+            table.schema, lambda name: table.select([name]), draft
         )
         named: dict[str, Any] = {
             part: {self._label(name): value for name, value in getattr(recording, part).items()}
@@ -365,7 +393,7 @@ class _LeRobot:
         stem, _, place = channel.removesuffix("]").rpartition("[")
         feature = self._features.get(stem, {})
         labels = _leaves(feature.get("names"))
-        if not stem or len(labels) != math.prod(feature.get("shape") or [len(labels)]):
+        if not feature or len(labels) != math.prod(feature.get("shape") or [len(labels)]):
             return channel
         label = labels[int(place)]
         return channel if labels.count(label) > 1 else f"{stem}.{label}"
@@ -446,13 +474,19 @@ class _Demonstrations:
 
 
 def _is_replay(path: Path) -> bool:
+    return _store_inside(path) is not None
+
+
+def _store_inside(path: Path) -> str | None:
+    """Return where in a folder or an archive the store begins; None if it holds none."""
     with suppress(*FAULTS):
         if path.is_dir():
-            return (path / _ENDS).is_dir()
-        if path.name.lower().endswith(".zarr.zip"):
+            return "" if (path / _ENDS).is_dir() else None
+        if path.name.lower().endswith(".zip"):
             with zipfile.ZipFile(path) as archive:
-                return any(name.startswith(f"{_ENDS}/") for name in archive.namelist())
-    return False
+                stores = (_STORE.match(name) for name in archive.namelist())
+                return next((store[1] for store in stores if store), None)
+    return None
 
 
 class _ReplayBuffer:
@@ -462,7 +496,8 @@ class _ReplayBuffer:
 
     def __init__(self, path: Path, request: Request) -> None:
         groups = import_extra("palpate.input.recordings.zarr_groups", "a Zarr data set", "fleet")
-        self._array = cache(groups.open_group(path, request).__getitem__)
+        inside = _store_inside(path) or ""
+        self._array = cache(groups.open_group(path, request, inside).__getitem__)
         ends = self._array(_ENDS)
         if ends.dtype.kind not in "iu" or ends.ndim != 1:
             raise ValueError(f"its episode_ends are {ends.dtype} of {ends.ndim} dimensions")
@@ -480,7 +515,7 @@ class _ReplayBuffer:
             ]
         else:
             with zipfile.ZipFile(path) as archive:
-                members = archive.namelist()
+                members = [name.removeprefix(inside) for name in archive.namelist()]
         self._names = sorted(set(re.findall(r"^data/([^/\n]*)/", "\n".join(members), re.MULTILINE)))
 
     def channels(self, number: int, request: Request) -> Recording:

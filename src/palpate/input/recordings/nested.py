@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import cache, partial
 
 import numpy as np
 
@@ -13,6 +14,11 @@ from palpate.validation import Values, frozen
 
 #: An array with more columns than this is an image or another kind of table.
 MOST_COLUMNS = 256
+
+# Most arms of a robot, or samples within a frame of a camera, in an array of three dimensions.
+_MOST_PARTS = 8
+# Most numbers of each: a pose with a wrench, or the joints of a hand.
+_MOST_NUMBERS = 32
 
 # Names of the clock of a single array.
 _OWN_CLOCKS = ("{}_time", "{}_time_s", "{}_t", "{}_timestamps", "{}_stamps", "time_{}", "t_{}")
@@ -78,6 +84,12 @@ class Leaf:
         return self.group + self.name
 
     @property
+    def in_clocks(self) -> bool:
+        """Whether it is in a group of clocks, such as ``timestamps``, and may have any name."""
+        groups = (part for part in self.group.split("/") if len(part) > 2)
+        return len(self.shape) == 1 and any(clock_rank(part) is not None for part in groups)
+
+    @property
     def rank(self) -> int | None:
         """How likely this is a clock, 0 the most likely; None if it is not."""
         return clock_rank(self.name) if len(self.shape) == 1 else None
@@ -89,6 +101,7 @@ class Arrays(Draft):
 
     leaves: dict[str, Leaf] = field(default_factory=dict)
     group_frames: dict[str, str] = field(default_factory=dict)
+    _namesakes: dict[str, list[Leaf]] = field(default_factory=dict)
 
     def add(
         self,
@@ -107,6 +120,11 @@ class Arrays(Draft):
         sides = " by ".join(map(str, shape))
         if not all(shape):
             self.omit(channel, "holds no samples")
+        elif _is_of_parts(lengths):
+            whole = cache(partial(self._read_parts, read, lengths))
+            for k in range(lengths[1]):
+                part = lambda k=k: whole()[:, k]  # noqa: E731
+                self.add(group, f"{name}[{k}]", (lengths[0], lengths[2]), part, unit=unit)
         elif len(lengths) > 2:
             self.omit(channel, f"has {len(lengths)} dimensions, {sides}: not a time series")
         elif len(lengths) == 2 and min(lengths) > MOST_COLUMNS:
@@ -130,6 +148,10 @@ class Arrays(Draft):
         for leaf in self.leaves.values():
             if leaf.rank is not None:
                 ranked.setdefault(leaf.group, []).append(leaf)
+        outside = {leaf.name for leaf in self.leaves.values() if not leaf.in_clocks}
+        for leaf in self.leaves.values():
+            if leaf.in_clocks and leaf.rank is None and leaf.name in outside:
+                self._namesakes.setdefault(leaf.name, []).append(leaf)
         clocks = {
             name: self._find_clock(leaf, ranked)
             for name, leaf in self.leaves.items()
@@ -147,7 +169,16 @@ class Arrays(Draft):
         return self.done()
 
     def _find_clock(self, leaf: Leaf, ranked: Mapping[str, list[Leaf]]) -> Leaf | None:
-        """Return the clock named after an array, else the one in its group or in a group above."""
+        """Return the clock named after an array, else the one in its group or in a group above.
+
+        A clock in a group of clocks has the name of its array: ``timestamps/pose`` of ``arm/pose``.
+        """
+        namesakes = self._namesakes.get(leaf.name, [])
+        if leaf in namesakes:
+            return None
+        for namesake in namesakes:
+            if _fits(namesake, leaf):
+                return namesake
         for form in _OWN_CLOCKS:
             clock = self.leaves.get(leaf.group + form.format(leaf.name))
             if clock is not None and _fits(clock, leaf):
@@ -168,7 +199,7 @@ class Arrays(Draft):
             self.lose(leaf.channel, f"cannot be read: {first_line(error)}")
             return
         unit = leaf.unit
-        if leaf.rank is not None:
+        if leaf.rank is not None or leaf in self._namesakes.get(leaf.name, []):
             values = _whole_times(values)
             unit = unit or detect_epoch_unit(values)
             if unit and not leaf.unit:
@@ -181,6 +212,10 @@ class Arrays(Draft):
                 self.units[name] = unit
             if clock is not None:
                 self.clocks[name] = clock.channel
+
+    def _read_parts(self, read: Callable[[], Values], lengths: tuple[int, ...]) -> Values:
+        self.request.reserve(8 * math.prod(lengths))
+        return _plain(read()).reshape(lengths)
 
     def _nothing(self) -> str:
         if self.losses:
@@ -207,6 +242,14 @@ def _enclosing_groups(group: str) -> Iterator[str]:
     while group:
         group = group[: group.rfind("/", 0, -1) + 1]
         yield group
+
+
+def _is_of_parts(lengths: tuple[int, ...]) -> bool:
+    """Whether an array has a few vectors for each sample; a square of them is a rotation."""
+    if len(lengths) != 3:
+        return False
+    samples, parts, numbers = lengths
+    return parts <= _MOST_PARTS and parts != numbers <= _MOST_NUMBERS < samples
 
 
 def _fits(clock: Leaf, leaf: Leaf) -> bool:

@@ -253,9 +253,7 @@ FORMATS: list[Format] = [
     ),
 ]
 #: Data sets of robot learning: folders, or files of several of these formats.
-DATA_SETS = Format(
-    "data set", (".parquet", ".hdf5", ".h5", ".hdf", ".zarr.zip"), f"{_HERE}.datasets"
-)
+DATA_SETS = Format("data set", (".parquet", ".hdf5", ".h5", ".hdf", ".zip"), f"{_HERE}.datasets")
 
 
 def open_recording(

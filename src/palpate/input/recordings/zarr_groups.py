@@ -29,8 +29,8 @@ _CHECKSUM = 4  # bytes after the index of a shard
 _ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
-def open_group(path: Path, request: Request) -> Any:
-    """Open a folder or a ``.zarr.zip`` for reading.
+def open_group(path: Path, request: Request, inside: str = "") -> Any:
+    """Open a folder or an archive, or a folder inside it, for reading.
 
     Reading an array raises ValueError if its type is not numeric, if a codec is not among those
     that only unpack numbers, or if a chunk exceeds the cap on a block.
@@ -40,7 +40,8 @@ def open_group(path: Path, request: Request) -> Any:
     else:
         check_members(path, request, lambda _: request.largest_block)
         store = ZipStore(path, mode="r")
-    return zarr.open_group(_CheckedStore(store, request), mode="r", use_consolidated=False)
+    checked = _CheckedStore(store, request)
+    return zarr.open_group(checked, path=inside, mode="r", use_consolidated=False)
 
 
 class _CheckedStore(WrapperStore[Any]):

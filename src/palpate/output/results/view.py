@@ -847,7 +847,8 @@ def _describe_tip(tip: "Tip") -> str:
     if "half_angle" in size:
         angle = rounded(math.degrees(size["half_angle"]), 4)
         return f"a {tip.kind} of {angle}° between axis and side"
-    return f"a {tip.kind} of {_plain(size['radius'], 'm')} radius"
+    sample = f" on {_plain(size['thickness'], 'm')} of sample" if "thickness" in size else ""
+    return f"a {tip.kind} of {_plain(size['radius'], 'm')} radius{sample}"
 
 
 def _format_modulus(segment: "Identified") -> str:
