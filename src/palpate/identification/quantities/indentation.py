@@ -350,6 +350,11 @@ def _search(approach: Floats, exponent: float) -> tuple[float, float, float]:
     raise np.linalg.LinAlgError
 
 
+def _integrate(depth: Floats, force: Floats) -> float:
+    """Return ∫ F dx by trapezoids; ``numpy.trapezoid`` needs NumPy 2."""
+    return float(0.5 * (force[1:] + force[:-1]) @ np.diff(depth))
+
+
 class _SystematicPart(NamedTuple):
     """A relative error of the modulus, its cause as a clause, and the next step."""
 
@@ -581,8 +586,8 @@ class _ApproachFit:
         """State the speed of the approach if the sample gives back less work than it took."""
         if self.pull_off or not self.retract.size:
             return
-        depths, forces = zip(*map(self.above_baseline, (self.approach, self.retract)), strict=True)
-        taken, given = map(np.trapezoid, forces, depths)
+        taken = _integrate(*self.above_baseline(self.approach))
+        given = _integrate(*self.above_baseline(self.retract))
         returned = -given / taken
         speed = np.ptp(self.depths) / np.ptp(self.approach[3, self.inside])
         if returned < RELAXES and math.isfinite(speed):
