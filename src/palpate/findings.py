@@ -300,7 +300,7 @@ class Check(StrEnum):
 
     @property
     def meaning(self) -> str:
-        """What happened, on the first line; what it means for the numbers; what to do."""
+        """Explanation: what happened (first line), what it means for the numbers, what to do."""
         return _meanings()[self.value]
 
     @property

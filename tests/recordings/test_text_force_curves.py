@@ -76,3 +76,9 @@ def test_a_curve_exported_as_text_has_its_modulus(run, tmp_path, text, calibrati
         options = ["--sensitivity", "40nm/V", "--spring-constant", "50mN/m"]
         status, out, _ = run("identify", path, *options, "--tip", "sphere:radius=5um")
         assert (status, "Young's modulus" in out) == (0, True)
+
+
+def test_an_approach_alone_in_volts_asks_for_the_calibration(run, tmp_path):
+    approach = CURVES["JPK in volts"][0].partition("\n\n")[0] + "\n"
+    status, _, err = run("identify", written(tmp_path / "approach.txt", approach))
+    assert (status, "--sensitivity 40nm/V" in err) == (2, True)

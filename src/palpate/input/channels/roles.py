@@ -32,6 +32,7 @@ from palpate.input.channels.row_kinds import (
 )
 from palpate.input.channels.vectors import COUNTED, ONE_OF_MANY, Vector
 from palpate.input.recordings import Recording
+from palpate.input.recordings.cantilever import VOLTS
 from palpate.input.recordings.opening import within
 from palpate.input.recordings.recording import holds_numbers
 from palpate.input.recordings.units import (
@@ -731,7 +732,9 @@ def _remedy_of(choosing: _Choosing, absent: list[str], recorded: set[str | None]
         name = weights[0]
         unit = f"{recording.unit_of(name)}f"
         return f"if {name!r} is the force, in {unit}, pass --force {shlex.quote(name)}"
-    if {"deflection", "segment"} <= recording.channels.keys() and "force" in absent:
+    in_volts = recording.unit_of("deflection") in VOLTS
+    is_curve = "deflection" in recording.channels and (in_volts or "segment" in recording.channels)
+    if is_curve and "force" in absent:
         return _REMEDIES["deflection"]
     if unnamed := _match_unknown_names(choosing, absent):
         what = "its channel" if len(absent) == 1 else "their channels"
