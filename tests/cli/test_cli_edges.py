@@ -37,6 +37,7 @@ def printing(run, monkeypatch):
     return call
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "words, encoding, errors",
     [
@@ -67,6 +68,7 @@ def test_the_c_locale_carries_what_is_printed_and_written(good):
     assert b"N*s/m^n+1" in done.stdout
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "command, columns",
     [("identify", 1), ("compare", 1), ("diagnose", 1), ("info", 1), ("--help", 1), ("info", 20)],

@@ -31,6 +31,7 @@ def wide():
     return {}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("command", COMMANDS)
 @pytest.mark.parametrize(
     "columns", [40, *(pytest.param(c, marks=pytest.mark.slow) for c in (60, 80)), 120]

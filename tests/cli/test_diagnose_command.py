@@ -120,6 +120,7 @@ REMEDIES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", REMEDIES)
 def test_a_remedy_mends_what_it_is_for(printed, write, name):
     contact, options = REMEDIES[name]

@@ -18,6 +18,7 @@ from palpate.output.results.truth import comparable
 QUICK = ("--seconds", "4", "--seed", "3")
 
 
+@pytest.mark.long
 def test_identify_compares_with_the_truth_that_a_file_states(run, tmp_path):
     file = tmp_path / "ball.csv"
     run("lab", "ball", "-o", file, *QUICK)

@@ -85,6 +85,7 @@ def test_equal_outputs_and_logs_without_a_pose_are_refused(log, refused, tmp_pat
     assert not path.exists()
 
 
+@pytest.mark.long
 def test_payload_findings_are_short_and_name_existing_options(printed, tmp_path):
     reversed_log = written_log(replace(SETUP, sign=-1.0, zeroed=0.5), tmp_path / "log.csv")
     out = printed("payload", reversed_log)
@@ -119,6 +120,7 @@ def test_a_force_in_the_axes_of_the_position_has_no_payload(log, printed, refuse
     assert printed("payload", log, "--force-frame", "tool") == printed("payload", log)
 
 
+@pytest.mark.long
 def test_the_file_serves_identify_also_by_a_file_of_options(log, printed, refused, tmp_path):
     tool, options = tmp_path / "tool.toml", tmp_path / "run.toml"
     printed("payload", log, "--save-config", tool)

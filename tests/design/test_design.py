@@ -50,6 +50,7 @@ def test_the_papers_motion_has_the_papers_top_speed():
     assert x.max() <= PAPER_MOTION.peak_penetration
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("surface", [False, True])
 @pytest.mark.parametrize("offset", [False, True])
 @pytest.mark.parametrize("law", MATERIALS, ids=repr)
@@ -279,6 +280,7 @@ def test_a_motion_that_cannot_be_played_or_written_is_refused(tmp_path, motion, 
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ball", "sponge", "pvc"])
 def test_a_played_design_gives_the_predicted_precision(run, tmp_path, name):
     """Design, file, laboratory, identification: the standard errors, over the values.

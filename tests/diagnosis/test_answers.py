@@ -75,6 +75,7 @@ def results_of(contact: palpate.Contact) -> list[palpate.Identification]:
     return [palpate.identify(contact, law=law, trace=False) for law in ("hunt-crossley", None)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["memory", "delay", "surface", "friction"])
 def test_no_method_recommends_itself(name):
     for result in palpate.compare(FAULTS[name], trace=False).values():
@@ -214,6 +215,7 @@ def contradictions(result: palpate.Identification) -> list[str]:
     return wrong
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", FAULTS)
 def test_following_the_next_steps_mends_a_fault(name):
     try:

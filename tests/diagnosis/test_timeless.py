@@ -78,6 +78,7 @@ def test_rows_of_a_press_give_the_stiffness_and_no_damping(exponent, release, no
     assert abs(there.stiffness.value - true) < 3.0 * there.stiffness.whole_error
 
 
+@pytest.mark.long
 def test_no_number_of_a_damping_is_given(result, tmp_path):
     assert result.law.names() == ["K", "n"]
     assert result.trace.parameters.shape[1] == result.covariance.shape[0] == 2

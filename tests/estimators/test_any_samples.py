@@ -13,6 +13,7 @@ NUMBERS = st.one_of(st.floats(), st.floats(-0.02, 0.05), st.floats(-50.0, 50.0))
 SAMPLES = st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), max_size=30)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ESTIMATORS)
 @given(before=SAMPLES, after=SAMPLES)
 def test_a_copy_continues_bit_for_bit_on_any_samples(method, before, after):

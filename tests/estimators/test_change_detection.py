@@ -175,6 +175,7 @@ def slow(samples: int, rng: np.random.Generator) -> Floats:
     return NOISE / noise.std() * noise
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("noise", [bursts, slow])
 @pytest.mark.parametrize("material", [BALL, PVC, SPONGE])
 def test_noise_bursts_and_slow_noise_are_not_changes(material, noise) -> None:

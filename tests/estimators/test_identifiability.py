@@ -148,6 +148,7 @@ LEAST = 0.85
 INDENTATION = sines(1.0, Planned(5e-3, (5e-3,), (2.0 * np.pi,)))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "law, motion, memory, seeds",
     [

@@ -23,6 +23,7 @@ motions = st.integers(1, 3).flatmap(
 limits = st.none() | st.floats(2e-3, 3e-2)
 
 
+@pytest.mark.long
 @settings(max_examples=15, deadline=None, derandomize=True)
 @given(materials, motions, limits, limits, st.booleans())
 def test_the_better_motion_keeps_to_its_limits_and_is_never_worse(

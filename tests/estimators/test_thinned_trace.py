@@ -30,6 +30,7 @@ def same(one, other) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("trace", [False, 30])
 def test_a_thinned_trace_changes_no_result(method, full, trace):
     thinned = identify(CONTACT, method(), trace=trace)
@@ -102,6 +103,7 @@ def test_an_invalid_choice_of_estimates_is_refused(method, at):
         method().replay(*SIGNALS.arrays, at=at)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["variable-projection", "kelvin-voigt", "viscoelastic"])
 def test_figures_frames_and_stretches_are_there_without_a_trace(kind):
     whole, result = (identify(CONTACT, kind, trace=trace) for trace in ("full", False))

@@ -289,6 +289,7 @@ def test_an_estimator_agrees_with_its_twin_and_so_does_the_covariance(kind, nois
     np.testing.assert_allclose(estimate.standard_errors, deviation, rtol=1e-8)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("perturbation", PERTURBATIONS.values(), ids=PERTURBATIONS)
 def test_an_estimator_agrees_with_its_twin_through_lost_contact(kind, broken, perturbation):
     broken = broken[:1400]  # by then it is lost and made again twice

@@ -199,6 +199,7 @@ def errors_of(law: HuntCrossley, seconds: float, seeds: range, **settings) -> tu
     return errors, np.array([estimate.standard_errors for estimate in estimates])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "seconds, seeds, limit",
     [

@@ -59,6 +59,7 @@ def test_the_same_seed_gives_the_same_file_and_another_does_not(probe, tmp_path)
     assert same != other
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seeds", [1, pytest.param(20, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", ["ball", "sponge", "pvc", "inclusion"])
 def test_identify_recovers_a_material_within_its_error_bars(name, seeds):

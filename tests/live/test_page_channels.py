@@ -95,6 +95,7 @@ def test_stiffness_and_damping_in_a_row_are_those_of_the_estimate(kind):
     assert read_numbers(row, estimator.law_type, math.nan) == {}
 
 
+@pytest.mark.long
 @given(st.binary(min_size=8 * len(COLUMNS), max_size=8 * len(COLUMNS)))
 def test_any_floats_make_channels_that_are_finite_or_nothing(content):
     row = np.array([struct.unpack(f"<{len(COLUMNS)}d", content) + (0.0,) * 4])

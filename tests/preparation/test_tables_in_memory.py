@@ -67,6 +67,7 @@ def expected():
     return palpate.identify(FRAME)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
 def test_a_table_is_the_contact_that_it_holds(table, expected):
     found = palpate.identify(table)

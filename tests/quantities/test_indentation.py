@@ -91,6 +91,7 @@ def test_another_tip_than_the_true_one_is_not_trusted():
     assert found.modulus.remarks[0].endswith("n = 1.5: a cone or a pyramid or a thin sample?")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("fault", FAULTS)
 def test_no_modulus_that_is_wrong_by_a_tenth_is_trusted(fault):
     fits = [faulty_curve(fault, number) for number in range(EACH)]

@@ -104,6 +104,7 @@ def test_all_episodes_are_contacts_with_one_object(stored):
     assert "no contact in 2, 4" in finding.message
 
 
+@pytest.mark.long
 def test_info_lists_the_episodes(stored, run):
     path, _ = stored
     code, out, _ = run("info", path)

@@ -358,6 +358,7 @@ def test_the_progress_goes_from_nothing_to_all(tmp_path, monkeypatch) -> None:
     assert len(seen) > 5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sizes", [(40, 30), (36, 40)])
 @pytest.mark.parametrize("chunk", [1000, 1025, 1050, 1075, None])
 def test_as_many_messages_are_found_however_they_interleave(tmp_path, chunk, sizes) -> None:

@@ -36,6 +36,7 @@ def reference_rmse(name: str) -> float:
     return float(row[column].split("(")[0].split(",")[2])
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("path", one_of_each_set("*.csv"))
 def test_every_recording_runs_through_every_method(path):
     if not has_penetration(path):

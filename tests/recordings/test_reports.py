@@ -121,6 +121,7 @@ MACHINES = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("content, suffix", MACHINES.values(), ids=MACHINES)
 def test_a_ball_in_the_report_of_a_machine_has_its_true_stiffness(tmp_path, content, suffix):
     contact = prepare(written(tmp_path / f"report.{suffix}", content))
@@ -154,6 +155,7 @@ PREAMBLES = {
 OTHER_TABLES = [PREAMBLES[f"a table of {size} columns"] for size in ("more", "as many")]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("preamble", PREAMBLES.values(), ids=PREAMBLES)
 @pytest.mark.parametrize("below", ["", "\nMaximum,7.8\nEnd of test", "\nMean\nNo,Max,E\n1,2,3\n"])
 def test_text_around_a_table_does_not_change_it(tmp_path, preamble, below):

@@ -194,6 +194,7 @@ def test_recordings_of_robots_need_no_option(recorded, name):
     assert not any(each.check == "force frame" for each in result.contact.findings)
 
 
+@pytest.mark.long
 def test_the_pose_of_a_chain_is_that_of_the_sensor_in_the_fixed_frame(recorded):
     roles = choose_roles(open_recording(recorded["a chain of transforms and a wrench"]))
     place = np.column_stack([roles.recording.channels[name] for name in roles.depth])
@@ -214,6 +215,7 @@ def test_a_rotation_is_interpolated_at_even_speed():
     assert found == pytest.approx(turns, abs=1e-15)
 
 
+@pytest.mark.long
 def test_a_chain_is_chosen_by_its_two_frames(recorded):
     path = recorded["a pose, a wrench, joints and tf"]
     for position in ("/tf[base>plate]", "/tf[shoulder>plate]", "/tf[shoulder>flange]"):

@@ -91,6 +91,7 @@ WAYS = {
 OPTIONS = {"a table without names.npy": TABLE, "lines.jsonl": "--force ft[1]"}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", WAYS)
 def test_every_format_gives_the_stiffness_of_the_ball(name, tmp_path, run):
     path = tmp_path / name

@@ -97,6 +97,7 @@ CORPUS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("content", CORPUS.values(), ids=CORPUS)
 def test_small_blocks_and_either_parser_read_the_same(tmp_path, monkeypatch, content):
     """Cell by cell is the reference; the same numbers bit for bit, and the same rows are lost."""

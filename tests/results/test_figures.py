@@ -133,6 +133,7 @@ def test_a_figure_has_three_panels_with_the_marks_and_no_text_inside_where_a_jou
     assert "Hunt–Crossley law" in figures.methods_sentence(of_example("ball"))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("method", ESTIMATORS)
 def test_all_panels_are_those_whose_quantity_was_estimated(method):
     result = all_methods()[method]
@@ -215,6 +216,7 @@ def band_and_height(axes) -> tuple[float, float]:
     return float(np.ptp(right)), high - low
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["ball", "sponge", "tapping", "microscale"])
 def test_the_band_of_every_parameter_is_seen(name):
     for axes in every_course(name).axes:

@@ -76,6 +76,7 @@ def test_every_result_prints_in_lines_that_can_be_read(results):
         assert "array(" not in words, name
 
 
+@pytest.mark.long
 def test_printed_results_have_the_numbers(results):
     assert "2000" in str(results["working depth"])
     assert "variable-projection: <Identification" in str(results["compare"])

@@ -68,6 +68,7 @@ def assert_found(setup: Setup) -> None:
 LONG = pytest.mark.long
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=LONG), pytest.param(9, marks=LONG)])
 def test_payload_delay_and_stiffness_match_the_simulator(seed):
     assert_found(random_setup(seed, touch_tilt=0.0, friction=0.0))
@@ -137,6 +138,7 @@ def test_a_payload_of_another_log_serves_one_without_turns(turning):
             Preparation(payload=tool, **{name: value})
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mass", [2.0, pytest.param(4.0, marks=LONG)])  # kg
 def test_a_known_heavy_tool_serves_a_log(mass, tmp_path):
     setup = Setup(seed=17, mass=mass, centre=(0.01, -0.01, 0.13), **IDEAL)
@@ -170,6 +172,7 @@ def test_a_log_without_contact_has_a_payload():
         compensate_log(without(log.recording, "orientation"), Preparation())
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("frequency, blur", [(1.0, 0.0), (2.4, 2e-5), (5.0, 3e-5)])  # Hz, m
 def test_vertical_motion_tells_the_mass_but_not_the_mount(frequency, blur):
     time, omega = np.arange(0.0, 12.0, 2e-3), 2.0 * math.pi * frequency
@@ -247,6 +250,7 @@ def test_a_flange_that_turns_in_free_air_does_not_move_the_surface():
         assert abs(identify(setup, **options).absolute["S, %"]) < 2.0
 
 
+@pytest.mark.long
 def test_a_flange_that_turns_in_contact_asks_for_the_tip():
     setup = Setup(seed=3, presses=1, touch_tilt=0.0, friction=0.0, pivot=6.0)
     recording = simulate(setup).recording
@@ -261,6 +265,7 @@ def test_a_flange_that_turns_in_contact_asks_for_the_tip():
     assert abs(identify(setup, tip_offset=setup.tip).absolute["S, %"]) < 2.0
 
 
+@pytest.mark.long
 def test_a_tools_weight_acts_or_is_refused(ideal):
     with pytest.raises(RecordingError, match=r"fits a tool weight of 3\.92.* not --tool-weight 5N"):
         prepare(ideal, tool_weight=5.0)
@@ -282,6 +287,7 @@ def test_without_a_torque_the_mass_is_found(ideal):
     assert named.prepared.payload.centre == pytest.approx(Setup().centre, abs=5e-4)
 
 
+@pytest.mark.long
 def test_bit_errors_in_a_log_do_not_change_its_payload(ideal, turning):
     found = turning.prepared.payload
     channels = {name: values.copy() for name, values in ideal.channels.items()}
