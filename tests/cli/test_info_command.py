@@ -205,6 +205,8 @@ def test_nanosecond_times_keep_microsecond_steps():
     for name in ("time_ms", "Time (ms)", "t_ms", "log/stamp_msec"):
         assert clock_unit(name) == "ms"
         assert the_clock(np.arange(10.0), name=name).rate == pytest.approx(1000.0)
+    # Testing machines and lecturers' tables state minutes.
+    assert the_clock(np.arange(10.0), "min").step == pytest.approx(60.0)
 
 
 def test_without_a_clock_samples_are_counted():

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from palpate.input.recordings.recording import Recording
-from palpate.input.recordings.times import SECONDS, clock_rank, clock_unit
+from palpate.input.recordings.times import clock_rank, clock_unit
+from palpate.input.recordings.units import UNITS
 from palpate.method.rows import count_true, median
 from palpate.stages import log_stage
 from palpate.validation import Floats, Values, frozen
@@ -177,7 +178,7 @@ def seconds(recording: Recording, clock: str) -> Floats:
 def unit_of_clock(recording: Recording, clock: str) -> tuple[str, float]:
     """Return the unit of a clock, from the file or its name, and its length in seconds."""
     unit = recording.units.get(clock) or clock_unit(clock) or "s"
-    return unit, SECONDS.get(unit, 1.0)
+    return unit, UNITS["time"].get(unit, 1.0)
 
 
 def _since(values: Values) -> Floats:
