@@ -44,6 +44,16 @@ def test_the_json_has_all_that_the_tables_have(printed, tmp_path):
     assert found["losses"] == []
 
 
+@pytest.mark.parametrize("name", ["time_s", "rosbagTimestamp", "Prüfzeit [s]"])
+def test_the_clock_is_the_time_that_identify_takes(run, tmp_path, name):
+    columns = {"z_mm": COLUMNS["penetration_m"] * 1e3, "fz_N": COLUMNS["force_N"]}
+    path = write_parquet(tmp_path / "a.parquet", {name: COLUMNS["time_s"], **columns})
+    found = json.loads(run("info", path, "--json")[1])
+    [clock] = found["clocks"]
+    assert (clock["name"], clock["rate"]) == (name, pytest.approx(1000.0))
+    assert found["channels"][0]["role"] == "time"
+
+
 def test_channels_may_be_chosen(run, tmp_path):
     path = write_hdf5(
         tmp_path / "a.h5", {f"g{k}/{n}": np.arange(9.0) for k in range(3) for n in ("time", "f")}

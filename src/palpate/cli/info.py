@@ -60,6 +60,7 @@ def info(
         Print one JSON object instead of tables.
     """
     from palpate.cli.info_tables import as_dict, print_curves, print_episodes, print_recording
+    from palpate.input.channels.roles import explain_roles
     from palpate.input.recordings.datasets import describe_data_set
     from palpate.input.recordings.opening import MAPS
     from palpate.input.recordings.survey import survey
@@ -82,17 +83,18 @@ def info(
 
         second = open_with_progress(companion, None, max_size=max_size)
         recording, _ = align(recording, second, Preparation(), prepare_contact)
-    surveyed = survey(recording)
+    uses, refusal = explain_roles(recording)
+    surveyed = survey(recording, next((n for n, (role, _) in uses.items() if role == "time"), None))
     if figure is not None:
         from palpate.output import figures
         from palpate.output.figures.strips import draw_strips
 
         figures.save(draw_strips(recording, surveyed, dark=dark), figure)
     if as_json:
-        print_json(as_dict(file, recording, surveyed, data))
+        print_json(as_dict(file, recording, surveyed, uses, refusal, data))
     else:
         if data is not None:
             print_episodes(data)
-        print_recording(recording, surveyed)
+        print_recording(recording, surveyed, uses, refusal)
         if figure is not None:
             say_path(Terminal(), f"figure: {figure}")

@@ -14,7 +14,6 @@ from rich.text import Text
 from palpate.cli.printing import Cell, Terminal, print_json, print_table, say, say_path
 from palpate.digits import format_quantity, rounded
 from palpate.errors import RecordingError, printable
-from palpate.input.channels.roles import explain_roles
 from palpate.input.recordings.datasets import DataSet
 from palpate.input.recordings.recording import Recording
 from palpate.input.recordings.survey import ChannelSurvey, ClockSurvey, Survey
@@ -38,8 +37,15 @@ _DATES = 1e9
 Section: TypeAlias = tuple[list[str], list[list[Cell]]]
 
 
-def print_recording(recording: Recording, surveyed: Survey) -> None:
-    """Print the contents of a recording; empty sections are omitted."""
+#: Each channel's role, empty without one, and the reason.
+Uses = Mapping[str, tuple[str, str]]
+
+
+def print_recording(recording: Recording, surveyed: Survey, uses: Uses, refusal: str) -> None:
+    """Print the contents of a recording; empty sections are omitted.
+
+    ``uses`` and ``refusal`` are what ``explain_roles`` returns.
+    """
     console = Terminal()
     channels = len(surveyed.channels)
     clocks = sum(bool(c.name) for c in surveyed.clocks)
@@ -50,7 +56,6 @@ def print_recording(recording: Recording, surveyed: Survey) -> None:
         if rows:
             console.print()
             print_table(console, headings, rows)
-    uses, refusal = explain_roles(recording)
     if channels:
         console.print()
         _say_channels(console, uses, surveyed.channels)
@@ -148,10 +153,11 @@ def as_dict(
     file: Path,
     recording: Recording,
     surveyed: Survey,
+    uses: Uses,
+    refusal: str,
     data: DataSet | None = None,
 ) -> dict[str, Any]:
     """Return the contents of a recording as JSON types, with the episodes of a data set."""
-    uses, refusal = explain_roles(recording)
     of_set = {} if data is None else {"name": data.name, "rate": data.rate, "lengths": data.lengths}
     return {
         **({"data_set": of_set} if of_set else {}),
@@ -208,7 +214,7 @@ def _clocks_table(surveyed: Survey) -> Section:
 
 def _say_channels(
     console: Terminal,
-    uses: Mapping[str, tuple[str, str]],
+    uses: Uses,
     channels: Sequence[ChannelSurvey],
 ) -> None:
     """Print one line a channel, cut off at the width of the terminal unless that is narrow."""

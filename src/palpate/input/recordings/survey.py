@@ -107,15 +107,20 @@ class Survey:
 
 
 @log_stage("survey")
-def survey(recording: Recording) -> Survey:
+def survey(recording: Recording, time: str | None = None) -> Survey:
     """Survey a recording.
 
     Parameters
     ----------
     recording : Recording
         From :func:`palpate.input.recordings.open_recording`.
+    time : str, optional
+        The clock of a table in which no name suggests one, such as the channel that
+        preparation takes for the time.
     """
     candidates = named_clocks(recording)
+    if not candidates and time is not None:
+        candidates = [(0, 0, time)]
     members: dict[tuple[str, int], list[str]] = {}
     for name, values in recording.channels.items():
         clock = channel_clock(recording, name, candidates)
