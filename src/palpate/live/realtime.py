@@ -155,9 +155,12 @@ def give_way(*, gently: bool = True) -> None:
 
 
 def lower_priority() -> None:
-    """Let this process run only when the processor is idle; call after :func:`give_way`."""
+    """Let this process yield to the others next to the loop; call after :func:`give_way`.
+
+    It does not wait for an idle processor: on a busy machine its results would never come.
+    """
     with suppress(OSError, AttributeError):
-        os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
+        os.nice(_GENTLY)
 
 
 def show_name(name: str) -> None:
