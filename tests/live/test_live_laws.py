@@ -19,11 +19,13 @@ from palpate.live.loop import Loop
 from palpate.live.page.watch import plain
 from palpate.live.recorder import describe_run
 from palpate.live.ring import COLUMNS
+from palpate.live.ros import RosWire
 from palpate.live.running import default_estimator
+from palpate.live.schema import STATUS_TYPE, describe_status, estimates, read_run
 from palpate.live.sinks import why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import NUMBERS, headline, law_card_texts, verdict_on
-from palpate.live.wires import AFTER, Fields, describe_status, parse_address
+from palpate.live.wires import parse_address
 from palpate.method.estimators.by_law import estimator_by_law
 from palpate.output.results.view import describe_place, number_lines
 
@@ -72,9 +74,9 @@ def watched(script, law="auto", at=(), commands=None, **known):
             said.setdefault(loop.counts.taken, read(loop))
         return commands.pop(loop.counts.taken, None)
 
-    with rings() as (samples, estimates, _):
+    with rings() as (samples, found, _):
         preparation = OnlinePreparation(sample_time=T)
-        loop = Loop(Scripted(script), preparation, estimator, samples, estimates, asked)
+        loop = Loop(Scripted(script), preparation, estimator, samples, found, asked)
         loop.run()
     return loop, said, read(loop)
 
@@ -125,13 +127,13 @@ def test_before_the_first_sample_there_is_no_law_and_no_number():
 
 
 def test_the_verdict_is_published_in_words_and_numbers():
-    from palpate.live.ros import STATUS, RosWire
-
     wire = RosWire(parse_address("dds", "/palpate", ()))
-    data = wire.status("contact", "rig", 0, {"law": "spring", "lead": 1.0 / 3.0})
-    [status] = typestore().deserialize_cdr(data, STATUS).status
+    said = {"state": "contact", "source": "rig", "time": 1.5, "lead": 1.0 / 3.0}
+    said |= {"stiffness_verdict": "trust", "damping_verdict": "do-not-trust"}
+    [status] = typestore().deserialize_cdr(wire.status(said), STATUS_TYPE).status
     values = {each.key: each.value for each in status.values}
-    assert values == {"law": "spring", "lead": "0.333333333333333"}
+    assert values == {**said, "time": "1.5", "lead": "0.333333333333333"}
+    assert (status.level, status.message) == (2, "contact")
 
 
 def test_a_change_discards_the_evidence_until_a_new_verdict():
@@ -197,19 +199,14 @@ def test_a_verdict_that_does_not_settle_says_so():
 
 
 def test_a_known_exponent_is_given_and_no_estimate():
-    loop, _, verdict = watched(arrivals(*swung(MEMORY)), exponent=1.5)
+    loop, rows = looped(arrivals(*swung(MEMORY)), estimator=default_estimator(exponent=1.5))
+    verdict = read(loop)
     page, estimator = loop.status(), loop.estimator
     assert verdict.estimate.fixed == ("n",)
-    size = len(estimator.law_type.symbols)
-    values = (
-        [0.0] * 10
-        + estimator.estimate().parameters.tolist()
-        + estimator.estimate().standard_errors.tolist()
-    )
-    fields = Fields(0, tuple(estimator.law_type.names()), 10**12)
-    values += [0.0] * len(AFTER)
-    said = describe_status(page, fields, dict(zip(fields.names, values, strict=True)))
-    assert len(values) == 10 + 2 * size + len(AFTER)
+    run = read_run({**page, "origin": 10**12}, None)
+    (last,) = estimates(rows[-1:], run, 0)
+    said = describe_status(page, run, last, estimator.estimate().covariance)
+    assert said["covariance"] == pytest.approx(estimator.estimate().covariance.ravel())
     assert said["n"] == 1.5
     assert "n 1.5 (fixed)" in said["words"]
     assert "p" not in said

@@ -177,8 +177,14 @@ def test_no_line_leads_from_one_estimator_to_the_next(history):
 
 LAW = {name: getattr(HuntCrossley, name) for name in ("kind", "symbols", "units")}
 LAW |= {"names": HuntCrossley.names(), "shown": [0, 1, 2]}
-OTHER = {"kind": "kelvin-voigt", "shown": []}
-STATUS = {"sample_time": 1e-3, "generation": 0, "law": LAW, "state": "contact"}
+OTHER = {"kind": "kelvin-voigt", "names": ["K", "B"], "shown": []}
+STATUS = {
+    "method": "variable-projection",
+    "sample_time": 1e-3,
+    "generation": 0,
+    "law": LAW,
+    "state": "contact",
+}
 
 
 @pytest.fixture

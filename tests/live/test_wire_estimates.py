@@ -7,41 +7,40 @@ import struct
 import subprocess
 import time
 from contextlib import closing
-from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 import zmq
 from cases import MATERIALS
-from scripted import arrivals, in_a_process, looped, measured, pressed
+from rosbags.typesys import get_types_from_msg
+from scripted import Silence, arrivals, in_a_process, looped, measured, pressed
 from wire_robots import ROBOTS, free_port
 
 import palpate
-from palpate import Status
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live import run
+from palpate.live import ros, run, schema
 from palpate.live.choices import State
 from palpate.live.diagnosing import diagnose_samples, recent
-from palpate.live.sinks import PLACE, UNDIAGNOSED, diagnosis_fields
+from palpate.live.schema import ESTIMATE_FIELDS, SCHEMA, STATUS_FIELDS, read_run
+from palpate.live.sinks import PLACE, UNDIAGNOSED
 from palpate.live.sources import Replay
-from palpate.live.wires import AFTER, Publisher, open_publisher
+from palpate.live.wires import Publisher, open_publisher
 
-NAMES = [
-    "time", "prepared_time", "penetration", "velocity", "force", "predicted_force", "state",
-    "offset", "surface", "margin", "K", "n", "B", "p",
-    "M", "K_standard_error", "n_standard_error", "B_standard_error", "p_standard_error",
-    "M_standard_error", *AFTER,
-]  # fmt: skip
+DEFINITION = Path(__file__).parents[2] / "ros" / "palpate_msgs" / "msg" / "ContactEstimate.msg"
+NAMES = [field.name for field in ESTIMATE_FIELDS]
+NUMBERS = ("K", "n", "B", "p", "M")
 
 
 class Listener:
     """What hears the estimates; each wire's own, without palpate's part of it."""
 
     def __init__(self) -> None:
-        self.estimates: list[list[float]] = []
-        self.said: list[dict[str, str]] = []
-        self.names: list[str] = []
+        self.raw: list[bytes] = []
+        self.estimates: list[dict[str, Any]] = []
+        self.said: list[dict[str, Any]] = []
 
     def connect(self) -> None:
         time.sleep(2.0)
@@ -73,13 +72,16 @@ class ZeroMQListener(Listener):
             if topic == b"status":
                 self.said.append(json.loads(data))
             else:
-                self.take(data)
+                self.raw.append(data)
+                self.estimates.append(self.read(data))
 
-    def take(self, data: bytes) -> None:
+    def read(self, data: bytes) -> dict[str, Any]:
         page = json.loads(data)
-        assert page.pop("number") == len(self.estimates) + 1
-        self.names = list(page)
-        self.estimates.append([math.nan if each is None else each for each in page.values()])
+        numbers = {k: math.nan if v is None else v for k, v in page.items()}
+        return {**page, **numbers}
+
+    # By palpate's own reader.
+    decode = staticmethod(schema.read_estimate)
 
     def close(self) -> None:
         self.socket.close(0)
@@ -89,18 +91,21 @@ class ZeroMQListener(Listener):
 class BinaryListener(ZeroMQListener):
     form = "binary"
 
-    def take(self, data: bytes) -> None:
-        number, *values = struct.unpack("<Q26d", data)
-        assert number == len(self.estimates) + 1
-        self.names = NAMES[: -len(AFTER)]  # the diagnosis and the age are in the status
-        # Room for eight parameters and their errors; the law has five.
-        assert np.isnan(values[15:18]).all()
-        assert np.isnan(values[23:26]).all()
-        self.estimates.append([*values[:15], *values[18:23]])
+    def read(self, data: bytes) -> dict[str, Any]:
+        """As a program in C would: a structure without gaps, then texts."""
+        numbers = list(struct.unpack_from("<IIQ33dB??bb3x", data))
+        place, texts = 288, []
+        while place < len(data):
+            (size,) = struct.unpack_from("<I", data, place)
+            texts.append(data[place + 4 : place + 3 + size].decode())
+            place += 4 + size + -size % 4
+        arrays = [numbers[20:25], numbers[28:33]]  # of eight, of which the law has five
+        assert np.isnan([*numbers[25:28], *numbers[33:36]]).all()
+        return dict(zip(NAMES, [*numbers[:20], *arrays, *numbers[36:], *texts], strict=True))
 
 
 TYPES = {
-    "estimate": "std_msgs/msg/Float64MultiArray",
+    "estimate": "palpate_msgs/msg/ContactEstimate",
     "status": "diagnostic_msgs/msg/DiagnosticArray",
 }
 
@@ -112,13 +117,21 @@ class RosListener(Listener):
         super().__init__()
         self.robot = ROBOTS[self.wire]()
         self.store = self.robot.store
+        own = get_types_from_msg(DEFINITION.read_text(encoding="utf-8"), TYPES["estimate"])
+        self.store.register({name: each for name, each in own.items() if "palpate" in name})
+
+    # By palpate's own reader.
+    decode = staticmethod(ros.read_estimate)
 
     def estimate(self, data: bytes) -> None:
         message = self.store.deserialize_cdr(data, TYPES["estimate"])
-        (dimension,) = message.layout.dim
-        self.names = dimension.label.split(",")
-        assert dimension.size == dimension.stride == len(message.data) == len(self.names)
-        self.estimates.append(message.data.tolist())
+        found = {name: getattr(message, name) for name in NAMES}
+        for name in ("parameters", "standard_errors"):
+            found[name] = found[name][: len(NUMBERS)].tolist()
+        stamp = message.header.stamp
+        assert stamp.sec + 1e-9 * stamp.nanosec == pytest.approx(found["time"], abs=1e-6)
+        self.raw.append(data)
+        self.estimates.append(found)
 
     def status(self, data: bytes) -> None:
         message = self.store.deserialize_cdr(data, TYPES["status"])
@@ -199,7 +212,7 @@ class ZenohListener(RosListener):
             numbers[name] = number
         kinds = {token.split("/")[5] for token in self.tokens}
         assert kinds == {"NN", "MP"}
-        assert any("/%palpate%estimate/std_msgs::msg::dds_::" in each for each in self.tokens)
+        assert any("/%palpate%estimate/palpate_msgs::msg::dds_::" in each for each in self.tokens)
 
 
 class Later(Replay):
@@ -224,46 +237,72 @@ def test_every_estimate_is_published_with_names_and_units(kind) -> None:
         source.listener = listener
         status = run(source, sinks=[open_publisher(listener.address)])
         listener.hear()
-    assert list(listener.names) == NAMES[: len(listener.names)]
-    values = np.array(listener.estimates)
-    assert len(values) == len(touch) == status["counts"]["taken"]
-    assert (np.diff(values[:, 0]) > 0).all()
-    last = dict(zip(listener.names, values[-1], strict=True))
-    assert 0.0 < last["K_standard_error"] < last["K"]
+    assert len(listener.estimates) == len(touch) == status["counts"]["taken"]
+    assert [each["number"] for each in listener.estimates] == list(range(len(touch)))
+    last = listener.estimates[-1]
+    assert list(last) == NAMES
+    times = [each["time"] for each in listener.estimates]
+    assert (np.diff(times) > 0).all()
+    assert last["schema"] == SCHEMA
+    assert (last["method"], last["law"]) == ("viscoelastic", "generalised-hunt-crossley")
+    assert tuple(last["parameter_names"].split()) == NUMBERS
+    stiffness, error = last["parameters"][0], last["standard_errors"][0]
+    assert 0.0 < error < stiffness
+    assert 0.0 < last["stiffness_standard_error"]
+    assert last["age"] == pytest.approx(last["time"] - last["learned_time"], abs=1e-6)
+    # Nothing diagnoses it: no reader may take that for trust.
+    assert {each["stiffness_mark"] for each in listener.estimates} == {-1}
+    assert repr(listener.decode(listener.raw[-1])) == repr(last)
     said = listener.said[-1]
+    names = [name for name in said if name.removesuffix("_standard_error") not in NUMBERS]
+    known = {field.name for field in (*ESTIMATE_FIELDS, *STATUS_FIELDS)}
+    assert {name for name in names if name not in known} <= {
+        f"{field.name}_standard_error" for field in STATUS_FIELDS
+    }
+    assert known - set(said) == {"parameters", "standard_errors"}
     assert said["state"] in ("contact", "free", "changed", "lost")
-    assert said["method"] == "viscoelastic"
-    assert (said["law"], float(said["schema"])) == ("generalised-hunt-crossley", 3)
+    assert (said["law"], int(said["schema"])) == ("generalised-hunt-crossley", SCHEMA)
     assert re.match("K .*±", said["words"])
+    assert len(json.loads(said["covariance"]) if isinstance(said["covariance"], str)
+               else said["covariance"]) == len(NUMBERS) ** 2  # fmt: skip
     numbers = [said[name] for name in ("lost", "age", "K_standard_error", "K")]
     assert sorted(map(float, numbers)) == [*map(float, numbers)]
     # In JSON they are numbers; in ROS every value is text.
     assert issubclass(kind, RosListener) or {type(each) for each in numbers} <= {int, float}
-    # Nothing diagnoses it: no reader may take that for trust.
-    assert np.isnan(values[:, 20 : len(NAMES) - 1]).all()
     assert (said["stiffness_verdict"], said["answer"]) == ("not diagnosed yet", "")
     assert said["damping_reason"] == UNDIAGNOSED
 
 
-def watching(diagnosis):
-    return SimpleNamespace(dropped=0, tell=lambda page: None, diagnosis=diagnosis)
+def publishing_to(wire, boards=None):
+    publishing = Publisher(wire)
+    publishing._watching = SimpleNamespace(
+        dropped=0, tell=lambda page: None, others=lambda: boards or {}
+    )
+    return publishing
 
 
 def test_the_wire_reports_a_silent_source() -> None:
-    loop, rows = looped(arrivals(*measured(0.3)))
+    loop, rows = looped([*arrivals(*measured(0.3)), Silence(3.0)])
     told = []
-    words = {"estimate": lambda *_: "estimate", "status": lambda state, *_: state}
+    words = {"estimate": lambda _: "estimate", "status": lambda values: values}
     full = SimpleNamespace(name="full", **words, put=lambda _, said: told.append(said))
-    publishing = Publisher(full)
-    publishing._watching = watching(partial(diagnosis_fields, None))
+    publishing = publishing_to(full)
     page = loop.status()
-    publishing._publish(page, rows)
+    for state in ("contact", "lost"):
+        run = read_run({**page, "state": state}, None)
+        publishing._publish(run, rows[: 100 * (state == "contact")])
+        publishing._told = 0.0
+        publishing._tell({**page, "state": state}, run)
     # What could not be sent is counted with the rest.
-    assert publishing._watching.dropped == told.count("estimate") == len(rows)
-    publishing._tell(page, silent=False)
-    publishing._told = 0.0
-    publishing._tell({**page, "state": "lost"}, silent=True)
-    assert told[len(rows) :] == ["contact", "lost"]
+    assert publishing._watching.dropped == told.count("estimate") == 100
+    before, after = told[100:]
+    assert (before["state"], after["state"]) == ("contact", "lost")
+    assert not after["stiffness_usable"]
+    assert after["stiffness_verdict"] == after["damping_verdict"] == "do-not-trust"
+    assert after["age"] == pytest.approx(3.0, abs=0.2)
+    assert (
+        after["stiffness_reason"] == f"no samples arrive: the estimate is {after['age']:.1f} s old"
+    )
 
 
 def test_a_verdict_is_published_until_it_is_outdated():
@@ -276,43 +315,47 @@ def test_a_verdict_is_published_until_it_is_outdated():
     publishing = open_publisher(listener.address)
     publisher = publishing._wire
     publisher.open()
-    publishing._watching = watching(lambda page: diagnosis_fields(pages["now"], page))
+    boards = {}
+    publishing._watching = publishing_to(publisher, boards)._watching
 
     def heard(first, **columns):
         part = rows[first : first + 100].copy()
         for name, value in columns.items():
             part[:, PLACE[name]] = value
         publishing._told = 0.0
-        publishing._publish(status, part)
-        publishing._tell(status, silent=False)
+        boards["diagnosis"] = pages["now"]
+        publishing._publish(state := read_run(status, pages["now"]), part)
+        publishing._tell(status, state)
         listener.hear()
-        return dict(zip(listener.names, listener.estimates[-1], strict=True)), listener.said[-1]
+        return listener.estimates[-1], listener.said[-1]
 
     try:
         listener.connect()
         estimate, said = heard(1000)
-        assert math.isnan(estimate["stiffness_verdict"])
+        assert estimate["stiffness_mark"] == -1
         assert said["stiffness_reason"] == "the first diagnosis has not finished yet"
         pages["now"] = page = diagnose_samples(recent(samples, 20.0, 0.0), status)
         estimate, said = heard(1100)
-        assert estimate["age"] == 0.0
-        assert estimate["stiffness_verdict"] == estimate["damping_verdict"] == 2.0
-        depth, bars = estimate["working_depth"], estimate["stiffness_standard_error"]
+        assert estimate["age"] < 0.1
+        assert estimate["stiffness_mark"] == estimate["damping_mark"] == 2
+        depth, bars = said["diagnosed_depth"], said["diagnosed_stiffness_standard_error"]
         exact = MATERIALS["ball"].stiffness_at(depth)
-        assert abs(said["stiffness"] - exact) < 4.0 * bars < 0.1 * exact
+        assert abs(said["diagnosed_stiffness"] - exact) < 4.0 * bars < 0.1 * exact
         assert said["answer"] == page["answer"]
         assert said["stiffness_verdict"] == said["damping_verdict"] == "trust"
         assert said["stiffness_reason"] == ""
+        assert said["verdict_time"] == said["diagnosis_time"]
         assert said["diagnosis_time"] == pytest.approx(1000.0 + rows[-1, 0], abs=0.05)
-        estimate, said = heard(1200, status=Status.WAITING)
-        assert said["age"] >= estimate["age"] == pytest.approx(0.1)
+        estimate, said = heard(1200, learned=0.1)
+        assert said["age"] == estimate["age"] == pytest.approx(estimate["time"] - 1000.1)
+        assert estimate["age"] > 1.0
+        assert not estimate["stiffness_usable"]
         # Of a change the board does not know yet; then it does.
         changed, _ = heard(1300, state=State.CHANGED)
-        assert math.isnan(changed["stiffness_verdict"])
-        assert math.isnan(changed["stiffness"])
+        assert changed["stiffness_mark"] == -1
         status["counts"]["changes"] += 1
         estimate, said = heard(1400)
-        assert math.isnan(estimate["stiffness_verdict"])
+        assert estimate["stiffness_mark"] == -1
         assert (said["stiffness_verdict"], said["diagnosis_time"]) == ("not diagnosed yet", None)
         assert said["stiffness_reason"] == "the material has changed since"
     finally:

@@ -9,6 +9,7 @@ from palpate.errors import InvalidParameterError, MissingExtraError, PalpateErro
 from palpate.input.recordings.messages import layout
 from palpate.live import ros
 from palpate.live.ros import RosTopics, RosWire, dds_type
+from palpate.live.schema import ESTIMATE_TYPE, message_definition
 from palpate.live.sources import SourceOptions
 from palpate.live.wires import parse_address
 
@@ -107,7 +108,8 @@ def raw_type(type_name: str) -> Any:
     header) undecoded as ``raw``: the decoder of cyclonedds takes 20 times as long as palpate's.
     ``raw_type(name).of(data)`` makes a message from bytes.
     """
-    made = _struct(layout.message_fields(type_name, "ros2msg", ""))
+    definition = message_definition() if type_name == ESTIMATE_TYPE else ""
+    made = _struct(layout.message_fields(type_name, "ros2msg", definition))
     # A base class would become part of the type that peers compare.
     made.deserialize = made.deserialize_key = made.of = classmethod(_decode_bytes)
     made.serialize = lambda message, *_, **__: message.raw

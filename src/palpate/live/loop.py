@@ -26,6 +26,7 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.method.estimators import ContactEstimator
+from palpate.method.estimators.estimate import LOOP_CHECKS, loop_check_bits
 from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
@@ -244,6 +245,38 @@ class Watchdog:
         return there < self._shown_until
 
 
+#: s for which a check counts as a fault after it was last found: until a diagnosis contains it.
+FAULT_KEPT_FOR = 10.0
+#: Estimates in which a check was found before it counts as a fault.
+FEWEST_FAULTY = 20
+
+
+@dataclass(slots=True)
+class RecentChecks:
+    """The estimator's checks that were found repeatedly within the last seconds."""
+
+    _counts: dict[int, int] = field(default_factory=dict)
+    _last: dict[int, float] = field(default_factory=dict)
+
+    def see(self, bits: int, time: float) -> None:
+        """Note the bits of an estimate at a time, s."""
+        for bit in LOOP_CHECKS if bits else ():
+            if bits & bit:
+                self._counts[bit] = self._counts.get(bit, 0) + 1 if self._recent(bit, time) else 1
+                self._last[bit] = time
+
+    def bits(self, time: float) -> int:
+        """Return the checks that count as faults at a time, s."""
+        return sum(
+            bit
+            for bit, count in self._counts.items()
+            if count >= FEWEST_FAULTY and self._recent(bit, time)
+        )
+
+    def _recent(self, bit: int, time: float) -> bool:
+        return 0.0 <= time - self._last.get(bit, -math.inf) < FAULT_KEPT_FOR
+
+
 # Check of a tare: it is refused if the probe presses already.
 
 #: Part of the samples inside the material; changes of the force over its noise; their share of the
@@ -344,6 +377,7 @@ class Loop:
     depth: float | None = None
     laws: LawsInForce = field(init=False)
     watchdog: Watchdog = field(init=False)
+    recent_checks: RecentChecks = field(default_factory=RecentChecks)
     generation: int = 0
     #: Why the tare at the start is refused so far; empty without.
     tare_refused: str = ""
@@ -353,6 +387,9 @@ class Loop:
     _bias_tared: bool = False
     _changed: float = -math.inf
     _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
+    _arrived: float = math.nan  # time of the newest sample, s
+    _learned: float = math.nan  # time of the newest sample in the estimate, s
+    _silence: float = 0.0  # s since the newest sample
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
@@ -376,7 +413,6 @@ class Loop:
         """
         silent = max(SILENT * self.source.sample_time, SILENT_TIME)
         patience = min(silent, PATIENCE)
-        waited = 0.0
         while not self.stopped:
             try:
                 arrival = self.source.take(patience)
@@ -385,13 +421,13 @@ class Loop:
                     self.say(str(end))
                 break
             if arrival is None:
-                waited += patience
-                if waited >= silent and self.state is not State.LOST:
+                self._silence += patience
+                if self._silence >= silent and self.state is not State.LOST:
                     self.state = State.LOST
                     self.counts.silences += 1
                     self.say("no samples arrive: the estimate is held")
             else:
-                waited = 0.0
+                self._silence = 0.0
                 self.step(arrival)
             self._obey()
         self._estimate()
@@ -403,6 +439,7 @@ class Loop:
         if not counts.taken:
             self._check(arrival)
         counts.taken += 1
+        self._arrived = arrival.time
         fault = self.watchdog.check(arrival)
         if self.compensation is not None:
             wrench: Any = arrival.force  # a vector, with an orientation: _check
@@ -441,7 +478,7 @@ class Loop:
         moment = (tick, self.state, self.laws.now, counts.changes, self.generation)
         if self.every_sample or moment != self._estimated:
             self._estimated = moment
-            took += self._estimate()
+            took += self._estimate(updated=prepared[0] if status is not Status.WAITING else None)
         position = self._axes(arrival.position)
         force = self._axes(arrival.force)
         late = time.monotonic() - arrival.there
@@ -452,8 +489,11 @@ class Loop:
             self.cycle.add(took)
         self.lateness.add(late)
 
-    def _estimate(self) -> float:
-        """Store the present estimate; return how long it took to compute, s."""
+    def _estimate(self, updated: float | None = None) -> float:
+        """Store the present estimate; return how long it took to compute, s.
+
+        ``updated`` is the time of the sample that the estimator received just before, s.
+        """
         began = time.perf_counter()
         estimate = self.estimator.estimate()
         took = time.perf_counter() - began
@@ -464,12 +504,27 @@ class Loop:
             known[:size] = parameters
             known[MOST_PARAMETERS:] = 0.0
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
-        margin = estimate.validity_margin
+            if updated is not None:  # a method written in Python has no age
+                self._learned = updated - (estimate.age if math.isfinite(estimate.age) else 0.0)
+        checks = loop_check_bits(estimate)
+        self.recent_checks.see(checks, self._arrived)
+        stiffness = estimate.stiffness
+        damping = estimate.damping
         self.estimates.write(
             self.generation,
             estimate.offset,
             estimate.surface,
-            margin,
+            estimate.validity_margin,
+            self._learned,
+            stiffness.value,
+            stiffness.standard_error,
+            stiffness.usable,
+            damping.value,
+            damping.standard_error,
+            damping.usable,
+            estimate.depth,
+            estimate.frequency,
+            checks,
             *known.tolist(),
         )
         return took
@@ -635,6 +690,7 @@ class Loop:
         self._begin(estimator)
         self.generation += 1
         self._changed = -math.inf
+        self._learned = math.nan
         self.say(text)
 
     def status(self) -> dict[str, Any]:
@@ -654,6 +710,7 @@ class Loop:
         removed_delay = self.preparation.removed_delay
         came = asdict(source.counts)
         own = {"late": self.lateness.over, **asdict(self.counts)}
+        estimate = estimator.estimate()
         return {
             "source": source.name,
             "sample_time": source.sample_time,
@@ -678,7 +735,12 @@ class Loop:
                 "shown": self.laws.shown,
             },
             "verdict": self.laws.page(estimator),
-            "flags": estimator.estimate().flags,
+            "flags": estimate.flags,
+            "findings": list(map(str, estimate.findings)),
+            "checks": loop_check_bits(estimate),
+            "recent_checks": self.recent_checks.bits(self._arrived),
+            # s since the newest sample in the estimate.
+            "age": finite_or_none(self._arrived - self._learned + self._silence),
             "needs_condition_10": estimator.needs_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,

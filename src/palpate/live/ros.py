@@ -5,7 +5,9 @@ The first message is decoded with its definition, as in a recording
 have their numbers at the same offsets, so reading them costs only a few comparisons.
 """
 
+import json
 import re
+import struct
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +18,15 @@ import numpy as np
 
 from palpate.errors import InvalidParameterError, PalpateError
 from palpate.input.recordings.messages import layout
+from palpate.live import schema
+from palpate.live.schema import (
+    ESTIMATE_TYPE,
+    LONGEST_TEXT,
+    STATUS_TYPE,
+    MessageError,
+    message_definition,
+    pack_estimate,
+)
 from palpate.live.sources import SourceOptions, Value
 from palpate.live.wires import (
     NANO,
@@ -31,6 +42,7 @@ from palpate.live.wires import (
     WireSource,
     topic_names,
 )
+from palpate.validation import plain
 
 # bytes: a message with the state of a hundred named joints has about 6000. Decoding the first
 # message of this length takes up to 4 ms.
@@ -404,28 +416,31 @@ def dds_type(ros2_name: str) -> str:
 
 # Estimates as ROS messages.
 
-#: Types of the messages of an estimate and a status.
-ESTIMATE = "std_msgs/msg/Float64MultiArray"
-STATUS = "diagnostic_msgs/msg/DiagnosticArray"
 # DiagnosticStatus: OK, WARN, ERROR, STALE.
-_LEVELS = {"invalid": 1, "held": 1, "lost": 3}
+_STATE_LEVELS = {"invalid": 1, "held": 1, "lost": 3}
+#: CDR, little endian.
+_HEAD = b"\0\1\0\0"
+# A header: seconds, nanoseconds, and an empty frame with its length, to a multiple of eight bytes.
+_HEADER = struct.Struct("<iII4x")
+_LATEST = 2**31  # s: the limit of a time in ROS 2
 
 
 @cache
 def typestore() -> Any:
-    """Return the types of ROS 2, to make and encode messages."""
-    from rosbags.typesys import Stores, get_typestore
+    """Return the types of ROS 2, with palpate's own, to make and encode messages."""
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-    return get_typestore(Stores.LATEST)
+    store = get_typestore(Stores.LATEST)
+    store.register(get_types_from_msg(message_definition(), ESTIMATE_TYPE))
+    return store
 
 
 class RosWire(Wire):
     """Base of the ROS wires: encodes ROS 2 messages in CDR.
 
-    ``…/estimate`` is a ``std_msgs/Float64MultiArray``. Its layout has one dimension, whose label
-    lists the names of the numbers, separated by commas. ``…/status`` is a
-    ``diagnostic_msgs/DiagnosticArray``: the state, and each quantity by name. Both are standard
-    types, which every ROS tool can echo and plot.
+    ``…/estimate`` is a ``palpate_msgs/ContactEstimate``, which ``ros/palpate_msgs`` defines.
+    ``…/status`` is a ``diagnostic_msgs/DiagnosticArray``, which every ROS tool shows: the state,
+    and each value by name.
 
     Parameters
     ----------
@@ -438,45 +453,61 @@ class RosWire(Wire):
         self.name = f"{address.scheme}:{prefix}"
         #: Names and types of the topics.
         self.topics = [
-            (f"{prefix}/{end}", kind) for end, kind in zip(TOPICS, (ESTIMATE, STATUS), strict=True)
+            (f"{prefix}/{end}", kind)
+            for end, kind in zip(TOPICS, (ESTIMATE_TYPE, STATUS_TYPE), strict=True)
         ]
-        self._names = tuple[str, ...]()
-        self._head = b""
 
-    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
-        """Return the message of one sample; everything but its numbers is cached."""
-        if names != self._names:
-            types = typestore().types
-            size = len(names)
-            dimension = types["std_msgs/msg/MultiArrayDimension"](",".join(names), size, size)
-            arrangement = types["std_msgs/msg/MultiArrayLayout"]([dimension], 0)
-            message = types[ESTIMATE](arrangement, np.zeros(size))
-            # The message ends with the numbers.
-            self._head = _encode(message, ESTIMATE)[: -8 * size]
-            self._names = names
-        return self._head + np.array(values, dtype="<f8").tobytes()
+    def estimate(self, values: dict[str, Any]) -> bytes:
+        """Return the message of one sample."""
+        return _HEAD + _HEADER.pack(*_seconds(values["time"]), 1) + pack_estimate(values)
 
-    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
-        """Return the message with the state; numbers have 15 digits."""
+    def status(self, values: dict[str, Any]) -> bytes:
+        """Return the message of a status; numbers have 15 digits."""
         types = typestore().types
-        time = types["builtin_interfaces/msg/Time"](*divmod(max(stamp, 0), NANO))
-        header = types["std_msgs/msg/Header"](time, "")
-        pairs = [
-            types["diagnostic_msgs/msg/KeyValue"](
-                name,
-                value if isinstance(value, str) else f"{value:.15g}",
-            )
-            for name, value in values.items()
-        ]
+        stamp = types["builtin_interfaces/msg/Time"](*_seconds(values["time"]))
+        header = types["std_msgs/msg/Header"](stamp, "")
+        pair = types["diagnostic_msgs/msg/KeyValue"]
         one: Any = types["diagnostic_msgs/msg/DiagnosticStatus"](
-            _LEVELS.get(state, 0),
+            diagnostic_level(values),
             "palpate",
-            state,
-            source,
-            pairs,
+            values["state"],
+            values["source"],
+            [pair(name, _as_text(value)) for name, value in values.items()],
         )
-        return _encode(types[STATUS](header, [one]), STATUS)
+        message = types[STATUS_TYPE](header, [one])
+        return bytes(typestore().serialize_cdr(message, STATUS_TYPE, little_endian=True))
 
 
-def _encode(message: object, type_name: str) -> bytes:
-    return bytes(typestore().serialize_cdr(message, type_name, little_endian=True))
+def _seconds(time: float) -> tuple[int, int]:
+    """Return seconds and nanoseconds; 0 for a time that ROS cannot express."""
+    return divmod(round(1e9 * time), NANO) if 0.0 <= time < _LATEST else (0, 0)
+
+
+def diagnostic_level(values: dict[str, Any]) -> int:
+    """Return the level of a status: 0 fine, 1 with care, 2 do not trust, 3 without samples."""
+    mistrusted = "do-not-trust" in (values["stiffness_verdict"], values["damping_verdict"])
+    return max(_STATE_LEVELS.get(values["state"], 0), 2 * mistrusted)
+
+
+def _as_text(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.15g}"
+    return value if isinstance(value, str) else json.dumps(plain(value))
+
+
+def read_estimate(message: bytes) -> dict[str, Any]:
+    """Return the fields of a :data:`~palpate.live.schema.ESTIMATE_TYPE` in CDR.
+
+    Raises
+    ------
+    MessageError
+        The message has another schema, or is damaged.
+    """
+    body = len(_HEAD) + _HEADER.size
+    if message[:4] != _HEAD or len(message) < body:
+        raise MessageError(f"a message of {len(message)} bytes, which is no little-endian CDR")
+    frame = _HEADER.unpack_from(message, len(_HEAD))[2]
+    if frame > LONGEST_TEXT:
+        raise MessageError(f"a header whose frame has {frame} bytes")
+    start = 12 + frame  # of the fields, after the header; they begin at a multiple of eight bytes
+    return schema.read_estimate(message[len(_HEAD) + start + -start % 8 :])

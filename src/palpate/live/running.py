@@ -18,7 +18,7 @@ from palpate.live.realtime import (
     ask_for_realtime,
     end,
     give_way,
-    pause_collection,
+    run_first,
     show_name,
     start,
 )
@@ -131,7 +131,7 @@ def run(
         _interruptible(loop),
         closing(source),
         _start_sinks(sinks, session, loop, shared_json, failed) as started,
-        pause_collection(),
+        run_first(),
     ):
         # The sinks are ready before the source opens, so that no sample waits for them.
         for sentence in ask_for_realtime() if realtime else ():

@@ -124,10 +124,12 @@ def why_undiagnosed(page: Mapping[str, Any] | None, status: Mapping[str, Any]) -
     return why_outdated(page, status)
 
 
-def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dict[str, str | float]:
+def diagnosis_fields(
+    page: Mapping[str, Any] | None, status: Mapping[str, Any]
+) -> dict[str, str | float]:
     """Return the published fields of a diagnosis; without numbers if it is outdated or None."""
     reason = why_undiagnosed(page, status)
-    known: dict[str, Any] = {} if page is None or reason else page
+    known: Mapping[str, Any] = {} if page is None or reason else page
     numbers: dict[str, Any] = next(iter(known.get("working_depths", ())), {})
     fields: dict[str, str | float] = {"answer": known.get("answer", "")}
     for name in _NUMBERS:
@@ -136,13 +138,13 @@ def diagnosis_fields(page: dict[str, Any] | None, status: dict[str, Any]) -> dic
         fields |= {
             f"{name}_verdict": there.get("mark") or NOT_DIAGNOSED,
             f"{name}_reason": reason or there.get("reason") or known.get("reason", ""),
-            name: or_nan(there.get("value")),
-            f"{name}_standard_error": math.hypot(*errors),
+            f"diagnosed_{name}": or_nan(there.get("value")),
+            f"diagnosed_{name}_standard_error": math.hypot(*errors),
         }
     time = 1e-9 * status.get("origin", 0) + known["window"][1] if known else math.nan
     return fields | {
-        "working_depth": or_nan(numbers.get("depth")),
-        "frequency": or_nan(known.get("frequency")),
+        "diagnosed_depth": or_nan(numbers.get("depth")),
+        "diagnosed_frequency": or_nan(known.get("frequency")),
         "diagnosis_time": time,
     }
 

@@ -5,7 +5,6 @@ Each wire has a module with its source of samples and its publisher: :mod:`~palp
 :mod:`~palpate.live.ros`.
 """
 
-import math
 import re
 import sys
 import time
@@ -20,10 +19,8 @@ from urllib.parse import parse_qsl
 
 import numpy as np
 
-from palpate.digits import parameter
 from palpate.errors import InvalidParameterError, PalpateError
-from palpate.live.choices import State
-from palpate.live.loop import TAKEN
+from palpate.live.schema import RunState, describe_status, estimates, read_run
 from palpate.live.sinks import PLACE, Sink, Watching, unpack_parameters
 from palpate.live.sources import (
     SOURCES,
@@ -34,7 +31,6 @@ from palpate.live.sources import (
     Value,
     find_wire,
 )
-from palpate.live.view import verdict_on
 from palpate.validation import Floats, check_choice, frozen, number_in, shown, whole_in
 
 # The part of an address after its scheme: ``/pose,/wrench?domain=3&tolerance=0.002``.
@@ -509,70 +505,11 @@ def _between(before: Any, after: Any, part: float) -> Any:
     return before + part * (after - before)
 
 
-# Publishing: each estimate, and the status four times a second.
+# Publishing: each estimate, and the status five times a second.
 
-#: Fields before the law's parameters and their standard errors: published name, column of the ring.
-BEFORE = (
-    ("time", "arrived"),  # of the newest measurement, s, on the robot's clock
-    ("prepared_time", "time"),  # s, of penetration, velocity and force
-    ("penetration", "penetration"),
-    ("velocity", "velocity"),
-    ("force", "force"),
-    ("predicted_force", "predicted_force"),  # one-step prediction, N
-    ("state", "state"),  # palpate.live.choices.State
-    ("offset", "offset"),  # N
-    ("surface", "surface"),  # m
-    ("margin", "margin"),  # validity margin of the linearisation (condition 10)
-)
-#: Fields of the last diagnosis: K′ and B′, their standard errors, depth and frequency, and marks.
-DIAGNOSED = (
-    "stiffness", "stiffness_standard_error",
-    "damping", "damping_standard_error",
-    "working_depth", "frequency", "stiffness_verdict", "damping_verdict",
-)  # fmt: skip
-#: Fields at the end: the diagnosis, and the time since the last update, s.
-AFTER = (*DIAGNOSED, "age")
-#: Version of the published fields; it rises when a field is removed or changes its meaning.
-SCHEMA = 3
-_TIMES = (0, 1)
-_COLUMNS = [PLACE[column] for _, column in BEFORE]
-GENERATION = PLACE["method"]
-
-
-@frozen
-class Fields:
-    """Fields of the published estimates of one estimator.
-
-    Attributes
-    ----------
-    generation : int
-        Number of the estimator; each change of estimator increases it.
-    parameters : tuple of str
-        Names of the law's parameters.
-    origin : int
-        Zero of the source's times, ns.
-    """
-
-    generation: int
-    parameters: tuple[str, ...]
-    origin: int
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of all fields, in order."""
-        errors = (f"{name}_standard_error" for name in self.parameters)
-        return (*(name for name, _ in BEFORE), *self.parameters, *errors, *AFTER)
-
-    def values(self, rows: Floats, after: Floats) -> Floats:
-        """Return the fields of rows of the ring, shape (k, len(names)), ending with ``after``."""
-        fixed = rows[:, _COLUMNS]
-        fixed[:, _TIMES] += 1e-9 * self.origin
-        parameters, errors, _ = unpack_parameters(rows, len(self.parameters))
-        return np.hstack([fixed, parameters, errors, after])
-
-
-#: Published topics: each estimate, and the status four times a second.
+#: Published topics.
 TOPICS = ("estimate", "status")
+GENERATION = PLACE["method"]
 
 
 class Wire(Protocol):
@@ -584,23 +521,11 @@ class Wire(Protocol):
     def open(self) -> None:
         """Connect; raises PalpateError if that fails."""
 
-    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
-        """Return the message of one sample."""
+    def estimate(self, values: dict[str, Any]) -> bytes:
+        """Return the message of one sample: :data:`palpate.live.schema.ESTIMATE_FIELDS`."""
 
-    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
-        """Return the message with the state and named values.
-
-        Parameters
-        ----------
-        state : str
-            A :class:`~palpate.live.choices.State`, in lower case.
-        source : str
-            Name of the source.
-        stamp : int
-            Time on the robot's clock, ns.
-        values : dict
-            Values by name.
-        """
+    def status(self, values: dict[str, Any]) -> bytes:
+        """Return the message of a status: :func:`palpate.live.schema.describe_status`."""
 
     def put(self, topic: int, data: bytes) -> bool:
         """Send a message on one of :data:`TOPICS`; return whether the queue had room for it."""
@@ -609,14 +534,12 @@ class Wire(Protocol):
         """Disconnect; may be called twice."""
 
 
-#: Marks as published numbers.
-LEVELS = {"do-not-trust": 0.0, "with-care": 1.0, "trust": 2.0}
 _PAUSE = 1e-3  # s between reads of new rows
-_TOLD_EVERY = 0.25  # s between status messages
+_TOLD_EVERY = 0.2  # s between status messages
 
 
 class Publisher:
-    """Sink that publishes each estimate on a wire, and the status four times a second."""
+    """Sink that publishes each estimate on a wire, and the status five times a second."""
 
     gently = False  # a robot may act on the estimates
     every_sample = True
@@ -625,10 +548,9 @@ class Publisher:
         self._wire = wire
         #: Such as ``publish zmq:tcp://127.0.0.1:5556``.
         self.name = f"publish {wire.name}"
-        self._fields: Fields | None = None
-        self._last: dict[str, float] = {}  # fields of the last published estimate
-        # Time of publication; time of the last update, on the robot's clock.
-        self._seen = self._learned = math.nan
+        self._last: dict[str, Any] = {}  # the last published estimate, and its row
+        self._row: Floats = np.empty((0, 0))
+        self._count = 0
         self._told = 0.0
 
     def run(self, watching: Watching, commands: Connection) -> None:
@@ -647,103 +569,42 @@ class Publisher:
         over = False
         while not over:
             over = self._watching.over
-            page = self._watching.status()
+            status = self._watching.status()
             rows = self._watching.take()
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # The first sample sets the zero of the times.
-            if page["counts"]["taken"]:
-                waiting = self._publish(page, waiting)
-                self._tell(page, silent=not len(rows))
+            if status["counts"]["taken"]:
+                run = read_run(status, self._watching.others().get("diagnosis"))
+                waiting = self._publish(run, waiting)
+                self._tell(status, run)
             time.sleep(_PAUSE)
         self._watching.tell({})
 
-    def _publish(self, page: dict[str, Any], rows: Floats) -> Floats:
+    def _publish(self, run: RunState, rows: Floats) -> Floats:
         """Send the rows of the estimator in the status; return those of later estimators."""
-        fields = Fields(page["generation"], tuple(page["law"]["names"]), page["origin"])
-        if fields != self._fields:
-            self._fields = fields
-            self._last = {}
-            self._learned = math.nan
-        mine = rows[:, GENERATION] == fields.generation
+        generations = rows[:, GENERATION]
+        mine = rows[generations == run.generation]
         # Rows of an earlier estimator, which the status no longer describes, are dropped.
-        self._watching.dropped += int(np.count_nonzero(rows[:, GENERATION] < fields.generation))
-        if mine.any():
-            values = fields.values(rows[mine], self._after(page, rows[mine])).tolist()
-            self._last = dict(zip(fields.names, values[-1], strict=True))
-            self._seen = time.monotonic()
-            messages = (self._wire.estimate(fields.names, each) for each in values)
+        self._watching.dropped += int(np.count_nonzero(generations < run.generation))
+        for values in estimates(mine, run, self._count):
             # Messages without room in the queue count as dropped rows.
-            self._watching.dropped += sum(not self._wire.put(0, message) for message in messages)
-        return rows[rows[:, GENERATION] > fields.generation]
+            self._watching.dropped += not self._wire.put(0, self._wire.estimate(values))
+            self._count += 1
+            self._last = values
+        if len(mine):
+            self._row = mine[-1:]
+        return rows[generations > run.generation]
 
-    def _after(self, page: dict[str, Any], rows: Floats) -> Floats:
-        """Return the diagnosis as numbers, NaN if none, and the time since the last update, s."""
-        found = self._watching.diagnosis(page)
-        diagnosed = np.array([[_level(found[name]) for name in DIAGNOSED]])
-        # The status reports a change of material only a little later.
-        changed = rows[:, PLACE["state"]] == State.CHANGED
-        diagnosed = np.where(changed[:, None], math.nan, diagnosed)
-        times = rows[:, PLACE["arrived"]]
-        taken = np.isin(rows[:, PLACE["status"]], list(TAKEN))
-        latest = np.maximum.accumulate(np.where(taken, np.arange(len(rows)), -1))
-        learned = np.where(latest < 0, self._learned, times[latest])
-        self._learned = float(learned[-1])
-        return np.column_stack([diagnosed, times - learned])
-
-    def _tell(self, page: dict[str, Any], *, silent: bool) -> None:
+    def _tell(self, status: dict[str, Any], run: RunState) -> None:
         """Publish the status, also without new rows, so that a lost source is reported."""
         now = time.monotonic()
-        last = self._last
-        known = math.isfinite(last.get("time", math.nan))
-        if self._fields is None or not known or now < self._told:
+        if now < self._told or self._last.get("parameter_names") != run.texts["parameter_names"]:
             return
         self._told = now + _TOLD_EVERY
-        stamp = round(1e9 * (last["time"] - 1e-9 * self._fields.origin)) + self._fields.origin
-        lost = silent and page["state"] == "lost"
-        state = "lost" if lost else State(int(last["state"])).name.lower()
-        said = describe_status(page, self._fields, {**last, "age": last["age"] + now - self._seen})
-        said |= self._watching.diagnosis(page)
-        self._wire.put(1, self._wire.status(state, page["source"], stamp, said))
+        _, _, (covariance,) = unpack_parameters(self._row, len(run.parameter_names))
+        said = describe_status(status, run, self._last, covariance)
+        self._wire.put(1, self._wire.status(said))
         self._watching.tell({})
-
-
-def _level(value: str | float) -> float:
-    return LEVELS.get(value, math.nan) if isinstance(value, str) else value
-
-
-def describe_status(
-    page: dict[str, Any],
-    fields: Fields,
-    named: dict[str, float],
-) -> dict[str, str | float]:
-    """Return the values of the status message: numbers in SI units, and a text with units.
-
-    Includes the verdict on the law if the estimator compares laws.
-    """
-    law = page["law"]
-    said: dict[str, str | float] = {"schema": SCHEMA, "method": page["method"], "law": law["kind"]}
-    said |= {"flags": "; ".join(page["flags"]), "age": named["age"]}
-    verdict = verdict_on(page)
-    own = verdict.law.candidate.own if verdict and verdict.learned else fields.parameters
-    fixed = verdict.estimate.fixed if verdict else ()
-    words = []
-    for place in law["shown"]:
-        name = fields.parameters[place]
-        unit = law["units"][place]
-        value = named[name]
-        error = named[f"{name}_standard_error"]
-        if name in own:
-            words.append(f"{name} {parameter(value, error, unit=unit, fixed=name in fixed)}")
-        else:
-            value = error = math.nan
-        said |= {name: value, f"{name}_standard_error": error}
-    said["words"] = ", ".join(words)
-    if verdict:
-        origin = 1e-9 * fields.origin  # zero of the loop's times
-        said |= {f"verdict_{name}": each for name, each in verdict.fields(origin).items()}
-    for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused"):
-        said[name] = page["counts"].get(name, 0)
-    return said
 
 
 # From a command-line option to a sink.

@@ -9,16 +9,14 @@ optionally, ``number``.
 import json
 import math
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import chain
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from palpate.errors import InvalidParameterError, PalpateError, import_extra
-from palpate.live.ring import MOST_PARAMETERS
+from palpate.live.schema import as_json, pack_estimate
 from palpate.live.sources import Orientation, SourceOptions, Value
 from palpate.live.wires import (
-    AFTER,
-    BEFORE,
     TOPICS,
     Receipt,
     Succession,
@@ -27,7 +25,7 @@ from palpate.live.wires import (
     WireSource,
     parse_address,
 )
-from palpate.validation import plain, shown
+from palpate.validation import shown
 
 if TYPE_CHECKING:
     import zmq
@@ -267,27 +265,23 @@ class ZeroMQ(Endpoint, WireSource):
 # Estimates over ZeroMQ: ``--publish zmq:tcp://127.0.0.1:5556``.
 
 SINK_OPTIONS = ("bind", "format")
-#: Number uint64, then float64: the fields before the parameters, the parameters, their standard
-#: errors; unused parameters are NaN.
-BINARY = struct.Struct(f"<Q{len(BEFORE) + 2 * MOST_PARAMETERS}d")
 
 
 class ZeroMQWire(Endpoint, Wire):
-    """Publishes on a PUB socket: frames ``estimate`` and numbers, or ``status`` and JSON.
+    """Publishes on a PUB socket: frames ``estimate`` and an estimate, or ``status`` and JSON.
 
     Parameters
     ----------
     text : str
         An endpoint and options, such as ``tcp://127.0.0.1:5556?format=binary``: ``bind`` (``yes``,
         the default, or ``no``), and the ``format`` of the estimates (``json``, the default, or
-        ``binary``, :data:`BINARY`).
+        ``binary``: :func:`palpate.live.schema.pack_estimate`).
     """
 
     def __init__(self, text: str) -> None:
         address = parse_address("zmq", text, SINK_OPTIONS)
         super().__init__(address, "tcp://127.0.0.1:5556 or ipc:///tmp/estimates", binds=True)
         self._binary = address.one_of("format", ("json", "binary")) == "binary"
-        self._number = 0
 
     def open(self) -> None:
         """Bind or connect."""
@@ -295,20 +289,13 @@ class ZeroMQWire(Endpoint, Wire):
         # counted.
         self._open("PUB", {"LINGER": 200, "SNDHWM": WAITING, "XPUB_NODROP": 1})
 
-    def estimate(self, names: tuple[str, ...], values: Sequence[float]) -> bytes:
+    def estimate(self, values: dict[str, Any]) -> bytes:
         """Return the second frame of one sample."""
-        self._number += 1
-        if self._binary:
-            values = values[: -len(AFTER)]  # the layout is fixed, and the status has them
-            size = (len(values) - len(BEFORE)) // 2
-            rest = [math.nan] * (MOST_PARAMETERS - size)
-            first = len(BEFORE) + size
-            return BINARY.pack(self._number, *values[:first], *rest, *values[first:], *rest)
-        return _json({"number": self._number, **dict(zip(names, values, strict=True))})
+        return pack_estimate(values) if self._binary else as_json(values)
 
-    def status(self, state: str, source: str, stamp: int, values: dict[str, str | float]) -> bytes:
+    def status(self, values: dict[str, Any]) -> bytes:
         """Return the second frame of a status."""
-        return _json({"state": state, "source": source, "time": 1e-9 * stamp, **values})
+        return as_json(values)
 
     def put(self, topic: int, data: bytes) -> bool:
         """Send two frames; return whether the queue had room."""
@@ -320,8 +307,3 @@ class ZeroMQWire(Endpoint, Wire):
         except zmq.Again:
             return False
         return True
-
-
-def _json(page: dict[str, Any]) -> bytes:
-    """Encode as JSON, with null for NaN, which JSON lacks."""
-    return json.dumps(plain(page)).encode()

@@ -14,6 +14,7 @@ from palpate._core import Status
 from palpate.force_laws import FORCE_LAWS, ForceLaw, GeneralisedHuntCrossley
 from palpate.live.console import ShownDepth, read_numbers
 from palpate.live.ring import COLUMNS, MOST_PARAMETERS
+from palpate.live.schema import estimates, read_run
 from palpate.live.sinks import PLACE, Watching, unpack_parameters, why_undiagnosed
 from palpate.live.view import LiveVerdict, Numbers, describe_change, fact_texts, view_texts
 from palpate.validation import Floats, or_nan, plain
@@ -339,6 +340,12 @@ class Watch:
             force = law.force(depth, np.zeros(_CURVE)) + np.nan_to_num(column(row, "offset"))
         return {"penetration": depth.tolist(), "force": force.tolist()}
 
+    def _published(self, row: Floats, diagnosis: dict[str, Any] | None) -> dict[str, Any] | None:
+        """Return the newest estimate as the wires publish it; None before the first."""
+        if not len(row) or not self._knows(float(column(row, "method")[0])):
+            return None
+        return next(estimates(row, read_run(self.loop, diagnosis), self.run.reader.samples.count))
+
     def page(self, served: Mapping[str, Any], *, ended: bool = False) -> dict[str, Any]:
         """Return the page's text, with the server's counts, and the estimate, ready for JSON."""
         now = {}
@@ -370,6 +377,7 @@ class Watch:
             "ended": ended,
             "depth": {"value": self.depth, "chosen": chosen, "frequency": frequency},
             "now": now,
+            "estimate": self._published(row, others.get("diagnosis")),
             "changes": [{**change, "words": describe_change(change)} for change in self.changes],
             "page": {**served, "dropped": self.run.dropped},
         }

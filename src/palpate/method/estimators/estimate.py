@@ -60,6 +60,16 @@ LOOP_CHECKS = {
 }
 
 
+def loop_checks(bits: int) -> list[Check]:
+    """Return the loop's checks of an estimate's bits."""
+    return [check for bit, check in LOOP_CHECKS.items() if bits & bit]
+
+
+def loop_check_bits(estimate: EstimateValue) -> int:
+    """Return the bits of the loop's checks, the keys of :data:`LOOP_CHECKS`."""
+    return estimate._checks
+
+
 def flag_findings(bits: int) -> tuple[Finding, ...]:
     """Return the findings of an estimate's flag bits."""
     return tuple(finding for bit, finding in ADVICE.items() if bits & bit)
@@ -272,8 +282,7 @@ class Estimate(EstimateValue):
     @property
     def flags(self) -> tuple[str, ...]:
         """The findings as text, and the ids of what the loop's checks found."""
-        loop_checks = [check for bit, check in LOOP_CHECKS.items() if self._checks & bit]
-        return (*map(str, self.findings), *loop_checks)
+        return (*map(str, self.findings), *loop_checks(self._checks))
 
     @property
     def valid(self) -> bool:

@@ -1,0 +1,133 @@
+"""The ROS 2 package ``ros/``: its node's logic and its controller, driven without ROS."""
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from message_files import Maker
+from rosbags.typesys import get_types_from_msg
+
+from benchmarks.live_wires import FAULTS, FAULTY_FROM, faulty_robot
+from palpate.live import ros, schema
+from palpate.method.estimators.estimate import LOOP_CHECKS
+
+ROOT = Path(__file__).parents[2] / "ros"
+sys.path.append(str(ROOT / "palpate_ros"))
+from palpate_ros import gain, identifier  # noqa: E402
+
+KIND = "palpate_msgs/msg/ContactEstimate"
+POSE, WRENCH = "geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/WrenchStamped"
+START = 1_700_000_000_000_000_000  # ns
+# What the diagnostics say of each fault: level, first words; and the controller's last action.
+HEARD = {
+    "stuck": (2, "stuck force", "stop: do not trust"),
+    "late": (2, "late force", "stop: do not trust"),
+    "saturated": (2, "saturation", "stop: do not trust"),
+    "lost contact": (0, "lost contact", "hold: lost contact"),
+    "unplugged": (3, "no pose and no wrench", "stop: no estimate for"),
+}
+
+
+@pytest.fixture(scope="module")
+def maker():
+    made = Maker()
+    text = (ROOT / "palpate_msgs" / "msg" / "ContactEstimate.msg").read_text(encoding="utf-8")
+    own = get_types_from_msg(text, KIND)
+    made.store.register({name: each for name, each in own.items() if "palpate" in name})
+    return made
+
+
+def messages(maker, fault, until):
+    """Poses and wrenches as CDR, each with the time at which it arrives, s."""
+    depth, force = faulty_robot(fault)
+    stop = FAULTY_FROM if fault == "unplugged" else until
+    for k in range(round(1e3 * stop)):
+        stamp = START + k * 1_000_000
+        pose = maker.pose(stamp, [0.0, 0.0, -depth[k], 0.0, 0.0, 0.0, 1.0])
+        wrench = maker.wrench(stamp, [0.0, 0.0, -force[k], 0.0, 0.0, 0.0])
+        for kind, whole in ((POSE, pose), (WRENCH, wrench)):
+            yield 1e-3 * k, kind, bytes(maker.store.serialize_cdr(whole, kind))
+
+
+def drive(maker, carried, until):
+    """Return the node's logic, its messages as CDR, and the controller, after ``until`` s."""
+    node = identifier.ContactIdentifier(identifier.Settings(wrench_frame="base"))
+    controller = gain.GainController()
+    sent, levels = [], {}
+    for now, kind, data in carried:
+        message = maker.store.deserialize_cdr(data, kind)
+        take = node.take_pose if kind == POSE else node.take_wrench
+        for values in take(message, now):
+            sent.append(encode(maker, values))
+            controller.take(SimpleNamespace(**values), now)
+        if kind == WRENCH and round(1e3 * now) % 200 == 199:
+            levels[now] = node.diagnose(now)
+    controller.watch(until)
+    return node.diagnose(until), levels, sent, controller
+
+
+def encode(maker, values):
+    """As rclpy would."""
+    types = maker.store.types
+    stamp = types["builtin_interfaces/msg/Time"](0, 0)
+    header = types["std_msgs/msg/Header"](stamp, "base_link")
+    arrays = {name: np.array(values[name]) for name in ("parameters", "standard_errors")}
+    whole = types[KIND](header=header, **{**values, **arrays})
+    return bytes(maker.store.serialize_cdr(whole, KIND, little_endian=True))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("fault", FAULTS)
+def test_what_a_faulty_robot_does_reaches_the_diagnostics_and_the_controller(maker, fault):
+    until = FAULTY_FROM + 1.5
+    found, levels, sent, controller = drive(maker, messages(maker, fault, until), until)
+    level, words, action = HEARD[fault]
+    assert (found.level, found.message.startswith(words)) == (level, True), found
+    assert controller.action.startswith(action)
+    assert (controller.gain > 0.0) is (fault == "lost contact")
+    before = levels[max(now for now in levels if now < FAULTY_FROM)]
+    assert (before.level, before.message) == (0, "in contact")
+    assert before.values["stiffness_usable"] == "True"
+    if fault in ("lost contact", "unplugged"):
+        assert float(found.values["age"]) == pytest.approx(1.5, abs=0.3)
+        assert found.values["stiffness_usable"] == "False"
+    # A listener of the wires reads what the node sends.
+    last = ros.read_estimate(sent[-1])
+    assert last["number"] == len(sent) - 1
+    assert last["flags"] == found.values["flags"]
+
+
+def test_the_node_and_the_message_have_the_checks_and_version_of_the_wires():
+    assert identifier.SCHEMA == gain.SCHEMA == schema.SCHEMA
+    assert {str(check): bit for bit, check in LOOP_CHECKS.items()} == identifier.CHECKS
+    faults = [identifier.CHECKS[check] for check in identifier.FAULTS]
+    assert sum(faults) == gain.FAULTY
+    assert identifier.CHECKS["lost contact"] == gain.LOST_CONTACT
+
+
+@pytest.mark.parametrize(
+    ("change", "action"),
+    [
+        ({}, "follow"),
+        ({"schema": 5}, "stop: the message has schema 5, this controller reads 4"),
+        ({"checks": 16, "stiffness_mark": 0}, "hold: lost contact"),
+        ({"stiffness_mark": 0}, "stop: do not trust"),
+        ({"checks": 8, "flags": "late force"}, "stop: do not trust (late force)"),
+        ({"age": np.nan}, "stop: the estimate is nan s old"),
+        ({"age": 0.7}, "stop: the estimate is 0.7 s old"),
+        ({"stiffness_usable": False, "stiffness": 4000.0}, "hold: not usable"),
+    ],
+)
+def test_the_controller_reacts_to_each_reason_not_to_act(change, action):
+    controller = gain.GainController(bandwidth=10.0)
+    good = {"schema": 4, "checks": 0, "stiffness_mark": -1, "age": 0.01, "flags": ""}
+    good |= {"stiffness_usable": True, "stiffness": 2000.0}
+    controller.take(SimpleNamespace(**good), 0.0)
+    controller.take(SimpleNamespace(**{**good, **change}), 0.001)
+    assert controller.action.startswith(action)
+    least = 10.0 / change.get("stiffness", 2000.0)
+    assert controller.gain == (0.0 if action.startswith("stop") else least)
+    controller.watch(1.0)
+    assert (controller.gain, controller.action) == (0.0, "stop: no estimate for 1.0 s")
