@@ -11,6 +11,7 @@ from palpate.control_loops.loop import ControlLoop
 from palpate.control_loops.margins import Gains, gains_for
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.identifying import Identification, identify
+from palpate.method.contact import Contact
 from palpate.method.estimators import (
     ContactEstimator,
     KelvinVoigtRLS,
@@ -24,6 +25,14 @@ Known: TypeAlias = Identification | SavedResult
 
 #: A law is excluded if its score is this much worse: e⁵ to 1, strong evidence.
 _EXCLUDED = 10.0
+# Share of the velocity's power up to the highest frequency of a motion. Of 10 000 frequencies the
+# power of white noise exceeds 20 times its median at none.
+_MOTION_SHARE = 0.9
+_ABOVE_NOISE = 20.0
+# A sine counts if it has a hundredth of the largest one's amplitude: the steps of an encoder are not
+# white. The first frequencies are those of the window.
+_VISIBLE_SHARE = 1e-4
+_WINDOW = 3
 # A damping without an error bar may be anything between none and twice the identified one.
 _LARGEST_ERROR = 1.0
 
@@ -116,8 +125,27 @@ def contact_knowledge(result: Known) -> ContactKnowledge:
     laws = tuple(KnownLaw(*each, at.depth, **errors) for each in identified)
     pressed = contact.force[contact.penetration > 0.0]
     largest = float(np.quantile(pressed[np.isfinite(pressed)], 0.99))
-    mark = at.stiffness.mark
-    return ContactKnowledge(laws, result.frequency, largest, mark)
+    highest = _highest_frequency(contact)
+    return ContactKnowledge(laws, result.frequency, largest, at.stiffness.mark, highest)
+
+
+def _highest_frequency(contact: Contact) -> float:
+    """Return the frequency below which 90 % of the power of the velocity in contact lies, rad/s.
+
+    Frequencies at which the penetration is not above its noise do not count.
+    """
+    order = np.argsort(contact.time, kind="stable")
+    time, depth = contact.time[order], contact.penetration[order]
+    known = np.isfinite(depth)
+    even = np.arange(time[0], time[-1], contact.sample_time)
+    inside = np.interp(even, time[known], np.maximum(depth[known], 0.0)) * np.hanning(len(even))
+    power = np.abs(np.fft.rfft(inside)) ** 2
+    frequency = 2.0 * np.pi * np.fft.rfftfreq(len(even), contact.sample_time)
+    noise = np.median(power[len(power) // 2 :])
+    visible = max(_ABOVE_NOISE * noise, _VISIBLE_SHARE * power[_WINDOW:].max(initial=0.0))
+    moved = np.where(power > visible, frequency**2 * power, 0.0)
+    below = np.searchsorted(np.cumsum(moved), _MOTION_SHARE * moved.sum())
+    return float(frequency[min(int(below), len(frequency) - 1)])
 
 
 def _relative(error: float, value: float) -> float:

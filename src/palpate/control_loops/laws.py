@@ -183,11 +183,13 @@ class ContactKnowledge:
     laws : tuple of KnownLaw
         The identified law first, then the other laws that the recording does not exclude.
     frequency : float
-        Mean frequency of the recorded motion, rad/s; the laws hold from half to twice of it.
+        Mean frequency of the recorded motion, rad/s.
     largest_force : float
         Recorded in contact, N.
     stiffness_mark : str
         Mark of the stiffness: "trust", "with-care" or "do-not-trust". Default: "trust".
+    highest_frequency : float, optional
+        Highest frequency of the recorded motion, rad/s. Default: the mean.
 
     Examples
     --------
@@ -195,7 +197,7 @@ class ContactKnowledge:
     >>> from palpate import control_loops
     >>> result = palpate.identify("examples/recordings/ball.csv")
     >>> knowledge = control_loops.ContactKnowledge.of(result.estimate, largest_force=30.0)
-    >>> round(knowledge.highest_frequency, 1), len(knowledge.laws)  # rad/s
+    >>> round(knowledge.damping_limit, 1), len(knowledge.laws)  # rad/s
     (19.8, 1)
     """
 
@@ -203,6 +205,7 @@ class ContactKnowledge:
     frequency: float
     largest_force: float
     stiffness_mark: Mark = "trust"
+    highest_frequency: float | None = None
 
     @classmethod
     def of(
@@ -232,11 +235,16 @@ class ContactKnowledge:
         return cls(tuple(laws), first.frequency, largest_force, stiffness_mark)
 
     @property
-    def lowest_frequency(self) -> float:
-        """Lowest frequency at which the laws hold, rad/s."""
-        return 0.5 * self.frequency
+    def recorded_frequency(self) -> float:
+        """Highest frequency of the recorded motion, rad/s."""
+        return self.frequency if self.highest_frequency is None else self.highest_frequency
 
     @property
-    def highest_frequency(self) -> float:
-        """Highest frequency at which the laws hold, rad/s: twice the mean."""
-        return 2.0 * self.frequency
+    def damping_limit(self) -> float:
+        """Frequency up to which the damping is that of the laws, rad/s: twice the recorded one."""
+        return 2.0 * self.recorded_frequency
+
+    @property
+    def lowest_frequency(self) -> float:
+        """Frequency below which the contact counts as at rest, rad/s: half the mean."""
+        return 0.5 * self.frequency

@@ -136,7 +136,7 @@ class Gains:
     @property
     def extrapolated_frequency(self) -> bool:
         """Whether the loop would swing faster than recorded: its damping there is not known."""
-        return self.frequency > self.knowledge.highest_frequency
+        return self.frequency > self.knowledge.damping_limit
 
     def __str__(self) -> str:
         return "\n".join(self.describe())
@@ -207,7 +207,7 @@ class Gains:
             "recommended_factor": finite_or_none(self.recommended_factor),
             "gain_margin": self.gain_margin and self.gain_margin.as_dict(),
             "frequency": finite_or_none(self.frequency),
-            "recorded_frequency": finite_or_none(self.knowledge.highest_frequency),
+            "recorded_frequency": finite_or_none(self.knowledge.recorded_frequency),
             "recorded_force": finite_or_none(self.knowledge.largest_force),
             "bounce_speed": finite_or_none(self.bounce_speed),
             "peak_force": finite_or_none(self.peak_force),
@@ -350,8 +350,8 @@ class _Assessment:
     ) -> None:
         self.loop = loop
         self.knowledge = knowledge
-        highest = knowledge.highest_frequency
-        self.laws = [_LawMargin.of(loop, draws, highest) for draws in laws]
+        limit = knowledge.damping_limit
+        self.laws = [_LawMargin.of(loop, draws, limit) for draws in laws]
 
     @property
     def linear_margin(self) -> GainMargin:
@@ -373,7 +373,7 @@ class _Assessment:
         margins = swings if bounces_always else fails
         margin = GainMargin(margins[0][0], min(bound for _, bound in margins))
         touch, bounce_speed = self._first_touch(1.0)
-        too_fast = frequency > _FARTHEST * self.knowledge.highest_frequency
+        too_fast = frequency > _FARTHEST * self.knowledge.recorded_frequency
         common = {
             "gain_margin": margin,
             "frequency": frequency,

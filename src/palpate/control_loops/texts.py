@@ -57,7 +57,7 @@ def _sentence(gains: Gains) -> str:
         return f"{words}: the loop bounces or swings at any gain"
     text = f"{words}: {_margin(gains.gain_margin)}"
     if math.isfinite(gains.frequency):
-        recorded = _hertz(gains.knowledge.highest_frequency)
+        recorded = _hertz(gains.knowledge.recorded_frequency)
         text += f"; it would swing at {_hertz(gains.frequency)}, recorded to {recorded}"
     if gains.bounce_speed <= gains.loop.approach_speed:
         text += f"; at {_speed(gains.loop.approach_speed)} it bounces"
@@ -79,7 +79,7 @@ def _refusal(gains: Gains) -> str:
         case Refusal.FREQUENCY:
             why = (
                 f"it would swing at {_hertz(gains.frequency)}, and the motion was recorded to "
-                f"{_hertz(knowledge.highest_frequency)}: record a faster motion"
+                f"{_hertz(knowledge.recorded_frequency)}: record a faster motion"
             )
         case _:
             why = "the delay from measurement to command is needed: pass --delay, or --command"
