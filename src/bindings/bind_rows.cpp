@@ -24,6 +24,7 @@
 #include "palpate/force_laws.hpp"
 #include "palpate/outliers.hpp"
 #include "palpate/smoothing_spline.hpp"
+#include "palpate/touching_loop.hpp"
 #include "rows.hpp"
 
 namespace palpate::curves {
@@ -158,6 +159,33 @@ void working_depths(const InputRows& penetration, const InputRows& force,
     const std::array<double, 2> found =
         rows::working_depths({depth, force.data() + row * samples, samples}, spare);
     std::copy(found.begin(), found.end(), result.data() + 2 * row);
+  });
+}
+
+// One touch a row; `forces` has room for every sample of the longest, or is empty.
+void simulate_touches(const InputRows& loops, const InputArray& times, const InputArray& weights,
+                      const OutputArray& outcomes, const OutputArray& forces, std::size_t threads) {
+  using detail::TouchingLoop;
+  using detail::TouchOutcome;
+  const std::size_t count = loops.shape(0);
+  check(loops.shape(1) == TouchingLoop::size && outcomes.size() == count * TouchOutcome::size &&
+        times.size() == weights.size());
+  const std::size_t kept = count > 0 ? forces.size() / count : 0;
+  std::size_t commands = 2;
+  for (std::size_t row = 0; row < count; ++row) {
+    const TouchingLoop loop = TouchingLoop::from(loops.data() + row * TouchingLoop::size);
+    if (!loop.is_valid()) throw nb::value_error("a number of a loop is outside its range");
+    check(kept == 0 || loop.samples() <= kept);
+    commands = std::max(commands, loop.whole_delay() + 2);
+  }
+  const viscoelastic::RelaxationBranches branches{{times.data(), times.size()},
+                                                  {weights.data(), weights.size()}};
+  each_row(count, commands, threads, [&](std::size_t row, double* spare) {
+    const TouchingLoop loop = TouchingLoop::from(loops.data() + row * TouchingLoop::size);
+    double* const force = kept > 0 ? forces.data() + row * kept : nullptr;
+    const TouchOutcome outcome = detail::Touch{loop, branches, spare}.run(force);
+    const std::array<double, TouchOutcome::size> numbers = outcome.numbers();
+    std::copy(numbers.begin(), numbers.end(), outcomes.data() + row * TouchOutcome::size);
   });
 }
 
@@ -313,6 +341,10 @@ void bind_rows(nb::module_& module) {
              nb::arg("threads"),
              "Marks the spikes of each row; with screening, only in rows where a sample differs "
              "from its two neighbours as a spike does.");
+  module.def("simulate_touches", &simulate_touches, nb::arg("loops"), nb::arg("times"),
+             nb::arg("weights"), nb::arg("outcomes"), nb::arg("forces"), nb::arg("threads"),
+             "Runs a control loop that touches a material, one a row of the numbers of "
+             "TouchingLoop; fills the five numbers of TouchOutcome, and the force at each sample.");
   module.attr("SPLINE_WINDOW") = spline_window;
   module.attr("SPLINE_PAIRS") = SplineLadder::size - 1;
   module.def("add_spline_changes", &add_spline_changes, nb::arg("time"), nb::arg("position"),

@@ -472,6 +472,11 @@ def mark_spikes(values: Annotated[NDArray[numpy.float64], dict(shape=(None, None
     Marks the spikes of each row; with screening, only in rows where a sample differs from its two neighbours as a spike does.
     """
 
+def simulate_touches(loops: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C', device='cpu', writable=False)], times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], weights: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C', device='cpu', writable=False)], outcomes: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], forces: Annotated[NDArray[numpy.float64], dict(order='C', device='cpu')], threads: int) -> None:
+    """
+    Runs a control loop that touches a material, one a row of the numbers of TouchingLoop; fills the five numbers of TouchOutcome, and the force at each sample.
+    """
+
 SPLINE_WINDOW: float = 5.1398
 
 SPLINE_PAIRS: int = 9

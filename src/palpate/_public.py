@@ -6,6 +6,7 @@ from palpate._core import PreparedSample as PreparedSample
 from palpate._core import Status as Status
 from palpate._core import __version__ as __version__
 from palpate._headers import get_include as get_include
+from palpate.control_loops.choosing import gains as gains
 from palpate.errors import FleetError as FleetError
 from palpate.errors import InvalidParameterError as InvalidParameterError
 from palpate.errors import MissingChannelError as MissingChannelError
@@ -93,5 +94,6 @@ from palpate.output.results.saved import SavedResult as SavedResult
 from palpate.output.results.saved import load_result as load_result
 
 if _typing.TYPE_CHECKING:  # public modules, imported when they are used: they need extras or time
+    from palpate import control_loops as control_loops
     from palpate import lab as lab
     from palpate.output import figures as figures

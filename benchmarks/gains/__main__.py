@@ -1,0 +1,134 @@
+"""Whether recommended gains are safe: margins against loops in MuJoCo and Drake.
+
+    python -m benchmarks.gains --folder build/gains                 # all rows, resumed where it ended
+    python -m benchmarks.gains --folder build/gains --rows known    # one of them
+
+Each case is one line of JSON in the folder; a case that is there is not measured again.
+"""
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from cyclopts import App
+
+from benchmarks.common.report import markdown_table
+from benchmarks.gains.measuring import MEASURES, Found
+
+#: Cases of each row.
+COUNTS = {
+    "known": 110, "stiff": 18, "poor": 310, "relaxing": 105, "price": 96, "following": 40,
+    "drake": 20, "time": 12,
+}  # fmt: skip
+_SECONDS_BETWEEN_LINES = 10.0
+
+app = App(help=__doc__)
+
+
+def measure(row: str, folder: Path, count: int) -> list[Found]:
+    """Measure the cases of a row that the folder lacks, and return all."""
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{row}.jsonl"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    found = {each["seed"]: each for each in map(json.loads, lines)}
+    shown = time.monotonic()
+    with path.open("a", encoding="utf-8") as file:
+        for seed in range(count):
+            if seed in found:
+                continue
+            begun = time.perf_counter()
+            result = {"seed": seed, **(MEASURES[row](seed) or {"none": True})}
+            result["seconds"] = round(time.perf_counter() - begun, 2)
+            found[seed] = result
+            file.write(json.dumps(result) + "\n")
+            file.flush()
+            if time.monotonic() - shown > _SECONDS_BETWEEN_LINES:
+                shown = time.monotonic()
+                print(f"{row}: {seed + 1} of {count}", file=sys.stderr, flush=True)
+    return [found[seed] for seed in sorted(found) if seed < count and "none" not in found[seed]]
+
+
+def _within(cases: list[Found], name: str, tolerance: float) -> str:
+    ratios = [case[name] / case[f"{name}_in_mujoco"] for case in cases]
+    known = np.array([ratio for ratio in ratios if math.isfinite(ratio) and ratio > 0.0])
+    good = int((np.abs(np.log(known)) <= math.log1p(tolerance)).sum())
+    low, middle, high = np.quantile(known, (0.05, 0.5, 0.95))
+    share = 100.0 * good / len(known)
+    return f"{good} of {len(known)} ({share:.1f} %); ratio {low:.3f} · {middle:.3f} · {high:.3f}"
+
+
+def _failures(cases: list[Found]) -> str:
+    refused = [case["refused"] for case in cases if "refused" in case]
+    answered = [case for case in cases if "factor" in case]
+    fails = sum(case["fails"] for case in answered)
+    reasons = {why: refused.count(why) for why in sorted(set(refused))}
+    slowed = sum(case["slowed"] for case in answered)
+    return (
+        f"{fails} of {len(answered)} fail; {len(refused)} of {len(cases)} refused {reasons}; "
+        f"{slowed} with a lower approach speed"
+    )
+
+
+def describe(row: str, cases: list[Found]) -> list[list[str]]:
+    """Return the lines of a row of the table."""
+    if not cases:
+        return []
+    if row in ("known", "stiff"):
+        law = "law known" if row == "known" else "stiff contacts"
+        return [
+            [f"{law}: onset of swinging within 10 %", _within(cases, "swing", 0.1)],
+            [f"{law}: onset of bouncing within 10 %", _within(cases, "bounce", 0.1)],
+        ]
+    if row in ("poor", "relaxing"):
+        kind = "poor recordings" if row == "poor" else "poor recordings, materials that relax"
+        return [[f"{kind}: recommended gain swings or bounces", _failures(cases)]]
+    if row == "price":
+        lines = []
+        for name in ("admittance", "impedance", "force"):
+            own = [case for case in cases if case.get("controller") == name]
+            ratios = np.array([case["ratio"] for case in own], dtype=float)
+            ratios = ratios[np.isfinite(ratios)]
+            low, middle, high = np.quantile(ratios, (0.05, 0.5, 0.95))
+            refused = sum("refused" in case for case in own)
+            text = f"median {middle:.2f} (5 to 95 %: {low:.2f} to {high:.2f}); {len(ratios)} cases"
+            lines.append([f"price, good recordings: {name}", f"{text}, {refused} refused"])
+        return lines
+    if row == "following":
+        ratios = np.array([case["ratio"] for case in cases])
+        worst = float(np.abs(ratios - 1.0).max())
+        within = int((np.abs(ratios - 1.0) <= 0.06).sum())
+        text = f"within 6 %: {within} of {len(ratios)}; worst {100.0 * worst:.1f} %"
+        return [["delay and bandwidth at 50 µm noise: onset", text]]
+    if row == "drake":
+        good = sum(not case["below_fails"] and case["above_fails"] for case in cases)
+        return [["Drake: fine at .9, fails at 1.1 of the predicted onset", f"{good} of {len(cases)}"]]
+    both = [[case[name] for case in cases] for name in ("answer", "with_picture")]
+    text = ", ".join(f"median {np.median(each):.2f} s, worst {max(each):.2f} s" for each in both)
+    return [["one answer; with its picture", text]]
+
+
+@app.default
+def main(
+    *,
+    folder: Path = Path("build/gains"),
+    rows: tuple[str, ...] = tuple(COUNTS),
+    count: int | None = None,
+    markdown: bool = False,
+) -> None:
+    """Measure the rows, and print the table."""
+    table = []
+    for row in rows:
+        cases = measure(row, folder, COUNTS[row] if count is None else count)
+        table += describe(row, cases)
+    if markdown:
+        print("\n".join(markdown_table(["what", "measured"], table)))
+        return
+    for name, text in table:
+        print(f"{name}: {text}")
+
+
+if __name__ == "__main__":
+    app()
