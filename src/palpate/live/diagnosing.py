@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from palpate import control_loops
 from palpate._core import Status
 from palpate.digits import rounded
 from palpate.errors import PalpateError
@@ -42,13 +43,21 @@ class Diagnosing:
         Length of the data to diagnose, s. Default: 20.
     every : float
         Time from the end of one diagnosis to the next, s. Default: 5.
+    loop : ControlLoop, optional
+        Also say which gains of this loop are safe on the material. They are only shown.
     """
 
     name = "diagnosis"
 
-    def __init__(self, window: float = WINDOW, every: float = EVERY) -> None:
+    def __init__(
+        self,
+        window: float = WINDOW,
+        every: float = EVERY,
+        loop: control_loops.ControlLoop | None = None,
+    ) -> None:
         self._window = window
         self._every = every
+        self._loop = loop
 
     def run(self, watching: Watching, commands: Connection) -> None:
         """Diagnose until the loop stops."""
@@ -67,7 +76,7 @@ class Diagnosing:
             delay = float(status.get("delay", 0.0))
             samples = recent(np.concatenate([samples, rows]), self._window, delay)
             if time.monotonic() >= due and len(samples) >= _LEAST:
-                page = diagnose_samples(samples, status)
+                page = diagnose_samples(samples, status, self._loop)
                 due = time.monotonic() + self._every
             watching.tell(page)
 
@@ -122,8 +131,15 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator:
     return estimator_named(status["method"])(**known)
 
 
-def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
-    """Diagnose these samples with the loop's method, and return the diagnosis as a status."""
+def diagnose_samples(
+    samples: Floats,
+    status: dict[str, Any],
+    loop: control_loops.ControlLoop | None = None,
+) -> dict[str, Any]:
+    """Diagnose these samples with the loop's method, and return the diagnosis as a status.
+
+    With a control loop the status holds which gains are safe, in words.
+    """
     first = float(samples[0, 0])
     last = float(samples[-1, 0])
     about = f"the last {rounded(last - first, 2)} s at {time.strftime('%H:%M:%S')}"
@@ -143,6 +159,9 @@ def diagnose_samples(samples: Floats, status: dict[str, Any]) -> dict[str, Any]:
             result = result.at_depth(depth)
         diagnosis = result.diagnosis
         lines = view.number_lines(result)
+        if loop is not None:
+            known = control_loops.contact_knowledge(result)
+            page["gains"] = control_loops.gains_for(known, loop).describe()
     except PalpateError as error:  # the probe touched nothing
         said = str(error)
         return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}

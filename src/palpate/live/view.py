@@ -441,7 +441,16 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
     facts["working"] = list(_tiles(page, found := others.get("diagnosis")))
     if found and found.get("lines"):
         facts["diagnosis"] = found["lines"]
+    facts["gains"] = [[line, "soft" * (k > 0)] for k, line in enumerate(gain_lines(found, loop))]
     return facts
+
+
+def gain_lines(found: Mapping[str, Any] | None, status: Mapping[str, Any]) -> list[str]:
+    """Return which gains are safe, or why that is not known; empty without a control loop."""
+    if not found or "gains" not in found:
+        return []
+    why = why_undiagnosed(found, status)
+    return [f"Gains: {why}"] if why else found["gains"]
 
 
 def _counts(

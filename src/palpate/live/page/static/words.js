@@ -19,13 +19,15 @@ const headline = ([name, words, kind, badge, why, now]) => element("div", { clas
   element("small", {}, name), element("b", {}, words),
   element("p", {}, kind === "no" ? "Not usable: " : "", element("b", { className: `badge ${kind}` }, badge), why && `: ${why}`),
   element("p", { className: "now" }, now));
+const paragraph = ([words, kind, link = ""]) => element("p", { className: kind },
+  link ? element("a", { href: link, target: "_blank", rel: "noopener" }, words) : words);
 // How a row is made: by the id of its parent, else by the parent's tag.
 const ROWS = {
   numbers: tile,
   working: headline,
   damping: headline,
-  diagnosis: ([words, kind, link = ""]) => element("p", { className: kind },
-    link ? element("a", { href: link, target: "_blank", rel: "noopener" }, words) : words),
+  diagnosis: paragraph,
+  gains: paragraph,
   DL: ([name, words, kind = ""]) => element("div", { className: kind },
     element("dt", {}, name), element("dd", {}, words)),
   OL: (words) => element("li", {}, words),
