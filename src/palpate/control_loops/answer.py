@@ -150,7 +150,7 @@ class Gains:
         return self.recommended.parameters()
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the answer as plain numbers and text; ``docs/reference/results.md`` has the keys.
+        """Return the answer as plain numbers and text; ``docs/reference/formats.md`` has the keys.
 
         Returns
         -------

@@ -183,8 +183,9 @@ class _Assessment:
         fails = []
         for law in self.laws:
             settles, stays = self._simulated_ratios(law)
-            swings.append((settles * law.onset.gain[0], settles * law.bound))
-            fails.append((stays * law.onset.gain[0], stays * law.bound))
+            onset = float(law.onset.gain[0])
+            swings.append((settles * onset, settles * law.bound))
+            fails.append((stays * onset, stays * law.bound))
         bounces_always = min(bound for _, bound in fails) <= 0.0
         margins = swings if bounces_always else fails
         margin = GainMargin(margins[0][0], min(bound for _, bound in margins))
