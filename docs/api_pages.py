@@ -18,7 +18,7 @@ sys.modules["palpate.figures"] = palpate.figures
 
 #: Subject, and the packages of palpate whose public names it has.
 SUBJECTS = {
-    "Identify": ("identifying", "fleet.arrays", "output"),
+    "Identify": ("identifying", "fleet.arrays", "output", "control_loops"),
     "Recordings and contacts": ("input", "method.contact"),
     "Force laws": ("force_laws",),
     "Estimators": ("method.estimators", "method.settings", "_core"),
@@ -31,6 +31,8 @@ MODULES: dict[str, tuple[str, ...]] = {
     "lab": (),
     "lab.design": ("Motion", "design"),
     "exports": (),
+    "control_loops": (),
+    "control_loops.figures": ("draw_gains",),
     "fleet.files": ("read_results",),
     "fleet.running": ("identify_batch",),
     "fleet.tasks": ("Settings",),

@@ -60,6 +60,7 @@ CHAPTERS = {
             "how-to/afm",
             "how-to/robot-learning",
             "how-to/controller",
+            "how-to/gains",
             "how-to/simulator",
             "how-to/lecturers",
             "how-to/map",

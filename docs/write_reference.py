@@ -13,6 +13,7 @@ from typing import Any
 from unittest.mock import patch
 
 import palpate
+from palpate import control_loops
 from palpate.cli.application import application
 from palpate.fleet.rows import table_schema
 from palpate.fleet.tasks import Settings
@@ -59,6 +60,12 @@ def formats() -> str:
             "What the fields mean: [results](results.md#the-json-object).",
             _table(("field", "type there"), _fields(_result())),
         ),
+        "Gains as JSON": (
+            "`palpate gains --json`, for admittance control on this ball, SI; frequencies in "
+            "rad/s. Numbers that are not known are null, and so is `recommended` where `refusal` "
+            "is not. What they mean: [which gains](../how-to/gains.md).",
+            _table(("field", "type there"), _fields(_gains())),
+        ),
         "A row of a fleet": (
             "The columns of [`palpate fleet`](../how-to/many-contacts.md), with `--tip`. Unknown "
             "values are NaN, or null where the column is no number.",
@@ -99,6 +106,21 @@ def _files() -> str:
 
 def _result() -> dict[str, Any]:
     return json.loads(json.dumps(describe_contact([BALL], [palpate.identify(BALL)])))
+
+
+def _gains() -> dict[str, Any]:
+    loop = control_loops.AdmittanceControl(
+        virtual_mass=2.0,
+        virtual_damping=30.0,
+        mass=10.0,
+        sample_rate=500.0,
+        delay=4e-3,
+        bandwidth=60.0,
+        force_filter=100.0,
+        wanted_force=10.0,
+        approach_speed=0.02,
+    )
+    return json.loads(json.dumps(palpate.gains(palpate.identify(BALL), loop).as_dict()))
 
 
 def _fields(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

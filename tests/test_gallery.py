@@ -25,5 +25,5 @@ def test_a_script_of_the_gallery_draws_at_most_three_panels_in_letters_that_can_
     assert made["__doc__"].partition("\n")[0].endswith((".", "?"))
 
 
-def test_the_gallery_has_eight_pictures():
-    assert len(SCRIPTS) == 8
+def test_the_gallery_has_nine_pictures():
+    assert len(SCRIPTS) == 9

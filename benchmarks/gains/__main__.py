@@ -1,6 +1,6 @@
 """Whether recommended gains are safe: margins against loops in MuJoCo and Drake.
 
-    python -m benchmarks.gains --folder build/gains                 # all rows, resumed where it ended
+    python -m benchmarks.gains --folder build/gains                 # all rows, or the rest of them
     python -m benchmarks.gains --folder build/gains --rows known    # one of them
 
 Each case is one line of JSON in the folder; a case that is there is not measured again.
@@ -104,7 +104,9 @@ def describe(row: str, cases: list[Found]) -> list[list[str]]:
         return [["delay and bandwidth at 50 µm noise: onset", text]]
     if row == "drake":
         good = sum(not case["below_fails"] and case["above_fails"] for case in cases)
-        return [["Drake: fine at .9, fails at 1.1 of the predicted onset", f"{good} of {len(cases)}"]]
+        return [
+            ["Drake: fine at .9, fails at 1.1 of the predicted onset", f"{good} of {len(cases)}"]
+        ]
     both = [[case[name] for case in cases] for name in ("answer", "with_picture")]
     text = ", ".join(f"median {np.median(each):.2f} s, worst {max(each):.2f} s" for each in both)
     return [["one answer; with its picture", text]]

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ class Case:
     seed: int
     material: str
     law: palpate.GeneralisedHuntCrossley
-    loop: control_loops.ControlLoop
+    loop: Any  # its fields are those of its class
     depth: float
 
     @property
@@ -87,10 +88,10 @@ def soft_case(seed: int, *, relaxing: bool = False) -> Case:
     """Draw a case with a material of the laboratory, its coefficients within a factor of 1.5."""
     random = np.random.default_rng(_FIRST + seed + (500_000 if relaxing else 0))
     name = str(random.choice(list(MATERIALS)))
-    (K, n, B, p), depths = MATERIALS[name]
-    K *= log_uniform(random, 1 / 1.5, 1.5)
-    B *= log_uniform(random, 1 / 1.5, 1.5)
-    law = palpate.GeneralisedHuntCrossley(K=K, n=n, B=B, p=p)
+    (spring, n, damper, p), depths = MATERIALS[name]
+    spring *= log_uniform(random, 1 / 1.5, 1.5)
+    damper *= log_uniform(random, 1 / 1.5, 1.5)
+    law = palpate.GeneralisedHuntCrossley(K=spring, n=n, B=damper, p=p)
     depth = log_uniform(random, *depths)
     if relaxing:  # a flat spectrum, or one time, beside a weak damper
         share = log_uniform(random, 0.4, 3.0)
@@ -100,10 +101,11 @@ def soft_case(seed: int, *, relaxing: bool = False) -> Case:
             spectrum = palpate.FlatSpectrum(shortest, log_uniform(random, 1.0, 10.0))
         else:
             spectrum = palpate.SingleRelaxation(log_uniform(random, 0.05, 2.0))
-        whole = palpate.GeneralisedHuntCrossley(
-            K=K, n=n, B=B * random.uniform(0.0, 0.3), p=p, M=share * K, relaxation=spectrum
+        damper *= random.uniform(0.0, 0.3)
+        law = palpate.GeneralisedHuntCrossley(
+            K=spring, n=n, B=damper, p=p, M=share * spring, relaxation=spectrum
         )
-        name, law = f"{name}, relaxing", whole
+        name = f"{name}, relaxing"
     slow = law.relaxed() if relaxing else law
     delay = STEP * int(random.integers(0, 33))
     speed = log_uniform(random, 5e-3, 40e-3)

@@ -147,7 +147,7 @@ def following(case: Case, noise: float = 5e-5) -> Found | None:
         return None
     random = np.random.default_rng(case.seed)
     step = 1.0 / case.loop.sample_rate
-    command = commanded(3.0, step)
+    command = commanded(10.0, step)
     position = followed(command, step, case.loop.bandwidth, case.loop.delay)
     position = position + noise * random.standard_normal(len(position))
     measured = measure_following(step * np.arange(len(command)), command, position)

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.gains.cases import Case
+from palpate.validation import Floats
 
 _RUNAWAY = (0.3, 30.0, 1e7)  # m, m/s, m/s²
 
@@ -26,17 +27,18 @@ class Material:
         self.memory = np.zeros((len(times), count))
         self.before = np.zeros(count)
 
-    def _elastic(self, x: np.ndarray) -> np.ndarray:
+    def _elastic(self, x: Floats) -> Floats:
         return np.where(x > 0.0, np.clip(x, 0.0, None) ** self.law.n, 0.0)
 
-    def _branches(self, x: np.ndarray, elapsed: float) -> np.ndarray:
+    def _branches(self, x: Floats, elapsed: float) -> Floats:
         if elapsed <= 0.0:
             return self.memory + (self._elastic(x) - self.before)
         kept = np.exp(-elapsed / self.times)
         gained = (1.0 - kept) * self.times / elapsed
-        return kept * self.memory + gained * (self._elastic(x) - self.before)
+        relaxed: Floats = kept * self.memory + gained * (self._elastic(x) - self.before)
+        return relaxed
 
-    def force(self, x: np.ndarray, v: np.ndarray, elapsed: float = 0.0) -> np.ndarray:
+    def force(self, x: Floats, v: Floats, elapsed: float = 0.0) -> Floats:
         """Return the force at a time after the last step, N."""
         deep = np.clip(x, 1e-300, None)
         force = self.law.K * deep**self.law.n + self.law.B * deep**self.law.p * v
@@ -44,7 +46,7 @@ class Material:
             force = force + (self.stiffness * self._branches(x, elapsed)).sum(axis=0)
         return np.where(x > 0.0, np.clip(force, 0.0, None), 0.0)
 
-    def advance(self, x: np.ndarray) -> None:
+    def advance(self, x: Floats) -> None:
         """Relax for a step that ends at a penetration."""
         if len(self.times):
             self.memory = self._branches(x, self.step)
@@ -74,7 +76,7 @@ def _model(case: Case, count: int, step: float) -> Any:
     )
 
 
-def _butterworth(corner: float, step: float) -> tuple[np.ndarray, np.ndarray]:
+def _butterworth(corner: float, step: float) -> tuple[Floats, Floats]:
     """Return the exact step of a second-order Butterworth filter for a held input."""
     from scipy.signal import cont2discrete
 
@@ -84,9 +86,7 @@ def _butterworth(corner: float, step: float) -> tuple[np.ndarray, np.ndarray]:
     return found[0], found[1]
 
 
-def run(
-    case: Case, factors: np.ndarray, seconds: float, step: float = 2.5e-4
-) -> tuple[np.ndarray, np.ndarray]:
+def run(case: Case, factors: Floats, seconds: float, step: float = 2.5e-4) -> tuple[Floats, Floats]:
     """Return for each factor on the gain whether the loop swings on, and whether it bounces."""
     loop = case.loop
     count = len(factors)

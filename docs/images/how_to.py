@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import matplotlib.pyplot as plt
 
 import palpate
+from palpate.control_loops.figures import draw_gains
 from palpate.fleet.figures import draw_map
 from palpate.fleet.maps import map_of
 
@@ -45,9 +46,11 @@ def draw_late_force() -> "Figure":
 def pictures() -> Iterator[tuple[str, "Figure"]]:
     """Yield each picture with its name, light and dark."""
     survey = runpy.run_path(str(GALLERY / "hard_spot.py"))["table"]
+    gains = runpy.run_path(str(GALLERY / "safe_gains.py"))["gains"]
     for style, ending in ((LIGHT, ""), (DARK, "-dark")):
         places = map_of(survey, ("x", "y"), depth=5e-3)
         yield f"map{ending}", draw_map(places, dark=style is DARK, width=180e-3)
+        yield f"gains{ending}", draw_gains(gains, dark=style is DARK, width=180e-3)
         with plt.style.context(style):
             for name in ("usable", "payload"):
                 yield f"{name}{ending}", runpy.run_path(str(GALLERY / f"{name}.py"))["figure"]

@@ -24,7 +24,7 @@ from palpate.writing import protect, write_text
 COMMANDS = {
     "identify": "identify", "diagnose": "identify", "compare": "identify", "info": "info",
     "fleet": "fleet", "map": "fleet", "design": "design", "lab": "lab", "export": "export",
-    "live": "live", "payload": "payload", "skew": "skew", "explain": "explain",
+    "gains": "gains", "live": "live", "payload": "payload", "skew": "skew", "explain": "explain",
 }  # fmt: skip
 #: Arguments that name what a command writes. Any other path is one that it reads.
 OUTPUTS = {"output", "figure", "picture", "record", "ros_parameters", "save_config"}

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Self
 
-from palpate.control_loops.loop import Complex, ControlLoop, Plant
+from palpate.control_loops.loop import Complex, ControlLoop, FreePlant
 from palpate.validation import check_field, frozen
 from palpate.writing import MADE
 
@@ -73,10 +73,10 @@ class AdmittanceControl(ControlLoop):
         return self.bandwidth
 
     @property
-    def plant(self) -> Plant:
+    def plant(self) -> FreePlant:
         """The mass on the spring and damper of its position loop."""
         spring = self.mass * self.bandwidth**2
-        return Plant(spring, 2.0 * self.mass * self.bandwidth, spring)
+        return FreePlant(spring, 2.0 * self.mass * self.bandwidth, spring)
 
     def response(self, unit_delay: Complex) -> Complex:
         """Return −x_c/F: the virtual mass as ros2_controllers integrates it."""

@@ -6,9 +6,10 @@ from typing import TypeAlias
 
 import numpy as np
 
+from palpate.control_loops.answer import Gains
 from palpate.control_loops.laws import ContactKnowledge, KnownLaw
 from palpate.control_loops.loop import ControlLoop
-from palpate.control_loops.margins import Gains, gains_for
+from palpate.control_loops.margins import gains_for
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.identifying import Identification, identify
 from palpate.method.contact import Contact
@@ -29,8 +30,8 @@ _EXCLUDED = 10.0
 # power of white noise exceeds 20 times its median at none.
 _MOTION_SHARE = 0.9
 _ABOVE_NOISE = 20.0
-# A sine counts if it has a hundredth of the largest one's amplitude: the steps of an encoder are not
-# white. The first frequencies are those of the window.
+# A sine counts if it has a hundredth of the largest one's amplitude, as the steps of an encoder are
+# not white. The first frequencies are those of the window.
 _VISIBLE_SHARE = 1e-4
 _WINDOW = 3
 # A damping without an error bar may be anything between none and twice the identified one.
@@ -111,10 +112,8 @@ def contact_knowledge(result: Known) -> ContactKnowledge:
     if contact.timeless:
         raise InvalidParameterError("result has no time, and so no damping: record time as well")
     at = result.working_depths[0]
-    errors = {
-        "stiffness_error": _relative(at.stiffness.systematic, at.stiffness.value),
-        "damping_error": _relative(at.damping.systematic, at.damping.value),
-    }
+    stiffness_error = _relative(at.stiffness.systematic, at.stiffness.value)
+    damping_error = _relative(at.damping.systematic, at.damping.value)
     identified = [(result.law, _covariance(result))] if result.law.powers is not None else []
     for estimator in _other_estimators(result):
         try:
@@ -122,11 +121,12 @@ def contact_knowledge(result: Known) -> ContactKnowledge:
         except RecordingError:  # too few samples for this law
             continue
         identified.append((other.law, other.covariance))
-    laws = tuple(KnownLaw(*each, at.depth, **errors) for each in identified)
+    laws = tuple(KnownLaw(*each, at.depth, stiffness_error, damping_error) for each in identified)
     pressed = contact.force[contact.penetration > 0.0]
     largest = float(np.quantile(pressed[np.isfinite(pressed)], 0.99))
     highest = _highest_frequency(contact)
-    return ContactKnowledge(laws, result.frequency, largest, at.stiffness.mark, highest)
+    mark = at.stiffness.mark or "do-not-trust"
+    return ContactKnowledge(laws, result.frequency, largest, mark, highest)
 
 
 def _highest_frequency(contact: Contact) -> float:

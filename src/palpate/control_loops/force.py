@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import tau
 from typing import ClassVar, Self
 
-from palpate.control_loops.loop import Complex, ControlLoop, Plant
+from palpate.control_loops.loop import Complex, ControlLoop, FreePlant
 from palpate.validation import check_field, frozen
 from palpate.writing import MADE
 
@@ -73,9 +73,9 @@ class ForceControl(ControlLoop):
         return self.friction
 
     @property
-    def plant(self) -> Plant:
+    def plant(self) -> FreePlant:
         """The mass, with its friction."""
-        return Plant(0.0, self.friction, 1.0)
+        return FreePlant(0.0, self.friction, 1.0)
 
     def response(self, unit_delay: Complex) -> Complex:
         """Return −u/F."""

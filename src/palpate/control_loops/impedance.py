@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Self
 
-from palpate.control_loops.loop import Complex, ControlLoop, Plant
+from palpate.control_loops.loop import Complex, ControlLoop, FreePlant
 from palpate.validation import check_field, frozen
 from palpate.writing import MADE
+
+_MOST = 5000.0  # of crisp_controllers
 
 
 @frozen(kw_only=True)
@@ -64,9 +66,9 @@ class ImpedanceControl(ControlLoop):
         return self.friction
 
     @property
-    def plant(self) -> Plant:
+    def plant(self) -> FreePlant:
         """The mass, with its friction."""
-        return Plant(0.0, self.friction, 1.0)
+        return FreePlant(0.0, self.friction, 1.0)
 
     def response(self, unit_delay: Complex) -> Complex:
         """Return −u/x."""
@@ -77,15 +79,20 @@ class ImpedanceControl(ControlLoop):
         return replace(self, stiffness=self.stiffness * factor, damping=self.damping * factor)
 
     def parameters(self) -> str:
-        """Return the parameters of ``cartesian_controller`` in crisp_controllers 2.3, YAML."""
+        """Return the parameters of ``cartesian_controller`` in crisp_controllers 2.3, YAML.
+
+        It takes neither number above 5000: both are lowered together, which leaves more margin.
+        """
+        allowed = self.scaled(min(1.0, _MOST / max(self.stiffness, self.damping)))
         return f"""\
 {MADE}
-# cartesian_controller of crisp_controllers 2.3; z is the normal of the surface.
+# cartesian_controller of crisp_controllers 2.3, which takes numbers up to {_MOST:g}.
+# z is the normal of the surface; take the other axes from your own file.
 /**:
   ros__parameters:
     task:
-      k_pos_z: {float(f"{self.stiffness:.6g}")!r}
-      d_pos_z: {float(f"{self.damping:.6g}")!r}
+      k_pos_z: {float(f"{allowed.stiffness:.6g}")!r}
+      d_pos_z: {float(f"{allowed.damping:.6g}")!r}
 """
 
 

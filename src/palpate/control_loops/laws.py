@@ -1,6 +1,7 @@
 """What is known of a contact: laws with their errors, and the range in which they were recorded."""
 
 import math
+from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -43,8 +44,15 @@ class LawDraws:
 
     def first(self, count: int) -> "LawDraws":
         """Return the first of them."""
-        cut = (getattr(self, name)[:count] for name in ("K", "n", "B", "p", "M"))
-        return LawDraws(*cut, self.times, self.weights, self.slow)
+        some = slice(count)
+        return replace(
+            self,
+            K=self.K[some],
+            n=self.n[some],
+            B=self.B[some],
+            p=self.p[some],
+            M=self.M[some],
+        )
 
     @property
     def remembers(self) -> bool:

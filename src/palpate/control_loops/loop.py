@@ -17,7 +17,7 @@ Complex = NDArray[np.complex128]
 
 
 @frozen
-class Plant:
+class FreePlant:
     """What the controller acts on, besides the material: a mass with a spring and a damper.
 
     mass · ẍ = input · u − stiffness · x − damping · ẋ − F
@@ -109,7 +109,7 @@ class ControlLoop(ABC):
 
     @property
     @abstractmethod
-    def plant(self) -> Plant:
+    def plant(self) -> FreePlant:
         """What the controller acts on, without the material."""
 
     @abstractmethod

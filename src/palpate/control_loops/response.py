@@ -10,6 +10,7 @@ import math
 from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from palpate.control_loops.loop import Complex, ControlLoop
 from palpate.validation import Floats
@@ -107,7 +108,7 @@ class SampledPlant(NamedTuple):
         both = np.moveaxis(np.array(tops), (0, 1, 2), (2, 0, 1))
         return cls(np.stack(determinant, axis=-1), both[0], both[1], delayed)
 
-    def cells(self, index: Floats) -> "SampledPlant":
+    def cells(self, index: NDArray[np.intp]) -> "SampledPlant":
         """Return the plant of some of the cells."""
         return SampledPlant(
             self.determinant[index], self.early[index], self.late[index], self.delayed
@@ -121,7 +122,8 @@ class SampledPlant(NamedTuple):
         early = _polynomial(self.early, delta)
         late = _polynomial(self.late, delta)
         measured = (early + late * unit_delay) / _polynomial(self.determinant, delta)
-        return loop.response(unit_delay) * measured * unit_delay**self.delayed
+        response: Complex = loop.response(unit_delay) * measured * unit_delay**self.delayed
+        return response
 
 
 def _polynomial(coefficients: Floats, at: Complex) -> Complex:

@@ -2,7 +2,8 @@
 
 A figure of your own has palpate's colours, sizes and units by ``look = choose_look()`` and ``with
 drawing(look, height) as figure:``. Other figures are in :mod:`palpate.lab.design.figures`,
-:mod:`palpate.fleet.figures` and :mod:`palpate.lab.figures`.
+:mod:`palpate.fleet.figures`, :mod:`palpate.control_loops.figures` and
+:mod:`palpate.lab.figures`.
 """
 
 from palpate.output.figures.field import ERRORS as ERRORS
