@@ -1,11 +1,15 @@
 """The ROS 2 package ``ros/``: its node's logic and its controller, driven without ROS."""
 
+import os
+import struct
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import zmq
 from message_files import Maker
 from rosbags.typesys import get_types_from_msg
 
@@ -107,27 +111,61 @@ def test_the_node_and_the_message_have_the_checks_and_version_of_the_wires():
     assert identifier.CHECKS["lost contact"] == gain.LOST_CONTACT
 
 
-@pytest.mark.parametrize(
-    ("change", "action"),
-    [
-        ({}, "follow"),
-        ({"schema": 5}, "stop: the message has schema 5, this controller reads 4"),
-        ({"checks": 16, "stiffness_mark": 0}, "hold: lost contact"),
-        ({"stiffness_mark": 0}, "stop: do not trust"),
-        ({"checks": 8, "flags": "late force"}, "stop: do not trust (late force)"),
-        ({"age": np.nan}, "stop: the estimate is nan s old"),
-        ({"age": 0.7}, "stop: the estimate is 0.7 s old"),
-        ({"stiffness_usable": False, "stiffness": 4000.0}, "hold: not usable"),
-    ],
-)
+GOOD = {
+    **{field.name: 0 for field in schema.ESTIMATE_FIELDS},
+    **dict.fromkeys(("method", "law", "selected_law", "parameter_names", "flags"), ""),
+    **{"schema": 4, "stiffness_mark": -1, "age": 0.01, "stiffness": 2000.0},
+    **{"stiffness_usable": True, "parameters": [], "standard_errors": []},
+}
+REACTIONS = [
+    ({}, "follow"),
+    ({"schema": 5}, "stop: the message has schema 5, this controller reads 4"),
+    ({"checks": 16, "stiffness_mark": 0}, "hold: lost contact"),
+    ({"stiffness_mark": 0}, "stop: do not trust"),
+    ({"checks": 8, "flags": "late force"}, "stop: do not trust"),
+    ({"age": np.nan}, "stop: the estimate is"),
+    ({"age": 0.7}, "stop: the estimate is"),
+    ({"stiffness": np.nan}, "hold: not usable"),
+    ({"stiffness_usable": False, "stiffness": 4000.0}, "hold: not usable"),
+]
+
+
+@pytest.mark.parametrize("change, action", REACTIONS)
 def test_the_controller_reacts_to_each_reason_not_to_act(change, action):
     controller = gain.GainController(bandwidth=10.0)
-    good = {"schema": 4, "checks": 0, "stiffness_mark": -1, "age": 0.01, "flags": ""}
-    good |= {"stiffness_usable": True, "stiffness": 2000.0}
-    controller.take(SimpleNamespace(**good), 0.0)
-    controller.take(SimpleNamespace(**{**good, **change}), 0.001)
+    controller.take(SimpleNamespace(**GOOD), 0.0)
+    controller.take(SimpleNamespace(**{**GOOD, **change}), 0.001)
     assert controller.action.startswith(action)
-    least = 10.0 / change.get("stiffness", 2000.0)
+    least = 10.0 / np.nan_to_num(change.get("stiffness", 2000.0), nan=2000.0)
     assert controller.gain == (0.0 if action.startswith("stop") else least)
     controller.watch(1.0)
     assert (controller.gain, controller.action) == (0.0, "stop: no estimate for 1.0 s")
+
+
+@pytest.mark.long
+def test_the_controller_in_cpp_reacts_as_that_of_ros(tmp_path):
+    """Also to packets that are none."""
+    if not Path("/usr/include/zmq.h").is_file():
+        pytest.skip("no libzmq3-dev")
+    source = ROOT.parent / "examples" / "cpp" / "wire_controller.cpp"
+    compiler = os.environ.get("CXX", "c++")
+    program = tmp_path / "controller"
+    subprocess.run([compiler, "-std=c++20", source, "-lzmq", "-o", program], check=True)
+    publisher = zmq.Context.instance().socket(zmq.XPUB)
+    port = publisher.bind_to_random_port("tcp://127.0.0.1")
+    command = [program, f"tcp://127.0.0.1:{port}", "6"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        publisher.recv()  # it has subscribed
+        for change, action in REACTIONS[1:]:
+            for values, words in (({**GOOD, **change}, action), (GOOD, "follow")):
+                data = schema.pack_estimate(values)
+                publisher.send_multipart([b"estimate", data])
+                assert running.stdout.readline().startswith(words.partition(" the estimate")[0])
+        for junk in (b"", b"\4", struct.pack("<I", 4), b"{" * 5000, b"\0" * 288):
+            publisher.send_multipart([b"estimate", junk])
+            publisher.send_multipart([b"estimate", schema.pack_estimate(GOOD)])
+            assert running.stdout.readline().startswith("stop: the message ")
+            assert running.stdout.readline() == "follow: usable\n"
+        assert running.stdout.read().splitlines() == ["stop: no estimate arrives", "gain 0"]
+    publisher.close(0)
+    assert running.returncode == 0

@@ -2,11 +2,13 @@
 
 import json
 import math
+import random
 import re
 import struct
 import subprocess
 import time
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,7 +29,8 @@ from palpate.live.diagnosing import diagnose_samples, recent
 from palpate.live.schema import ESTIMATE_FIELDS, SCHEMA, STATUS_FIELDS, read_run
 from palpate.live.sinks import PLACE, UNDIAGNOSED
 from palpate.live.sources import Replay
-from palpate.live.wires import Publisher, open_publisher
+from palpate.live.wires import Publisher, open_publisher, parse_address
+from palpate.live.zeromq import ZeroMQWire
 
 DEFINITION = Path(__file__).parents[2] / "ros" / "palpate_msgs" / "msg" / "ContactEstimate.msg"
 NAMES = [field.name for field in ESTIMATE_FIELDS]
@@ -361,6 +364,53 @@ def test_a_verdict_is_published_until_it_is_outdated():
     finally:
         publisher.close()
         listener.close()
+
+
+ENCODED = {
+    "json": (partial(ZeroMQWire, "tcp://127.0.0.1:1"), schema.read_estimate),
+    "binary": (partial(ZeroMQWire, "tcp://127.0.0.1:1?format=binary"), schema.read_estimate),
+    "ros": (lambda: ros.RosWire(parse_address("dds", "/palpate", ())), ros.read_estimate),
+}
+BAD = [
+    ({"schema": 3}, "schema 3, this listener reads schema 4: update the palpate that publishes"),
+    ({"schema": 5}, "schema 5, this listener reads schema 4: update the listener"),
+    ({"state": 9}, "state 9"),
+    ({"stiffness_mark": 7}, r"marks \[-1, 7\]"),
+]
+
+
+@pytest.mark.parametrize("wire", ENCODED)
+def test_a_listener_refuses_in_one_line_what_is_no_estimate_of_its_schema(wire) -> None:
+    make, read = ENCODED[wire]
+    publisher = make()
+    loop, rows = looped(arrivals(*measured(0.3)))
+    (good,) = schema.estimates(rows[-1:], read_run(loop.status(), None), 7)
+    assert repr(read(whole := publisher.estimate(good))) == repr(good)
+    for change, words in BAD:
+        with pytest.raises(schema.MessageError, match=words) as caught:
+            read(publisher.estimate(good | change))
+        assert "\n" not in str(caught.value)
+    # Numbers that are none are unknown, not errors; texts are cut.
+    odd = {"stiffness": math.inf, "age": math.nan, "flags": "é" * 5000}
+    found = read(publisher.estimate(good | odd))
+    assert math.isnan(found["stiffness"])
+    assert len(found["flags"]) == (5000 if wire == "json" else 500)
+    # A stranger's bytes: cut anywhere, changed anywhere, random, and far too many.
+    rng = random.Random(3)
+    strange = [whole[:k] for k in range(len(whole))] + [b"", b"{}", b"[" * 100_000, b"{" * 10**6]
+    for _ in range(2000):
+        data = bytearray(whole)
+        for _ in range(rng.randint(1, 4)):
+            data[rng.randrange(len(data))] = rng.randrange(256)
+        strange.append(bytes(data))
+    refusals = []
+    for data in strange:
+        try:
+            read(data)
+        except schema.MessageError as error:
+            refusals.append(str(error))
+    assert 0 < len(refusals) < len(strange)
+    assert not [line for line in refusals if len(line) > 300 or "\n" in line]
 
 
 def test_an_address_in_use_is_one_clear_line() -> None:
