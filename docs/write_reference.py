@@ -14,6 +14,7 @@ from unittest.mock import patch
 
 import palpate
 from palpate.cli.application import application
+from palpate.findings import LOOP_CHECKS
 from palpate.fleet.rows import table_schema
 from palpate.fleet.tasks import Settings
 from palpate.input.recordings.opening import FORMATS
@@ -29,7 +30,6 @@ from palpate.live.schema import (
     message_definition,
 )
 from palpate.live.zeromq import LENGTHS
-from palpate.method.estimators.estimate import LOOP_CHECKS
 from palpate.output.results.saved import SCHEMA_VERSION, describe_contact
 
 REFERENCE = Path(__file__).parent / "reference"
@@ -207,7 +207,8 @@ def packet() -> str:
 def _messages() -> str:
     folder = files("palpate.live") / "messages"
     blocks = []
-    for message in sorted(folder.iterdir(), key=lambda path: path.name):
+    recorded = ("Estimate.msg", "Measurement.msg", "MeasurementInSpace.msg")
+    for message in map(folder.joinpath, recorded):
         own = message.read_text(encoding="utf-8").partition("=====")[0].strip()
         blocks.append(f"`{message.name}`:\n\n```text\n{own}\n```")
     return "\n\n".join(blocks)

@@ -14,8 +14,8 @@ from message_files import Maker
 from rosbags.typesys import get_types_from_msg
 
 from benchmarks.live_wires import FAULTS, FAULTY_FROM, faulty_robot
+from palpate.findings import LOOP_CHECKS
 from palpate.live import ros, schema
-from palpate.method.estimators.estimate import LOOP_CHECKS
 
 ROOT = Path(__file__).parents[2] / "ros"
 sys.path.append(str(ROOT / "palpate_ros"))

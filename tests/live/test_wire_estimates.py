@@ -385,7 +385,8 @@ def test_a_listener_refuses_in_one_line_what_is_no_estimate_of_its_schema(wire) 
     publisher = make()
     loop, rows = looped(arrivals(*measured(0.3)))
     (good,) = schema.estimates(rows[-1:], read_run(loop.status(), None), 7)
-    assert repr(read(whole := publisher.estimate(good))) == repr(good)
+    whole = publisher.estimate(good)
+    assert repr(read(whole)) == repr(good)
     for change, words in BAD:
         with pytest.raises(schema.MessageError, match=words) as caught:
             read(publisher.estimate(good | change))

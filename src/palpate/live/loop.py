@@ -19,6 +19,7 @@ from palpate import _core
 from palpate._core import Status
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
+from palpate.findings import LOOP_CHECKS
 from palpate.input.channels.frames import UNIT_LENGTH
 from palpate.input.preparation.online import OnlinePreparation
 from palpate.input.wrench import PayloadCompensation
@@ -26,7 +27,6 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.method.estimators import ContactEstimator
-from palpate.method.estimators.estimate import LOOP_CHECKS, loop_check_bits
 from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
@@ -506,7 +506,7 @@ class Loop:
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
             if updated is not None:  # a method written in Python has no age
                 self._learned = updated - (estimate.age if math.isfinite(estimate.age) else 0.0)
-        checks = loop_check_bits(estimate)
+        checks = estimate._checks
         self.recent_checks.see(checks, self._arrived)
         stiffness = estimate.stiffness
         damping = estimate.damping
@@ -737,7 +737,7 @@ class Loop:
             "verdict": self.laws.page(estimator),
             "flags": estimate.flags,
             "findings": list(map(str, estimate.findings)),
-            "checks": loop_check_bits(estimate),
+            "checks": estimate._checks,
             "recent_checks": self.recent_checks.bits(self._arrived),
             # s since the newest sample in the estimate.
             "age": finite_or_none(self._arrived - self._learned + self._silence),

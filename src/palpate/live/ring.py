@@ -41,7 +41,7 @@ ESTIMATE = (
     "stiffness", "stiffness_standard_error", "stiffness_usable",  # N/m, and 1 or 0
     "damping", "damping_standard_error", "damping_usable",  # N·s/m
     "depth", "frequency",  # of both, m and rad/s
-    "checks",  # bits of palpate.method.estimators.estimate.LOOP_CHECKS
+    "checks",  # bits of palpate.findings.LOOP_CHECKS
     *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
     *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
 )  # fmt: skip
