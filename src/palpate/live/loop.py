@@ -389,6 +389,8 @@ class Loop:
     _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
     _arrived: float = math.nan  # time of the newest sample, s
     _learned: float = math.nan  # time of the newest sample in the estimate, s
+    _there: float = 0.0  # time at which the newest sample was there, s, monotonic
+    _updated: float = math.nan  # that of the newest sample in the estimate
     _silence: float = 0.0  # s since the newest sample
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
@@ -440,6 +442,7 @@ class Loop:
             self._check(arrival)
         counts.taken += 1
         self._arrived = arrival.time
+        self._there = arrival.there
         fault = self.watchdog.check(arrival)
         if self.compensation is not None:
             wrench: Any = arrival.force  # a vector, with an orientation: _check
@@ -506,6 +509,7 @@ class Loop:
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
             if updated is not None:  # a method written in Python has no age
                 self._learned = updated - (estimate.age if math.isfinite(estimate.age) else 0.0)
+                self._updated = self._there
         checks = estimate._checks
         self.recent_checks.see(checks, self._arrived)
         stiffness = estimate.stiffness
@@ -516,6 +520,7 @@ class Loop:
             estimate.surface,
             estimate.validity_margin,
             self._learned,
+            self._age(),
             stiffness.value,
             stiffness.standard_error,
             stiffness.usable,
@@ -528,6 +533,15 @@ class Loop:
             *known.tolist(),
         )
         return took
+
+    def _age(self) -> float:
+        """Return the time from the newest sample in the estimate to the newest sample, s.
+
+        By the source's clock, or by this machine's where that of the source stands or goes back.
+        """
+        age = self._arrived - self._learned
+        waited = (self._there - self._updated) * self.watchdog.pace
+        return max(age, waited) if math.isfinite(waited) else age
 
     def _check(self, arrival: Arrival) -> None:
         """Raise if the source delivers vectors without a direction, or numbers with one."""
@@ -740,7 +754,7 @@ class Loop:
             "checks": estimate._checks,
             "recent_checks": self.recent_checks.bits(self._arrived),
             # s since the newest sample in the estimate.
-            "age": finite_or_none(self._arrived - self._learned + self._silence),
+            "age": finite_or_none(self._age() + self._silence),
             "needs_condition_10": estimator.needs_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,

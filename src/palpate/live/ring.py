@@ -37,7 +37,7 @@ SAMPLE = (
 ESTIMATE = (
     "method",  # number of the estimator; each change of estimator increases it
     "offset", "surface", "margin",  # N, m, validity margin of the linearisation
-    "learned",  # time of the newest sample in the numbers below, s, on the source's clock
+    "learned", "age",  # time of the newest sample in the numbers below, s, and since then
     "stiffness", "stiffness_standard_error", "stiffness_usable",  # N/m, and 1 or 0
     "damping", "damping_standard_error", "damping_usable",  # N·s/m
     "depth", "frequency",  # of both, m and rad/s

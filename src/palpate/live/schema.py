@@ -14,8 +14,6 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from palpate.digits import parameter
 from palpate.errors import PalpateError
 from palpate.findings import MARKS, Check, Mark, loop_checks
@@ -168,9 +166,8 @@ def find_loop_fault(status: Mapping[str, Any]) -> tuple[Mark | None, str]:
 def estimates(rows: Floats, run: RunState, first: int) -> Iterator[dict[str, Any]]:
     """Yield the estimates of rows of the ring; ``first`` is the number of the first one."""
     numbers = rows[:, _COLUMNS]
-    ages = np.maximum(rows[:, PLACE["arrived"]] - rows[:, PLACE["learned"]], 0.0)
     numbers[:, _TIMES] += 1e-9 * run.origin
-    numbers[:, _USABLE] *= (ages <= OLDEST_USABLE)[:, None]
+    numbers[:, _USABLE] *= rows[:, PLACE["age"], None] <= OLDEST_USABLE
     names = run.parameter_names
     parameters, errors, _ = unpack_parameters(rows, len(names))
     marks = {
@@ -179,10 +176,8 @@ def estimates(rows: Floats, run: RunState, first: int) -> Iterator[dict[str, Any
     }
     # The status reports a change of material only a little later.
     unmarked = dict.fromkeys(marks, -1)
-    columns = zip(
-        numbers.tolist(), ages.tolist(), parameters.tolist(), errors.tolist(), strict=True
-    )
-    for place, (row, age, values, deviations) in enumerate(columns):
+    columns = zip(numbers.tolist(), parameters.tolist(), errors.tolist(), strict=True)
+    for place, (row, values, deviations) in enumerate(columns):
         found: dict[str, Any] = dict.fromkeys(_IN_ORDER)
         found |= zip(_NAMES, row, strict=True)
         found |= {name: int(found[name]) for name in _WHOLE}
@@ -190,7 +185,6 @@ def estimates(rows: Floats, run: RunState, first: int) -> Iterator[dict[str, Any
         found |= run.texts
         found["schema"] = SCHEMA
         found["number"] = first + place
-        found["age"] = age
         found["parameters"] = values
         found["standard_errors"] = deviations
         found["stiffness_usable"] = found["stiffness_usable"] > 0.0
