@@ -58,23 +58,6 @@ def messages(maker, fault, until):
             yield 1e-3 * k, kind, bytes(maker.store.serialize_cdr(whole, kind))
 
 
-def drive(maker, carried, until):
-    """Return the node's logic, its messages as CDR, and the controller, after ``until`` s."""
-    node = identifier.ContactIdentifier(identifier.Settings(wrench_frame="base"))
-    controller = gain.GainController()
-    sent, levels = [], {}
-    for now, kind, data in carried:
-        message = maker.store.deserialize_cdr(data, kind)
-        take = node.take_pose if kind == POSE else node.take_wrench
-        for values in take(message, now):
-            sent.append(encode(maker, values))
-            controller.take(SimpleNamespace(**values), now)
-        if kind == WRENCH and round(1e3 * now) % 200 == 199:
-            levels[now] = node.diagnose(now)
-    controller.watch(until)
-    return node.diagnose(until), levels, sent, controller
-
-
 def encode(maker, values):
     """As rclpy would."""
     types = maker.store.types
@@ -89,20 +72,28 @@ def encode(maker, values):
 @pytest.mark.parametrize("fault", HEARD)
 def test_what_a_faulty_robot_does_reaches_the_diagnostics_and_the_controller(maker, fault):
     until = FAULTY_FROM + 1.5
-    found, levels, sent, controller = drive(maker, messages(maker, fault, until), until)
+    node = identifier.ContactIdentifier(identifier.Settings(wrench_frame="base"))
+    controller = gain.GainController()
+    for now, kind, data in messages(maker, fault, until):
+        if FAULTY_FROM - 2e-3 < now < FAULTY_FROM:
+            before = node.diagnose(now)
+        take = node.take_pose if kind == POSE else node.take_wrench
+        for values in take(maker.store.deserialize_cdr(data, kind), now):
+            controller.take(SimpleNamespace(**values), now)
+    controller.watch(until)
+    found = node.diagnose(until)
     level, words, action = HEARD[fault]
+    assert (before.level, before.message) == (0, "in contact")
+    assert before.values["stiffness_usable"] == "True"
     assert (found.level, found.message.startswith(words)) == (level, True), found
     assert controller.action.startswith(action)
     assert (controller.gain > 0.0) is (fault == "lost contact")
-    before = levels[max(now for now in levels if now < FAULTY_FROM)]
-    assert (before.level, before.message) == (0, "in contact")
-    assert before.values["stiffness_usable"] == "True"
     if fault in ("lost contact", "unplugged", "clock stands"):
         assert float(found.values["age"]) == pytest.approx(1.5, abs=0.3)
         assert found.values["stiffness_usable"] == "False"
     # A listener of the wires reads what the node sends.
-    last = ros.read_estimate(sent[-1])
-    assert last["number"] == len(sent) - 1
+    last = ros.read_estimate(encode(maker, values))
+    assert last["number"] == node.counts["taken"] - 1
     assert last["flags"] == found.values["flags"]
 
 
