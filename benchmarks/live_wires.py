@@ -33,7 +33,7 @@ from benchmarks.common.report import (
 from benchmarks.reading import POSE, WRENCH, stamped
 from palpate import HuntCrossley, OnlinePreparation
 from palpate.errors import PalpateError
-from palpate.findings import Check
+from palpate.findings import LOOP_CHECKS, Check
 from palpate.live import ros, run
 from palpate.live.diagnosing import Diagnosing
 from palpate.live.schema import (
@@ -46,7 +46,6 @@ from palpate.live.schema import (
 )
 from palpate.live.sources import SourceOptions, find_wire, open_source
 from palpate.live.wires import TOPICS, open_publisher, parse_address
-from palpate.method.estimators.estimate import LOOP_CHECKS
 
 RATE = 1000.0  # Hz
 KINDS = (POSE, WRENCH)

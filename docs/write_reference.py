@@ -1,4 +1,4 @@
-"""Write the pages of the reference that are generated: the command line, and the formats.
+"""Write what is generated: pages of the reference, and the message of an estimate.
 
 python docs/write_reference.py
 """
@@ -15,11 +15,21 @@ from unittest.mock import patch
 import palpate
 from palpate import control_loops
 from palpate.cli.application import application
+from palpate.findings import LOOP_CHECKS
 from palpate.fleet.rows import table_schema
 from palpate.fleet.tasks import Settings
 from palpate.input.recordings.opening import FORMATS
 from palpate.input.recordings.units import TORQUE_UNITS, UNITS, WEIGHTS
-from palpate.live.wires import SCHEMA, Fields
+from palpate.live.choices import State
+from palpate.live.schema import (
+    ESTIMATE_FIELDS,
+    FIXED,
+    MARK_LEVELS,
+    SCHEMA,
+    STATUS_FIELDS,
+    PublishedField,
+    message_definition,
+)
 from palpate.live.zeromq import LENGTHS
 from palpate.output.results.saved import SCHEMA_VERSION, describe_contact
 
@@ -73,10 +83,9 @@ def formats() -> str:
         ),
         "On the wire": (
             f"A sample comes as a packet of {', '.join(map(str, LENGTHS[:-1]))} or {LENGTHS[-1]} "
-            f"bytes, or as JSON: [wires](wires.md). An estimate goes out with these numbers, in "
-            f"this order, all of them float64; the status has `schema` {SCHEMA}. The parameters "
-            "are those of the default law.",
-            _wire(),
+            "bytes, or as JSON: [wires](wires.md). What goes out: "
+            "[what is published](wires.md#what-is-published).",
+            "",
         ),
         "A recorded run": (
             "`palpate live --record` writes MCAP with these ROS messages.",
@@ -85,7 +94,7 @@ def formats() -> str:
     }
     parts = ["# Units and formats", WRITTEN]
     for title, (introduction, content) in sections.items():
-        parts += [f"## {title}", introduction, content]
+        parts += [f"## {title}", introduction, *([content] if content else [])]
     return "\n\n".join(parts) + "\n"
 
 
@@ -149,15 +158,79 @@ def _columns() -> Iterator[Sequence[str]]:
         yield f"`{field.name}`", kind, notes.get("unit", ""), notes["description"]
 
 
-def _wire() -> str:
-    names = Fields(0, palpate.GeneralisedHuntCrossley.names(), 0).names
-    return _table(("", "number"), ((str(k), f"`{name}`") for k, name in enumerate(names)))
+_BEGIN, _END = f"{WRITTEN}\n\n", "\n\n<!-- end of what is written -->"
+
+
+def wires() -> str:
+    """Return the page of the wires with the tables of the published fields."""
+    before, _, rest = (REFERENCE / "wires.md").read_text(encoding="utf-8").partition(_BEGIN)
+    introduction = (
+        f"Schema {SCHEMA}. An `estimate` goes out for every sample. The binary one, little-endian "
+        f"and without gaps, has {FIXED.size} bytes and the texts: each a length (uint32), UTF-8, a "
+        "zero, which the length counts, and zeros to a multiple of four."
+    )
+    status = (
+        "A `status` goes out five times a second. It has the fields of the last estimate, except "
+        "that `state` is a word and each parameter has its own name, and:"
+    )
+    tables = [introduction, _published(ESTIMATE_FIELDS), status, _published(STATUS_FIELDS)]
+    return before + _BEGIN + "\n\n".join(tables) + _END + rest.partition(_END)[2]
+
+
+def _published(fields: Iterable[PublishedField]) -> str:
+    rows = ((f"`{field.name}`", field.kind, field.meaning) for field in fields)
+    return _table(("field", "type", ""), rows)
+
+
+def packet() -> str:
+    """Return the C++ header of an estimate's packet."""
+    kinds = {"float64": "double", "bool": "std::uint8_t"}
+
+    def declare(field: PublishedField) -> str:
+        kind, bracket, size = field.kind.partition("[")
+        return f"  {kinds.get(kind, f'std::{kind}_t')} {field.name}{bracket}{size};"
+
+    def listing(pairs: Iterable[tuple[str, int]]) -> str:
+        return ", ".join(f"{re.sub('[ -]', '_', name)} = {value}" for name, value in pairs)
+
+    checks = listing((str(check), bit) for bit, check in LOOP_CHECKS.items())
+    states = listing((state.name.lower(), state.value) for state in State)
+    marks = listing([("not_diagnosed", -1), *MARK_LEVELS.items()])
+    return "\n".join(
+        [
+            "// An estimate of palpate on the wire. What each field is: docs/reference/wires.md",
+            "// Written by python docs/write_reference.py.",
+            "// clang-format off",
+            "#pragma once",
+            "",
+            "#include <cstdint>",
+            "",
+            "namespace palpate_wire {",
+            "",
+            f"constexpr std::uint32_t schema = {SCHEMA};",
+            f"enum Check : std::uint32_t {{ {checks} }};",
+            f"enum State : std::uint8_t {{ {states} }};",
+            f"enum Mark : std::int8_t {{ {marks} }};",
+            "",
+            "#pragma pack(push, 1)",
+            "struct Estimate {  // texts follow",
+            *(declare(field) for field in ESTIMATE_FIELDS if field.kind != "string"),
+            "};",
+            "#pragma pack(pop)",
+            f"static_assert(sizeof(Estimate) == {FIXED.size - 3});",
+            "",
+            "}  // namespace palpate_wire",
+            "// clang-format on",
+            "",
+        ]
+    )
 
 
 def _messages() -> str:
     folder = files("palpate.live") / "messages"
     blocks = []
-    for message in sorted(folder.iterdir(), key=lambda path: path.name):
+    recorded = ("Estimate.msg", "Measurement.msg", "MeasurementInSpace.msg")
+    for message in map(folder.joinpath, recorded):
         own = message.read_text(encoding="utf-8").partition("=====")[0].strip()
         blocks.append(f"`{message.name}`:\n\n```text\n{own}\n```")
     return "\n\n".join(blocks)
@@ -168,13 +241,21 @@ def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-PAGES = {"commands.md": commands, "formats.md": formats}
+ROOT = Path(__file__).parents[1]
+#: What is written, by its path.
+WRITERS = {
+    "docs/reference/commands.md": commands,
+    "docs/reference/formats.md": formats,
+    "docs/reference/wires.md": wires,
+    "ros/palpate_msgs/msg/ContactEstimate.msg": message_definition,
+    "examples/cpp/estimate_packet.hpp": packet,
+}
 
 
 def main() -> None:
     """Write them."""
-    for name, text in PAGES.items():
-        (REFERENCE / name).write_text(text(), encoding="utf-8")
+    for name, text in WRITERS.items():
+        (ROOT / name).write_text(text(), encoding="utf-8")
 
 
 if __name__ == "__main__":

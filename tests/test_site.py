@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[1]
 def test_the_generated_reference_is_what_the_code_says():
     """After a change that is meant: ``python docs/write_reference.py``."""
     written = runpy.run_path(str(ROOT / "docs" / "write_reference.py"))
-    for page, text in written["PAGES"].items():
-        assert text() == (written["REFERENCE"] / page).read_text(encoding="utf-8"), page
+    for path, text in written["WRITERS"].items():
+        assert text() == (ROOT / path).read_text(encoding="utf-8"), path
 
 
 @pytest.fixture(scope="module")

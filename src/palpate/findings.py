@@ -317,6 +317,23 @@ class Check(StrEnum):
         return repr(self.value)
 
 
+# Keys: the bits of LoopCheck in include/palpate/contact_response.hpp.
+LOOP_CHECKS = {
+    1: Check.STUCK_FORCE,
+    2: Check.SATURATION,
+    4: Check.SPIKES,
+    8: Check.LATE_FORCE,
+    16: Check.LOST_CONTACT,
+    32: Check.BASELINE,
+    64: Check.CHANGE,
+}
+
+
+def loop_checks(bits: int) -> list[Check]:
+    """Return the checks of a loop's estimate from their bits."""
+    return [check for bit, check in LOOP_CHECKS.items() if bits & bit]
+
+
 @cache
 def _meanings() -> Mapping[str, str]:
     text = Path(__file__).with_suffix(".md").read_text(encoding="utf-8")

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -302,19 +303,22 @@ def test_refused_realtime_rights_are_reported():
     assert re.match("memory is not locked: .*memlock", second)
 
 
-def test_the_collector_is_out_of_the_loop_and_back_afterwards():
+def test_the_loop_runs_first_and_without_the_collector_until_it_ends():
     seen = []
+    niceness = partial(os.getpriority, os.PRIO_PROCESS, 0)
+    before = niceness(), sys.getswitchinterval()
 
     class Asking(Endless):
         def take(self, timeout):
-            seen.append(gc.isenabled())
+            seen.append((gc.isenabled(), niceness() <= before[0], sys.getswitchinterval()))
             return super().take(timeout)
 
     assert gc.isenabled()
     run(Asking(5))
     assert gc.isenabled()
     assert gc.get_freeze_count() == 0
-    assert not any(seen)
+    assert set(seen) == {(False, True, 5e-4)}
+    assert (niceness(), sys.getswitchinterval()) == before
 
 
 def test_two_sinks_of_one_name_are_refused(tmp_path):

@@ -101,6 +101,8 @@ class ContactIdentifier:
         self._poses: deque[tuple[float, Any]] = deque()
         self._wrenches: deque[tuple[float, Any]] = deque(maxlen=_WAITING)
         self._heard: dict[str, float] = {}
+        self._stamps: dict[str, float] = {}
+        self._paired_at = -math.inf
         self._last: dict[str, Any] = {}
         self._learned = math.nan
         self._refused_at = -math.inf
@@ -128,17 +130,22 @@ class ContactIdentifier:
     ) -> list[dict[str, Any]]:
         stamp = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
         self._heard[topic] = now
-        if queue and not queue[-1][0] < stamp:
-            if queue[-1][0] - stamp <= _LONGEST_OVERTAKING:
-                self.counts["repeated"] += 1
-                return []
+        before = self._stamps.get(topic, -math.inf)
+        if 0.0 <= before - stamp <= _LONGEST_OVERTAKING:
+            self.counts["repeated"] += 1
+            return []
+        if stamp < before:
             self._poses.clear()
             self._wrenches.clear()
+        self._stamps[topic] = stamp
         queue.append((stamp, np.array(values, dtype=float)))
         if len(self._poses) > _WAITING:
             self._poses.popleft()
             self.counts["unpaired"] += 1
-        return [self._identify(*pair) for pair in self._pairs()]
+        estimates = [self._identify(*pair) for pair in self._pairs()]
+        if estimates:
+            self._paired_at = now
+        return estimates
 
     def _pairs(self) -> Iterator[tuple[float, Any, Any]]:
         """Yield each pose that has a wrench at its stamp, interpolated between two neighbours."""
@@ -254,10 +261,11 @@ class ContactIdentifier:
             for topic in ("pose", "wrench")
             if now - self._heard.get(topic, -math.inf) > silent
         ]
-        since = now - max(self._heard.values(), default=now)
-        age = last.get("age", math.nan) + (since if missing else 0.0)
-        level, message = self._fault(missing, age)
-        usable = age <= 1.0 and not missing
+        since = now - self._paired_at
+        unpaired = since > silent
+        age = last.get("age", math.nan) + (since if unpaired else 0.0)
+        level, message = self._fault(missing, age, unpaired=unpaired)
+        usable = age <= 1.0
         values = {name: f"{last.get(name, math.nan):.6g}" for name in ("stiffness", "damping")}
         values |= {
             f"{name}_usable": str(bool(last.get(f"{name}_usable")) and usable)
@@ -271,14 +279,17 @@ class ContactIdentifier:
         values |= {name: str(count) for name, count in self.counts.items()}
         return Diagnostics(level, message, values)
 
-    def _fault(self, missing: list[str], age: float) -> tuple[int, str]:
+    def _fault(self, missing: list[str], age: float, *, unpaired: bool) -> tuple[int, str]:
         if missing:
             return STALE, f"no {' and no '.join(missing)} arrives: the estimate is {age:.1f} s old"
-        stamp = self._last.get("time", math.nan)
+        if unpaired:
+            return STALE, (
+                "no pose has a wrench at its stamp: check the clocks, or raise tolerance; the "
+                f"estimate is {age:.1f} s old"
+            )
+        stamp = self._last["time"]
         if 0.0 <= stamp - self._refused_at < _KEPT_FOR:
             return WARN, self._refusal
-        if not self._last:
-            return WARN, "no pose has a wrench at its stamp: check the clocks, or raise tolerance"
         for check in self._find_faults(stamp):
             return ERROR, f"{check}: {FAULTS[check]}"
         if self._last["checks"] & CHECKS["lost contact"] and math.isfinite(age):

@@ -19,6 +19,7 @@ from palpate import _core
 from palpate._core import Status
 from palpate.digits import format_quantity
 from palpate.errors import InvalidParameterError, PalpateError
+from palpate.findings import LOOP_CHECKS
 from palpate.input.channels.frames import UNIT_LENGTH
 from palpate.input.preparation.online import OnlinePreparation
 from palpate.input.wrench import PayloadCompensation
@@ -26,7 +27,6 @@ from palpate.live.choices import LiveCommand, LoopCounts, State, chosen, main_se
 from palpate.live.ring import MOST_PARAMETERS, Writer
 from palpate.live.sources import Arrival, EndOfSourceError, Source, Value
 from palpate.method.estimators import ContactEstimator
-from palpate.method.estimators.estimate import LOOP_CHECKS, loop_check_bits
 from palpate.validation import Floats, finite_or_none, number_in
 
 # Upper ends of the bins, s: 20 per decade, so that a percentile is accurate to 12 %.
@@ -389,6 +389,8 @@ class Loop:
     _estimated: tuple[Any, ...] = ()  # time, state, law … at the newest estimate
     _arrived: float = math.nan  # time of the newest sample, s
     _learned: float = math.nan  # time of the newest sample in the estimate, s
+    _there: float = 0.0  # time at which the newest sample was there, s, monotonic
+    _updated: float = math.nan  # that of the newest sample in the estimate
     _silence: float = 0.0  # s since the newest sample
     _direction: tuple[float, ...] = (0.0, 0.0, 0.0)
 
@@ -440,6 +442,7 @@ class Loop:
             self._check(arrival)
         counts.taken += 1
         self._arrived = arrival.time
+        self._there = arrival.there
         fault = self.watchdog.check(arrival)
         if self.compensation is not None:
             wrench: Any = arrival.force  # a vector, with an orientation: _check
@@ -506,7 +509,8 @@ class Loop:
             known[MOST_PARAMETERS:].reshape(MOST_PARAMETERS, -1)[:size, :size] = estimate.covariance
             if updated is not None:  # a method written in Python has no age
                 self._learned = updated - (estimate.age if math.isfinite(estimate.age) else 0.0)
-        checks = loop_check_bits(estimate)
+                self._updated = self._there
+        checks = estimate._checks
         self.recent_checks.see(checks, self._arrived)
         stiffness = estimate.stiffness
         damping = estimate.damping
@@ -516,6 +520,7 @@ class Loop:
             estimate.surface,
             estimate.validity_margin,
             self._learned,
+            self._age(),
             stiffness.value,
             stiffness.standard_error,
             stiffness.usable,
@@ -528,6 +533,15 @@ class Loop:
             *known.tolist(),
         )
         return took
+
+    def _age(self) -> float:
+        """Return the time from the newest sample in the estimate to the newest sample, s.
+
+        By the source's clock, or by this machine's where that of the source stands or goes back.
+        """
+        age = self._arrived - self._learned
+        waited = (self._there - self._updated) * self.watchdog.pace
+        return max(age, waited) if math.isfinite(waited) else age
 
     def _check(self, arrival: Arrival) -> None:
         """Raise if the source delivers vectors without a direction, or numbers with one."""
@@ -737,10 +751,10 @@ class Loop:
             "verdict": self.laws.page(estimator),
             "flags": estimate.flags,
             "findings": list(map(str, estimate.findings)),
-            "checks": loop_check_bits(estimate),
+            "checks": estimate._checks,
             "recent_checks": self.recent_checks.bits(self._arrived),
             # s since the newest sample in the estimate.
-            "age": finite_or_none(self._arrived - self._learned + self._silence),
+            "age": finite_or_none(self._age() + self._silence),
             "needs_condition_10": estimator.needs_condition_10,
             "state": self.state.name.lower(),
             "held": self.held,

@@ -122,16 +122,18 @@ def _schedule(niceness: int, slice_ns: int) -> bool:
 @contextmanager
 def _prefer_session() -> Iterator[None]:
     """Prefer this terminal's programs to those of others, between which Linux shares first."""
-    niceness = None
-    with suppress(OSError, ValueError):  # there is none, or it is not permitted
-        niceness = int(_SESSION.read_text().split()[-1])
-        _SESSION.write_text(str(min(niceness, _FIRST)))
+    preferred = False
+    with suppress(OSError):  # there is none, or it is not permitted
+        # Another loop of this terminal may have done so, and then also ends it.
+        if _SESSION.read_text().split()[-1] == "0":
+            _SESSION.write_text(str(_FIRST))
+            preferred = True
     try:
         yield
     finally:
-        if niceness is not None:
+        if preferred:
             with suppress(OSError):
-                _SESSION.write_text(str(niceness))
+                _SESSION.write_text("0")
 
 
 def give_way(*, gently: bool = True) -> None:

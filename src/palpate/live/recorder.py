@@ -13,6 +13,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from palpate.errors import import_extra
 from palpate.live.ring import MOST_PARAMETERS
+from palpate.live.schema import message_definition
 from palpate.live.sinks import PLACE, Watching
 from palpate.live.view import verdict_on
 from palpate.live.wires import NANO
@@ -33,8 +34,7 @@ def message_type(name: str) -> tuple[str, str]:
 
     Prepared quantities have separate names there, so that no reader treats them as measured.
     """
-    definition = Path(__file__).parent / "messages" / f"{name}.msg"
-    return f"palpate_msgs/msg/{name}", definition.read_text(encoding="utf-8")
+    return f"palpate_msgs/msg/{name}", message_definition(name)
 
 
 _HEAD = b"\0\1\0\0"  # CDR, little endian

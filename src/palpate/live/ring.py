@@ -37,11 +37,11 @@ SAMPLE = (
 ESTIMATE = (
     "method",  # number of the estimator; each change of estimator increases it
     "offset", "surface", "margin",  # N, m, validity margin of the linearisation
-    "learned",  # time of the newest sample in the numbers below, s, on the source's clock
+    "learned", "age",  # time of the newest sample in the numbers below, s, and since then
     "stiffness", "stiffness_standard_error", "stiffness_usable",  # N/m, and 1 or 0
     "damping", "damping_standard_error", "damping_usable",  # N·s/m
     "depth", "frequency",  # of both, m and rad/s
-    "checks",  # bits of palpate.method.estimators.estimate.LOOP_CHECKS
+    "checks",  # bits of palpate.findings.LOOP_CHECKS
     *(f"parameter_{k}" for k in range(MOST_PARAMETERS)),
     *(f"covariance_{k}" for k in range(MOST_PARAMETERS**2)),  # row by row
 )  # fmt: skip

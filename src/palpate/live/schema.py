@@ -1,29 +1,29 @@
-"""What a live run publishes: one table, from which all messages and their documentation are made.
+"""What a live run publishes: all messages are made from the definitions in ``messages``.
 
-An *estimate* goes out for every sample, a *status* five times a second. Their fields have the same
-names and units on every wire, in the page's JSON, and in ``docs/reference/wires.md``.
+An estimate, ``ContactEstimate.msg``, goes out for every sample, a status, ``ContactStatus.msg``,
+five times a second. Their fields have the same names and units on every wire, in the page's JSON,
+in ``ros``, and in ``docs/reference/wires.md``, which ``docs/write_reference.py`` writes.
 """
 
 import json
 import math
+import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
+from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from palpate.digits import parameter
 from palpate.errors import PalpateError
-from palpate.findings import MARKS, Check, Mark
+from palpate.findings import MARKS, Check, Mark, loop_checks
 from palpate.live.choices import State
 from palpate.live.ring import MOST_PARAMETERS
 from palpate.live.sinks import PLACE, diagnosis_fields, unpack_parameters
-from palpate.live.view import NUMBERS, verdict_on
-from palpate.method.estimators.estimate import LOOP_CHECKS, loop_checks
+from palpate.live.view import LiveVerdict, verdict_on
 from palpate.validation import Floats, frozen, or_nan, plain, shown
 
-#: Version of the messages; it rises when a field is added, removed or changes its meaning.
+#: Version of the messages, as in ``ContactEstimate.msg``.
 SCHEMA = 4
 #: s: numbers whose newest sample is older are not usable.
 OLDEST_USABLE = 1.0
@@ -41,113 +41,45 @@ class PublishedField:
         Its type as in a ROS message; of a status ``float64``, ``string`` or ``float64[]``.
     meaning : str
         What it says, with its unit.
-    column : str
-        The ring's column that holds it; empty if it is computed.
     """
 
     name: str
     kind: str
     meaning: str
-    column: str = ""
 
 
-def _number(name: str, meaning: str, column: str = "") -> PublishedField:
-    return PublishedField(name, "float64", meaning, column)
+@cache
+def message_definition(name: str = "ContactEstimate") -> str:
+    """Return a definition in the folder ``messages``."""
+    return (Path(__file__).parent / "messages" / f"{name}.msg").read_text(encoding="utf-8")
 
 
-def _text(name: str, meaning: str) -> PublishedField:
-    return PublishedField(name, "string", meaning)
+def _read_fields(name: str) -> tuple[PublishedField, ...]:
+    lines = re.findall(r"^(\S+) (\w+) +# (.*)$", message_definition(name), re.MULTILINE)
+    return tuple(PublishedField(name, kind, meaning) for kind, name, meaning in lines)
 
 
-_CHECK_BITS = ", ".join(f"{bit} {check}" for bit, check in LOOP_CHECKS.items())
-_STATES = ", ".join(f"{state.value} {state.name.lower()}" for state in State)
+#: Fields of an estimate, in the order of the binary message, after ROS's header.
+ESTIMATE_FIELDS = _read_fields("ContactEstimate")[1:]
+#: Fields that only a status has.
+STATUS_FIELDS = _read_fields("ContactStatus")
+_COUNTED = ("lost", "repeated", "disordered", "malformed", "unpaired", "refused")
+_ARRAY = f"float64[{MOST_PARAMETERS}]"
 #: Marks as numbers; -1 without a diagnosis that holds.
 MARK_LEVELS: dict[str, int] = {mark: 2 - place for place, mark in enumerate(MARKS)}
-_MARK_WORDS = "2 trust, 1 with care, 0 do not trust, -1 not diagnosed"
-_ARRAY = f"float64[{MOST_PARAMETERS}]"
-
-#: Fields of an estimate, in the order of the binary message.
-ESTIMATE_FIELDS = (
-    PublishedField("schema", "uint32", "version of this table"),
-    PublishedField("checks", "uint32", f"sum of: {_CHECK_BITS}", "checks"),
-    PublishedField("number", "uint64", "rises by 1; a gap counts lost estimates"),
-    _number("time", "of the newest measurement, s, by the robot's clock", "arrived"),
-    _number("prepared_time", "of `penetration` to `predicted_force`, s; NaN without them", "time"),
-    _number("learned_time", "of the newest sample that the numbers contain, s", "learned"),
-    _number("age", "`time` - `learned_time`, s; NaN before the first contact"),
-    _number("penetration", "m", "penetration"),
-    _number("velocity", "m/s", "velocity"),
-    _number("force", "N", "force"),
-    _number("predicted_force", "N, from before the sample was used", "predicted_force"),
-    _number("stiffness", "K′ now, by the loop, N/m", "stiffness"),
-    _number("stiffness_standard_error", "statistical, N/m", "stiffness_standard_error"),
-    _number("damping", "B′ now, by the loop, N·s/m", "damping"),
-    _number("damping_standard_error", "statistical, N·s/m", "damping_standard_error"),
-    _number("depth", "of both, m", "depth"),
-    _number("frequency", "of both, rad/s", "frequency"),
-    _number("offset", "force without contact, N", "offset"),
-    _number("surface", "position of the surface, m", "surface"),
-    _number("margin", "of the validity condition abs(v) < 0.1 K/B", "margin"),
-    PublishedField("parameters", _ARRAY, "of the law, SI; NaN until a sample was used"),
-    PublishedField("standard_errors", _ARRAY, "of the parameters; 0 if the law has no such one"),
-    PublishedField("state", "uint8", _STATES, "state"),
-    PublishedField("stiffness_usable", "bool", "a controller may act on it", "stiffness_usable"),
-    PublishedField("damping_usable", "bool", "a controller may act on it", "damping_usable"),
-    PublishedField("stiffness_mark", "int8", _MARK_WORDS),
-    PublishedField("damping_mark", "int8", _MARK_WORDS),
-    _text("method", "name of the estimator"),
-    _text("law", "name of its force law"),
-    _text("selected_law", "the law it prefers; empty if it compares none, or none yet"),
-    _text("parameter_names", "of `parameters`, separated by blanks"),
-    _text("flags", "what this motion does not identify, and `checks` in words, after semicolons"),
-)
-
-#: Fields that only a status has.
-STATUS_FIELDS = (
-    _text("source", "name of the source"),
-    _text("fault", "what is wrong with the samples now; empty if nothing"),
-    _text("words", "the parameters in a sentence"),
-    PublishedField("covariance", "float64[]", "of the parameters, row by row, at `learned_time`"),
-    _text("stiffness_verdict", "the mark in words, or `not diagnosed yet`"),
-    _text("stiffness_reason", "why it is not trust"),
-    _text("damping_verdict", "as for the stiffness"),
-    _text("damping_reason", "as for the stiffness"),
-    _number("verdict_time", "of the newest sample that the marks speak of, s"),
-    _text("answer", "the diagnosed numbers in words; empty without a diagnosis that holds"),
-    _number("diagnosed_stiffness", "K′ of the last diagnosis, N/m"),
-    _number("diagnosed_stiffness_standard_error", "of all causes together, N/m"),
-    _number("diagnosed_damping", "B′ of the last diagnosis, N·s/m"),
-    _number("diagnosed_damping_standard_error", "of all causes together, N·s/m"),
-    _number("diagnosed_depth", "of both, m"),
-    _number("diagnosed_frequency", "of both, rad/s"),
-    _number("diagnosis_time", "of the newest diagnosed sample, s"),
-    _text("verdict_law", "the law that the comparison selects, as `selected_law`"),
-    _text("verdict_standing", "how it compares with the best other law"),
-    _number("verdict_lead", "its lead in score: ten is strong evidence"),
-    _number("verdict_samples", "number of compared samples; 0 if it is from before a change"),
-    _number("verdict_independent_samples", "effective sample size"),
-    _number("verdict_since", "selected since, s"),
-    _number("verdict_changes", "how often it changed since the evidence began"),
-    _number("verdict_depth", "of the motion, m"),
-    _number("verdict_frequency", "of the motion, rad/s"),
-    *(
-        _number(f"verdict_{name}", f"{title} there{unit and ', '}{unit}, and its standard error")
-        for name, (unit, title) in NUMBERS.items()
-    ),
-    _text("verdict_flags", "what is open, after semicolons"),
-    *(
-        _number(name, "how many samples")
-        for name in ("lost", "repeated", "disordered", "malformed", "unpaired", "refused")
-    ),
-)
-_COUNTS = STATUS_FIELDS[-6:]
 
 # The rows of a run as estimates.
 
 _IN_ORDER = [field.name for field in ESTIMATE_FIELDS]
-_FROM_RING = [field for field in ESTIMATE_FIELDS if field.column]
-_COLUMNS = [PLACE[field.column] for field in _FROM_RING]
+# Columns of the ring; those of another name than the field's.
+_RENAMED = {"time": "arrived", "prepared_time": "time", "learned_time": "learned"}
+_FROM_RING = [
+    field
+    for field in ESTIMATE_FIELDS
+    if field.kind != "string" and _RENAMED.get(field.name, field.name) in PLACE
+]
 _NAMES = [field.name for field in _FROM_RING]
+_COLUMNS = [PLACE[_RENAMED.get(name, name)] for name in _NAMES]
 _TIMES = [_NAMES.index(name) for name in ("time", "prepared_time", "learned_time")]
 _USABLE = [_NAMES.index(name) for name in ("stiffness_usable", "damping_usable")]
 _WHOLE = [field.name for field in _FROM_RING if field.kind.startswith("uint")]
@@ -169,6 +101,8 @@ class RunState:
         Number of the estimator; each change of estimator increases it.
     origin : int
         Zero of the source's times, ns.
+    verdict : LiveVerdict, optional
+        On the law, if the estimator compares laws.
     texts : mapping
         Method, law, selected law and names of the parameters.
     findings : tuple of str
@@ -179,6 +113,7 @@ class RunState:
 
     generation: int
     origin: int
+    verdict: LiveVerdict | None
     texts: Mapping[str, str]
     findings: tuple[str, ...]
     diagnosis: Mapping[str, Any]
@@ -209,7 +144,8 @@ def read_run(status: Mapping[str, Any], diagnosis: dict[str, Any] | None) -> Run
         if mark is not None:
             fields[f"{name}_verdict"] = mark
     findings = tuple(status.get("findings", ()))
-    return RunState(status["generation"], status.get("origin", 0), texts, findings, fields)
+    origin = status.get("origin", 0)
+    return RunState(status["generation"], origin, verdict, texts, findings, fields)
 
 
 def find_loop_fault(status: Mapping[str, Any]) -> tuple[Mark | None, str]:
@@ -230,9 +166,8 @@ def find_loop_fault(status: Mapping[str, Any]) -> tuple[Mark | None, str]:
 def estimates(rows: Floats, run: RunState, first: int) -> Iterator[dict[str, Any]]:
     """Yield the estimates of rows of the ring; ``first`` is the number of the first one."""
     numbers = rows[:, _COLUMNS]
-    ages = np.maximum(rows[:, PLACE["arrived"]] - rows[:, PLACE["learned"]], 0.0)
     numbers[:, _TIMES] += 1e-9 * run.origin
-    numbers[:, _USABLE] *= (ages <= OLDEST_USABLE)[:, None]
+    numbers[:, _USABLE] *= rows[:, PLACE["age"], None] <= OLDEST_USABLE
     names = run.parameter_names
     parameters, errors, _ = unpack_parameters(rows, len(names))
     marks = {
@@ -241,10 +176,8 @@ def estimates(rows: Floats, run: RunState, first: int) -> Iterator[dict[str, Any
     }
     # The status reports a change of material only a little later.
     unmarked = dict.fromkeys(marks, -1)
-    columns = zip(
-        numbers.tolist(), ages.tolist(), parameters.tolist(), errors.tolist(), strict=True
-    )
-    for place, (row, age, values, deviations) in enumerate(columns):
+    columns = zip(numbers.tolist(), parameters.tolist(), errors.tolist(), strict=True)
+    for place, (row, values, deviations) in enumerate(columns):
         found: dict[str, Any] = dict.fromkeys(_IN_ORDER)
         found |= zip(_NAMES, row, strict=True)
         found |= {name: int(found[name]) for name in _WHOLE}
@@ -252,7 +185,6 @@ def estimates(rows: Floats, run: RunState, first: int) -> Iterator[dict[str, Any
         found |= run.texts
         found["schema"] = SCHEMA
         found["number"] = first + place
-        found["age"] = age
         found["parameters"] = values
         found["standard_errors"] = deviations
         found["stiffness_usable"] = found["stiffness_usable"] > 0.0
@@ -301,10 +233,10 @@ def describe_status(
     said["covariance"] = covariance.ravel().tolist()
     _, reason = find_loop_fault(status)
     said["verdict_time"] = last["time"] if reason else run.diagnosis["diagnosis_time"]
-    if verdict := verdict_on(status):
+    if verdict := run.verdict:
         origin = 1e-9 * run.origin  # zero of the loop's times
         said |= {f"verdict_{name}": each for name, each in verdict.fields(origin).items()}
-    return said | {field.name: status["counts"].get(field.name, 0) for field in _COUNTS}
+    return said | {name: status["counts"].get(name, 0) for name in _COUNTED}
 
 
 def _describe_parameters(
@@ -312,10 +244,12 @@ def _describe_parameters(
 ) -> dict[str, Any]:
     """Return the parameters by name with their standard errors, and as a sentence."""
     law = status["law"]
-    verdict = verdict_on(status)
     names = run.parameter_names
-    own = verdict.law.candidate.own if verdict and verdict.learned else names
-    fixed = verdict.estimate.fixed if verdict else ()
+    own: Sequence[str] = names
+    fixed: Sequence[str] = ()
+    if run.verdict is not None:
+        fixed = run.verdict.estimate.fixed
+        own = run.verdict.law.candidate.own if run.verdict.learned else names
     said: dict[str, Any] = {}
     words = []
     for place in law["shown"]:
@@ -488,21 +422,3 @@ def as_json(values: Mapping[str, Any]) -> bytes:
 #: Types of the messages of an estimate and a status in ROS 2.
 ESTIMATE_TYPE = "palpate_msgs/msg/ContactEstimate"
 STATUS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
-
-
-def message_definition() -> str:
-    """Return the definition of :data:`ESTIMATE_TYPE`."""
-    constants = {"SCHEMA": ("uint32", SCHEMA)}
-    constants |= {check.name: ("uint32", bit) for bit, check in LOOP_CHECKS.items()}
-    constants |= {f"STATE_{state.name}": ("uint8", state.value) for state in State}
-    marks = {"NOT_DIAGNOSED": -1, **{mark.upper(): level for mark, level in MARK_LEVELS.items()}}
-    constants |= {name.replace("-", "_"): ("int8", level) for name, level in marks.items()}
-    lines = [
-        "# An estimate of palpate, for every sample: what it touches, and what of it is usable."
-    ]
-    lines += [f"{kind} {name}={value}" for name, (kind, value) in constants.items()]
-    lines += ["", "std_msgs/Header header    # of the newest measurement"]
-    for field in ESTIMATE_FIELDS:
-        declared = f"{field.kind} {field.name}"
-        lines.append(f"{declared:<32} # {field.meaning.replace('`', '')}")
-    return "\n".join(lines) + "\n"

@@ -567,6 +567,7 @@ class Publisher:
     def _go_on(self) -> None:
         waiting = self._watching.take()
         over = False
+        version = -1
         while not over:
             over = self._watching.over
             status = self._watching.status()
@@ -574,7 +575,9 @@ class Publisher:
             waiting = np.concatenate([waiting, rows]) if len(waiting) else rows
             # The first sample sets the zero of the times.
             if status["counts"]["taken"]:
-                run = read_run(status, self._watching.others().get("diagnosis"))
+                if version != self._watching.shared_json.version:
+                    version = self._watching.shared_json.version
+                    run = read_run(status, self._watching.others().get("diagnosis"))
                 waiting = self._publish(run, waiting)
                 self._tell(status, run)
             time.sleep(_PAUSE)

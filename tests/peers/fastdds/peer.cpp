@@ -32,8 +32,8 @@ using geometry_msgs::msg::dds_::PoseStamped_;
 using geometry_msgs::msg::dds_::PoseStamped_PubSubType;
 using geometry_msgs::msg::dds_::WrenchStamped_;
 using geometry_msgs::msg::dds_::WrenchStamped_PubSubType;
-using std_msgs::msg::dds_::Float64MultiArray_;
-using std_msgs::msg::dds_::Float64MultiArray_PubSubType;
+using palpate_msgs::msg::dds_::ContactEstimate_;
+using palpate_msgs::msg::dds_::ContactEstimate_PubSubType;
 
 std::atomic<bool> junk{false};
 
@@ -114,10 +114,10 @@ int main(int, char** argv) {
   fast::DataReaderQos reading = fast::DATAREADER_QOS_DEFAULT;
   reading.reliability().kind = fast::RELIABLE_RELIABILITY_QOS;
   reading.history().depth = 1000;
-  Heard<Float64MultiArray_> estimates;
+  Heard<ContactEstimate_> estimates;
   Heard<DiagnosticArray_> status;
   subscriber->create_datareader(
-      topic("rt/palpate/estimate", fast::TypeSupport(new Float64MultiArray_PubSubType)), reading,
+      topic("rt/palpate/estimate", fast::TypeSupport(new ContactEstimate_PubSubType)), reading,
       &estimates);
   subscriber->create_datareader(
       topic("rt/palpate/status", fast::TypeSupport(new DiagnosticArray_PubSubType)), reading, &status);
@@ -143,11 +143,10 @@ int main(int, char** argv) {
   std::getline(std::cin, line);  // until all has been taken
   {
     std::lock_guard<std::mutex> guard(estimates.mutex);
-    std::printf("%ld %zu", estimates.count, estimates.last.data().size());
-    for (double each : estimates.last.data()) std::printf(" %.17g", each);
-    std::printf("\n");
-    const auto& dimensions = estimates.last.layout().dim();
-    std::printf("%s\n", dimensions.empty() ? "" : dimensions[0].label().c_str());
+    const ContactEstimate_& last = estimates.last;
+    std::printf("%ld %u %.17g", estimates.count, last.schema(), last.time());
+    for (double each : last.parameters()) std::printf(" %.17g", each);
+    std::printf("\n%s\n", last.parameter_names().c_str());
   }
   std::lock_guard<std::mutex> guard(status.mutex);
   std::printf("%ld", status.count);

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from palpate._core import EstimateValue, Status
 from palpate.digits import with_error
 from palpate.errors import InvalidParameterError
-from palpate.findings import Check, Finding, NextStep, Remedy
+from palpate.findings import Check, Finding, NextStep, Remedy, loop_checks
 from palpate.force_laws import ForceLaw
 from palpate.validation import Floats, Integers, Mask, frozen, number_in, shown, signals, whole_in
 
@@ -47,27 +47,6 @@ ADVICE = {
         "raise the gate's forces well above the noise, or identify by variable projection",
     ),
 }
-
-# Keys: the bits of LoopCheck in include/palpate/contact_response.hpp.
-LOOP_CHECKS = {
-    1: Check.STUCK_FORCE,
-    2: Check.SATURATION,
-    4: Check.SPIKES,
-    8: Check.LATE_FORCE,
-    16: Check.LOST_CONTACT,
-    32: Check.BASELINE,
-    64: Check.CHANGE,
-}
-
-
-def loop_checks(bits: int) -> list[Check]:
-    """Return the loop's checks of an estimate's bits."""
-    return [check for bit, check in LOOP_CHECKS.items() if bits & bit]
-
-
-def loop_check_bits(estimate: EstimateValue) -> int:
-    """Return the bits of the loop's checks, the keys of :data:`LOOP_CHECKS`."""
-    return estimate._checks
 
 
 def flag_findings(bits: int) -> tuple[Finding, ...]:
