@@ -24,7 +24,7 @@ from palpate.live.running import default_estimator
 from palpate.live.schema import STATUS_TYPE, describe_status, estimates, read_run
 from palpate.live.sinks import why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
-from palpate.live.view import NUMBERS, headline, law_card_texts, verdict_on
+from palpate.live.view import NUMBERS, gain_texts, headline, law_card_texts, verdict_on
 from palpate.live.wires import parse_address
 from palpate.method.estimators.by_law import estimator_by_law
 from palpate.output.results.view import describe_place, number_lines
@@ -312,6 +312,28 @@ def test_an_outdated_live_verdict_is_marked(samples):
     words = "the estimator was changed since and the material has changed since"
     assert why_outdated(page, later) == words
     assert why_outdated(page, {**status, "tare": 0.3}) == "the force was tared since"
+
+
+def test_the_gains_of_a_control_loop_hold_as_long_as_the_diagnosis(samples):
+    loop = palpate.control_loops.ImpedanceControl(
+        stiffness=500.0, damping=60.0, mass=4.0, sample_rate=1000.0, delay=2e-3,
+        wanted_force=2.0, approach_speed=0.02,
+    )  # fmt: skip
+    page = diagnose_samples(recent(samples, 1.0, LATE), STATUS, loop)
+    verdict, lines = gain_texts(page, STATUS)
+    assert verdict.split()[0] == lines[0].split(":")[0].split()[0].lower()
+    assert any("recommended" in line for line in lines)
+    free = recent(samples, 1.0, LATE)
+    free[:, 1] = -1e-3
+    later = {**STATUS, "generation": 7}
+    for found, status, why in [
+        (None, STATUS, "no control loop"),
+        ({"gains": None}, STATUS, "not known: the first diagnosis has not finished yet"),
+        (page, later, "not known: the estimator was changed since"),
+        (diagnose_samples(free, STATUS, loop), STATUS, "not known: "),
+    ]:
+        verdict, lines = gain_texts(found, status)
+        assert (verdict.startswith(why), list(lines)) == (True, [])
 
 
 class Reading:

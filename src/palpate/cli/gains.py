@@ -3,9 +3,9 @@
 import math
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from cyclopts import Group, Parameter
+from cyclopts import App, Group, Parameter
 
 from palpate.cli.options import (
     OUTPUT,
@@ -21,6 +21,7 @@ from palpate.errors import InvalidParameterError
 if TYPE_CHECKING:
     from palpate.control_loops import ControlLoop, Following, Gains
 
+Controller: TypeAlias = Literal["admittance", "impedance", "force"]
 _GAINS = Group("Gains", sort_key=0.5)
 _ROBOT = Group("Robot and contact", sort_key=0.6)
 _CORNER = si_parameter({"Hz": 1.0, "kHz": 1e3, "rad/s": 1.0 / math.tau}, "FREQUENCY", _ROBOT)
@@ -116,7 +117,7 @@ def gains(
     result: Path,
     /,
     *,
-    controller: Literal["admittance", "impedance", "force"],
+    controller: Controller,
     ros_parameters: Annotated[Path | None, Parameter(group=OUTPUT)] = None,
     as_json: AsJson = False,
     own: GainOptions = GainOptions(),
@@ -152,7 +153,6 @@ def gains(
     as_json
         Print one JSON object instead of text.
     """
-    from palpate.control_loops import loop_called
     from palpate.control_loops.choosing import gains as choose
     from palpate.output.results.saved import load_result
     from palpate.writing import check_marked, check_outputs, write_text
@@ -162,8 +162,7 @@ def gains(
     drawing.check()
     check_outputs([path for path in (ros_parameters, drawing.figure) if path is not None])
     options = {**vars(own), **vars(robot)}
-    loop_type = loop_called(controller)
-    _check_options(loop_type, options, measured=following.command is not None)
+    loop_type = _check_options(controller, options, measured=following.command is not None)
     saved = load_result(result)
     measured = following.measure(saved.description["file"])
     if measured is not None:
@@ -174,8 +173,7 @@ def gains(
             for name, value in measurable.items()
             if name in names and options[name] is None
         }
-    given = {_FIELDS.get(name, name): value for name, value in options.items() if value is not None}
-    answer = choose(saved, loop_type(**given))
+    answer = choose(saved, loop_type(**_fields(options)))
     refused = answer.recommended is None
     if ros_parameters is not None and not refused:
         write_text(ros_parameters, answer.parameters())
@@ -189,13 +187,46 @@ def gains(
     return UNTRUSTED if refused else 0
 
 
+def read_loop(file: Path) -> "ControlLoop":
+    """Return the control loop of a TOML file with options of ``palpate gains``."""
+    from palpate.cli.application import OptionsFile
+
+    parser = App(
+        config=OptionsFile(file, source=str(file), must_exist=True),
+        exit_on_error=False,
+        print_error=False,
+    )
+    parser.command(_build_loop, name="gains")
+    build, bound, _ = parser.parse_args(["gains"])
+    loop: ControlLoop = build(*bound.args, **bound.kwargs)
+    return loop
+
+
+def _build_loop(
+    *,
+    controller: Controller,
+    own: GainOptions = GainOptions(),
+    robot: RobotOptions = RobotOptions(),
+) -> Any:
+    options = {**vars(own), **vars(robot)}
+    return _check_options(controller, options, measured=False)(**_fields(options))
+
+
+def _fields(options: dict[str, Any]) -> dict[str, Any]:
+    """Return the fields of a loop that are given, by the loop's names."""
+    return {_FIELDS.get(name, name): value for name, value in options.items() if value is not None}
+
+
 def _check_options(
-    loop_type: "type[ControlLoop]",
+    controller: Controller,
     options: dict[str, Any],
     *,
     measured: bool,
-) -> None:
-    """Raise for options that the controller lacks or does not take."""
+) -> "type[ControlLoop]":
+    """Return the class of the loop; raise for options that it lacks or does not take."""
+    from palpate.control_loops import loop_called
+
+    loop_type = loop_called(controller)
     known = {each.name: each for each in fields(loop_type)}
     for name, value in options.items():
         field = known.get(_FIELDS.get(name, name))
@@ -205,6 +236,7 @@ def _check_options(
         needed = field is not None and value is None and field.default is MISSING
         if needed and not (measured and name == "bandwidth"):
             raise InvalidParameterError(f"{loop_type.title} needs {option}")
+    return loop_type
 
 
 def _following(measured: "Following") -> dict[str, float]:

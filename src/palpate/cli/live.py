@@ -36,6 +36,7 @@ from palpate.cli.reading import (
 from palpate.errors import InvalidParameterError, RecordingError
 
 if TYPE_CHECKING:
+    from palpate.control_loops import ControlLoop
     from palpate.input.preparation.online import OnlinePreparation
     from palpate.input.wrench import Payload
     from palpate.live.sinks import Sink
@@ -173,6 +174,19 @@ class Looping:
     "Stop after this time, s."
     diagnosis: bool = True
     "Diagnose the last 20 s, at most every 5 s, in a separate process."
+    control_loop: Annotated[Path | None, Parameter(metavar="FILE")] = None
+    """Show which gains are safe for the loop of this TOML file, which holds options of palpate
+    gains; nothing is sent to a controller."""
+
+    def read_loop(self) -> "ControlLoop | None":
+        """Return the control loop in the file, if one is named."""
+        from palpate.cli.gains import read_loop
+
+        if self.control_loop is None:
+            return None
+        if not self.diagnosis:
+            raise InvalidParameterError("--control-loop needs the diagnosis: omit --no-diagnosis")
+        return read_loop(self.control_loop)
 
 
 def live(
@@ -234,7 +248,7 @@ def live(
         chosen = chosen.replace(exponent=check_fixed_exponent(exponent, type(chosen)))
     tool = incoming.tool
     taken = incoming.source(source)
-    sinks = _sinks(record, publish, page, console=console, diagnosis=looping.diagnosis)
+    sinks = _sinks(record, publish, page, looping, console=console)
     found = run(
         taken,
         chosen,
@@ -256,9 +270,9 @@ def _sinks(
     record: Path | None,
     publish: Sequence[str],
     page: PageOptions,
+    looping: Looping,
     *,
     console: bool,
-    diagnosis: bool,
 ) -> "list[Sink]":
     from palpate.live.console import Console
     from palpate.live.diagnosing import Diagnosing
@@ -266,8 +280,9 @@ def _sinks(
     from palpate.live.wires import open_publisher
 
     sinks: list[Sink] = [Console(quiet=not console), *map(open_publisher, publish)]
-    if diagnosis:
-        sinks.append(Diagnosing())
+    loop = looping.read_loop()
+    if looping.diagnosis:
+        sinks.append(Diagnosing(loop=loop))
     if record is not None or page.page:
         sinks.append(Recorder(record))
     if page.page:

@@ -31,7 +31,7 @@ from palpate.live.view import (
     Numbers,
     answer,
     duration_rows,
-    gain_lines,
+    gain_texts,
     headline,
     seconds,
     verdict_on,
@@ -270,7 +270,7 @@ def summary(status: dict[str, Any], others: dict[str, dict[str, Any]]) -> Iterat
     counts = status.get("counts", {})
     if (found := others.get("diagnosis")) and not why_undiagnosed(found, status):
         yield from (answer([each]) for each in headline(found, status, {}, ""))
-        yield from gain_lines(found, status)
+        yield from gain_texts(found, status)[1]
     if verdict := verdict_on(status):
         yield from verdict.lines()
     taken = counts.get("taken", 0)

@@ -64,7 +64,7 @@ class Diagnosing:
         lower_priority()
         samples = np.empty((0, len(_SAMPLE)))
         due = time.monotonic() + self._every
-        page = {}
+        page = _no_gains(self._loop)
         tare = None
         while watching.wait(_LOOKED_EVERY):
             rows = watching.take()[:, _SAMPLE]
@@ -131,6 +131,11 @@ def _estimator(status: dict[str, Any]) -> ContactEstimator:
     return estimator_named(status["method"])(**known)
 
 
+def _no_gains(loop: control_loops.ControlLoop | None) -> dict[str, Any]:
+    """Return a status that says whether gains will be chosen."""
+    return {} if loop is None else {"gains": None}
+
+
 def diagnose_samples(
     samples: Floats,
     status: dict[str, Any],
@@ -138,12 +143,13 @@ def diagnose_samples(
 ) -> dict[str, Any]:
     """Diagnose these samples with the loop's method, and return the diagnosis as a status.
 
-    With a control loop the status holds which gains are safe, in words.
+    With a control loop the status holds which gains are safe.
     """
     first = float(samples[0, 0])
     last = float(samples[-1, 0])
     about = f"the last {rounded(last - first, 2)} s at {time.strftime('%H:%M:%S')}"
     page: dict[str, Any] = {"window": [first, last], "of": diagnosis_basis(status)}
+    page |= _no_gains(loop)
     try:
         used = status.get("velocity_filter")
         step = float(status.get("sample_time", 1e-3))
@@ -161,7 +167,8 @@ def diagnose_samples(
         lines = view.number_lines(result)
         if loop is not None:
             known = control_loops.contact_knowledge(result)
-            page["gains"] = control_loops.gains_for(known, loop).describe()
+            advice = control_loops.gains_for(known, loop)
+            page["gains"] = {"verdict": advice.verdict, "lines": advice.describe()}
     except PalpateError as error:  # the probe touched nothing
         said = str(error)
         return {**page, "verdict": None, "reason": said, "said": said, "lines": [[about, "soft"]]}

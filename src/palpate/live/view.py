@@ -441,16 +441,21 @@ def fact_texts(page: Mapping[str, Any], state: str, contact_force: float | None 
     facts["working"] = list(_tiles(page, found := others.get("diagnosis")))
     if found and found.get("lines"):
         facts["diagnosis"] = found["lines"]
-    facts["gains"] = [[line, "soft" * (k > 0)] for k, line in enumerate(gain_lines(found, loop))]
+    verdict, lines = gain_texts(found, loop)
+    facts["gains-verdict"] = verdict
+    facts["gains"] = [[line, ""] for line in lines]
     return facts
 
 
-def gain_lines(found: Mapping[str, Any] | None, status: Mapping[str, Any]) -> list[str]:
-    """Return which gains are safe, or why that is not known; empty without a control loop."""
+def gain_texts(
+    found: Mapping[str, Any] | None, status: Mapping[str, Any]
+) -> tuple[str, Iterable[str]]:
+    """Return the verdict on the gains of the control loop and its lines, or why there is none."""
     if not found or "gains" not in found:
-        return []
-    why = why_undiagnosed(found, status)
-    return [f"Gains: {why}"] if why else found["gains"]
+        return "no control loop; --control-loop FILE names one", ()
+    if why := why_undiagnosed(found, status) or (not found["gains"] and found["reason"]):
+        return f"not known: {why}", ()
+    return found["gains"]["verdict"].replace("-", " "), found["gains"]["lines"]
 
 
 def _counts(
