@@ -137,11 +137,13 @@ class PairRows:
         """Return the rows with a coefficient of friction for those that cannot pull.
 
         A friction row has f = −m_t (D/d_w u + u̇) at a sliding speed u, with the added mass m_t =
-        ``IMPRATIO`` · d/((1 − d) Â) of an elliptic cone. With D = d_w/h a body stops within a step,
-        and creeps by F h/m_t under a load F: at d = 1e-4 by 1 mm/s for F Â = 100 m/s².
+        ``IMPRATIO`` · d/((1 − d) Â) of an elliptic cone. A body under a load F so creeps by
+        F d_w/(D m_t), and D d/d_w up to 1/h is stable. With D = 1e-4/h it creeps by 10⁻² h Â F at
+        d = d_w, 0.1 mm/s for 10 N on 1 kg at 1 ms. A larger D would raise the normal force of a
+        body that slides.
         """
         rows = tuple(
-            replace(row, friction=friction, friction_damper=row.solimp[1] / time_step)
+            replace(row, friction=friction, friction_damper=LEAST / time_step)
             if friction and not row.adhesion
             else row
             for row in self.rows
