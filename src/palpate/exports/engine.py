@@ -181,8 +181,9 @@ _DART = (
     "mujoco or drake instead"
 )
 _BULLET = (
-    "PyBullet has only K x + B v: set contactStiffness and contactDamping of one of the two bodies "
-    "to the K and B of palpate identify FILE --method kelvin-voigt"
+    "PyBullet has only K x + B v, and adds K times its time step to B: with K and B of palpate "
+    "identify FILE --method kelvin-voigt set contactStiffness = K and contactDamping = B - K dt on "
+    "one of the two bodies"
 )
 _ODE = (
     "Gazebo Classic has only K x + B v: set <kp> and <kd> to the K and B of palpate identify FILE "

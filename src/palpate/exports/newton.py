@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from palpate.exports.motion import ProbeMotion
+from palpate.exports.mujoco.accelerated import silence_warp
 from palpate.exports.replay_errors import Drop, came_back
 from palpate.validation import Floats
 
@@ -35,10 +36,9 @@ class NewtonScene:
         with warnings.catch_warnings():
             # Newton warns of versions of MuJoCo with which it works all the same.
             warnings.simplefilter("ignore")
+            silence_warp()
             import newton
-            import warp
 
-            warp.config.quiet = True
             builder = newton.ModelBuilder()
             newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
             with TemporaryDirectory() as folder:

@@ -74,10 +74,9 @@ class InWarp(InRows):
 
     def replay(self, motion: ProbeMotion) -> Replayed | None:
         """Return the force by inverse dynamics in MuJoCo-Warp."""
+        silence_warp()
         import mujoco_warp
-        import warp
 
-        warp.config.quiet = True
         mujoco = engine_here()
         model = mujoco.MjModel.from_xml_string(self.scene(0.0))
         data = mujoco_warp.put_data(model, mujoco.MjData(model), nworld=len(motion))
@@ -91,6 +90,13 @@ class InWarp(InRows):
     def drop_restitution(self, drop: Drop) -> float | None:
         """Return None: MuJoCo-Warp steps as MuJoCo does, which the prediction follows."""
         return None
+
+
+def silence_warp() -> None:
+    """Keep Warp from printing what it loads, which would be among palpate's output."""
+    import warp
+
+    warp.config.log_level = warp.LOG_ERROR
 
 
 def _without_callback() -> Mapping[str, str]:

@@ -407,7 +407,7 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
             "a lighter body, a slower motion or --form callback reduces it"
         )
     if form == "pair" and law.B:
-        phrases += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
+        phrases += _pulls(law, motion, rows)
     if shallow := _shallow(law, rows, motion.deepest):
         phrases.append(
             f"at depths of less than {length(shallow, 2)} the force at rest is off by more than "
@@ -416,17 +416,24 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     return phrases
 
 
-def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:
+def _pulls(
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    rows: PairRows,
+) -> tuple[str, ...]:
     """Return warnings about the speed from which a pair pulls and its largest adhesive force."""
     rising = law.n - law.p
+    depth = float(np.median(motion.penetration[motion.judged]))
     speed = law.K / law.B * depth**rising
     where = " (K/B)" if rising == 0.0 else f" from a depth of {length(depth, 2)}"
     where += " (nearer the surface at lower speeds)" if rising > 0.0 else ""
     most = rows.contacts * max(row.adhesion for row in rows.rows)
+    withdrawn = -float(motion.velocity[motion.judged].min())
+    near = "; twice the recorded speed is faster" if 2.0 * withdrawn > speed else ""
     return (
         f"when withdrawn faster than {rounded(speed, 2)} m/s{where}, the pair pulls with up to "
         f"{rounded(most, 2)} N, unlike a real contact: for such motions use --form callback or "
-        "--form two-contacts, which never pull",
+        f"--form two-contacts, which never pull{near}",
         "MJX ignores the adhesion of a pair: for MJX export --to mjx",
     )
 
