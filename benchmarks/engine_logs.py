@@ -6,13 +6,12 @@ and net force of a body.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 import palpate
-from palpate import exports
 from palpate.exports.mujoco.engine import InRows
 from palpate.exports.newton import NewtonScene
 from palpate.exports.usd import UsdMaterial
@@ -81,11 +80,12 @@ def log_mjx(fragment: InRows) -> Log:
         return after, (-state.qpos[0], after.qfrc_constraint[0])
 
     _, (depth, force) = jax.lax.scan(step, start, (pressed, descending))
-    return {"time": times, "penetration": np.asarray(depth, float), "force": np.asarray(force, float)}
+    rows = zip(times.tolist(), np.asarray(depth).tolist(), np.asarray(force).tolist(), strict=True)
+    return _table(("time", "penetration", "force"), list(rows))
 
 
 def log_newton(fragment: UsdMaterial) -> Log:
-    """Return the height of the body and the net force of Newton's SolverMuJoCo, as Isaac Lab does."""
+    """Return the height of the body and its net force in Newton, named as in Isaac Lab."""
     scene = NewtonScene(fragment.files(()), "SolverMuJoCo")
     mass = fragment.request.mass_or_one
     step = fragment.request.time_step
@@ -127,12 +127,22 @@ def log_pybullet(stiffness: float, damping: float, step: float = 1e-3) -> Log:
             force = [0.0, 0.0, -load(time, speed)]
             pybullet.applyExternalForce(tip, -1, force, place, pybullet.WORLD_FRAME)
             pybullet.stepSimulation()
-            for point in pybullet.getContactPoints(tip):
-                rows.append((time, *point[5], *point[7], point[8], point[9]))
+            rows += [
+                (time, *point[5], *point[7], point[8], point[9])
+                for point in pybullet.getContactPoints(tip)
+            ]
     finally:
         pybullet.disconnect(client)
     axes = [f"{name}_{axis}" for name in ("positionOnA", "contactNormalOnB") for axis in "xyz"]
     return _table(("time", *axes, "contactDistance", "normalForce"), rows)
+
+
+#: The log of each engine that palpate runs and that steps in time.
+LOGS: Mapping[str, Callable[[Any], Log]] = {
+    "mujoco": log_mujoco,
+    "mjx": log_mjx,
+    "newton": log_newton,
+}
 
 
 def read_back(log: Log, law: ForceLaw) -> tuple[float, float]:
@@ -143,5 +153,5 @@ def read_back(log: Log, law: ForceLaw) -> tuple[float, float]:
     return 100.0 * abs(stiffness - 1.0), 100.0 * abs(damping - 1.0)
 
 
-def _table(names: tuple[str, ...], rows: list[tuple[float, ...]]) -> Log:
+def _table(names: tuple[str, ...], rows: Sequence[Sequence[float]]) -> Log:
     return dict(zip(names, np.array(rows, dtype=np.float64).T, strict=True))

@@ -11,12 +11,15 @@ from palpate.exports.drake.engine import DrakeContact
 from palpate.exports.drake.running import Plant
 from palpate.exports.mujoco.engine import InRows
 from palpate.exports.newton import NewtonScene
-from palpate.exports.opensim import SphereOnHalfSpace
+from palpate.exports.opensim import SphereOnHalfSpace, quiet_opensim
 from palpate.exports.usd import UsdMaterial
+from palpate.writing import temporary_file
 
 # s, of pressing before the load, and of the load; the speed is that of the last tenth.
 SETTLE = 1.0
 PULL = 0.5
+#: s, of the load at the middle of that tenth: a body that slides has accelerated for so long.
+FALL = 0.95 * PULL
 # kg m². So large that friction does not make the tip roll.
 INERTIA = "1000"
 
@@ -74,20 +77,17 @@ def in_drake(fragment: DrakeContact) -> Sliding:
 
 def in_opensim(fragment: SphereOnHalfSpace) -> Sliding:
     """Return the sliding of OpenSim."""
-    import opensim
-
-    from palpate.writing import temporary_file
-
     slide = '<Coordinate name="penetration"/>'
     plane = f'<Coordinate name="turn"><locked>true</locked></Coordinate>{slide}'
     text = fragment.files(())["contact.osim"].replace("SliderJoint", "PlanarJoint")
     text = text.replace(slide, f'{plane}<Coordinate name="across"/>')
 
+    opensim = quiet_opensim()
+
     def speed(press: float, load: float) -> float:
         with temporary_file("contact.osim", [text.encode()]) as path:
             model = opensim.Model(str(path))
         mass = fragment.request.mass_or_one
-        time = 0.0
         across = model.getCoordinateSet().get("across")
         state = model.initSystem()
         for seconds, pull in ((SETTLE, 0.0), (0.9 * PULL, load), (0.1 * PULL, load)):
@@ -103,7 +103,6 @@ def in_opensim(fragment: SphereOnHalfSpace) -> Sliding:
             manager.setIntegratorAccuracy(1e-4)
             manager.initialize(state)
             state = manager.integrate(seconds)
-            time += seconds
         return float(across.getValue(state) - start) / (0.1 * PULL)
 
     return speed
@@ -120,7 +119,7 @@ def in_newton(fragment: UsdMaterial, solver: str = "SolverMuJoCo") -> Sliding:
     def speed(press: float, load: float) -> float:
         scene = NewtonScene(files, solver)
         scene.put(0.0, 0.0)
-        for seconds, pull in ((SETTLE, 0.0), (PULL, load)):
+        for seconds, pull in ((SETTLE, 0.0), (FALL, load)):
             for _ in range(round(seconds / step)):
                 scene.step(step, (pull, 0.0, -press, 0.0, 0.0, 0.0))
         return float(scene.velocity()[0])

@@ -1,22 +1,18 @@
-"""Newton: an exported scene in USD, moved state by state and dropped."""
+"""Newton: an exported scene in USD, moved state by state."""
 
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 import numpy as np
 
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.accelerated import silence_warp
-from palpate.exports.replay_errors import Drop, came_back
 from palpate.validation import Floats
 
 # s. The step of one state, in which the body hardly moves; Newton calculates in single precision.
 _SHORT = 1e-4
-# Steps after which a body counts as at rest.
-_MOST_STEPS = 20_000
 
 
 class NewtonScene:
@@ -99,14 +95,3 @@ class NewtonScene:
             self.step(_SHORT, (0.0, 0.0, -float(load[k]), 0.0, 0.0, 0.0))
             force[k] = load[k] + self._mass * (self.velocity()[2] - before) / _SHORT
         return force
-
-    def drop_restitution(self, drop: Drop, time_step: float) -> float:
-        """Return the restitution of the scene's body; 0 if it does not return."""
-        self.put(0.0, drop.speed)
-
-        def states() -> Iterator[tuple[float, float]]:
-            for _ in range(_MOST_STEPS):
-                self.step(time_step)
-                yield self.penetration(), -float(self.velocity()[2])
-
-        return float(came_back(states(), drop))

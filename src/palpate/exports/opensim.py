@@ -31,7 +31,7 @@ class OpenSimScene:
     """A tip on a slide above a half-space."""
 
     def __init__(self, text: str) -> None:
-        self._opensim = _quiet_opensim()
+        self._opensim = quiet_opensim()
         with temporary_file("contact.osim", [text.encode()]) as path:
             self._model = self._opensim.Model(str(path))
         self._state = self._model.initSystem()
@@ -64,7 +64,8 @@ class OpenSimScene:
         return came_back(((slide.getValue(s), slide.getSpeedValue(s)) for s in states), drop)
 
 
-def _quiet_opensim() -> Any:
+def quiet_opensim() -> Any:
+    """Return the OpenSim module, which then writes no log."""
     with warnings.catch_warnings():
         # Python 3.12 warns like this when it imports an extension made by an older SWIG.
         warnings.filterwarnings(

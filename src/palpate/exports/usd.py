@@ -10,7 +10,7 @@ compliantContactAccelerationSpring is false: true would make them mass-normalise
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from palpate.exports.mujoco.fitting import single as single_row
 from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, stable_step
 from palpate.exports.newton import NewtonScene
 from palpate.exports.replay_errors import Drop, force_error
-from palpate.exports.texts import digits, hash_comment, percent, template
+from palpate.exports.texts import digits, fill, hash_comment, percent, template
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats
 
@@ -38,16 +38,16 @@ class UsdMaterial(Fragment):
         The law as one contact of SolverMuJoCo.
     """
 
-    most_samples: ClassVar[int] = 500
     rows: PairRows
 
-    def _values(self) -> dict[str, float | str]:
+    def values(self) -> dict[str, Any]:
         """Return the values of the templates."""
         [row] = self.rows.rows
         friction = self.request.friction
         # As large as a body of this mass is stable with, in SolverSemiImplicit.
         gain = 0.5 * self.request.mass_or_one / self.request.time_step
         return {
+            "law": self.engine_law,
             "friction": friction,
             "gain": gain if friction else 0.0,
             "condim": 3 if friction else 1,
@@ -60,7 +60,7 @@ class UsdMaterial(Fragment):
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the material with the parameters of both shapes, and a scene that uses them."""
         comment = hash_comment(notes)
-        values = {**self._values(), "law": self.engine_law, "comment": comment}
+        values = {**self.values(), "comment": comment}
         body = {"radius": self.request.radius_or_any, "mass": self.request.mass_or_one}
         return {
             "material.usda": template("usd_material.usda", **values),
@@ -79,6 +79,8 @@ class UsdMaterial(Fragment):
 class InNewton(UsdMaterial):
     """A material that Newton simulates."""
 
+    most_samples: ClassVar[int] = 500
+
     def replay(self, motion: ProbeMotion) -> Replayed | None:
         """Return the force in SolverMuJoCo; SolverSemiImplicit has its error in the method."""
         predicted = self.predict_force(motion)
@@ -88,10 +90,11 @@ class InNewton(UsdMaterial):
         off = percent(force_error(other, motion.force_by(self.request.law), motion.judged))
         return Replayed(force, f"in SolverMuJoCo, state by state; in SolverSemiImplicit {off} off")
 
-    def drop_restitution(self, drop: Drop) -> float | None:
-        """Return the restitution in SolverMuJoCo; 0 if the body does not return."""
-        scene = NewtonScene(self.files(()), "SolverMuJoCo")
-        return scene.drop_restitution(drop, self.request.time_step)
+
+_CONFIGURATION = (
+    "NewtonMaterialCfg(contact_stiffness={law.K}, contact_damping={law.B})",
+    "MujocoCollisionCfg(condim={condim}, solref=({solref}), solimp=({solimp}))",
+)
 
 
 class InIsaacLab(InNewton):
@@ -100,28 +103,18 @@ class InIsaacLab(InNewton):
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the lines of a configuration, and the same in USD."""
         material, collider = self.lines()
-        values = {**self._values(), "material": material, "collider": collider}
-        text = template("isaaclab_material.py.txt", comment=hash_comment(notes), **values)
+        text = template(
+            "isaaclab_material.py.txt",
+            comment=hash_comment(notes),
+            material=material,
+            collider=collider,
+            **self.values(),
+        )
         return {"isaaclab_material.py": text, **super().files(notes)}
 
-    def lines(self) -> tuple[str, str]:
+    def lines(self) -> list[str]:
         """Return the configuration of the material and of the two colliders."""
-        values = self._values()
-        assert self.engine_law is not None
-        material = {
-            "contact_stiffness": digits(self.engine_law.K),
-            "contact_damping": digits(self.engine_law.B),
-        }
-        collider = {
-            "condim": values["condim"],
-            "solref": f"({values['solref']})",
-            "solimp": f"({values['solimp']})",
-        }
-        return _call("NewtonMaterialCfg", material), _call("MujocoCollisionCfg", collider)
-
-
-def _call(name: str, values: Mapping[str, object]) -> str:
-    return f"{name}({', '.join(f'{key}={value}' for key, value in values.items())})"
+        return [fill(line, **self.values()) for line in _CONFIGURATION]
 
 
 def _listed(values: Sequence[float]) -> str:
@@ -226,8 +219,7 @@ class IsaacLab(Newton):
         return (
             f"paste into both assets, for Isaac Lab 3.0: {material} and {collider}; replayed in "
             "Newton, not in Isaac Lab",
-            *super().warnings(fragment)[:1],
-            *super().warnings(fragment)[3:],
+            *super().warnings(fragment),
         )
 
 

@@ -65,8 +65,9 @@ class InMjx(InRows):
         limit = MOST_STEPS * self.request.time_step
         inside = lambda state: (state.qpos[0] < 0.0) & (state.time < limit)  # noqa: E731
         step = lambda state: mjx.step(model, state)  # noqa: E731
-        fall = jax.jit(lambda state: jax.lax.while_loop(inside, step, step(state)))
-        return max(float(fall(data).qvel[0]), 0.0) / drop.speed
+        fall = lambda state: jax.lax.while_loop(inside, step, step(state))  # noqa: E731
+        end: Any = jax.jit(fall)(data)
+        return max(float(end.qvel[0]), 0.0) / drop.speed
 
 
 class InWarp(InRows):

@@ -240,8 +240,6 @@ class MuJoCo(Engine):
         request, robot, mobility = _effective_mass(request)
         request, lifted = _raise_exponent(request)
         form, rows = self._chosen(request, mobility, 1 if robot is None else robot.contacts)
-        if request.friction and form == "callback":
-            raise InvalidParameterError(f"friction: {_NO_FRICTION}")
         rows = rows.with_friction(request.friction, request.time_step)
         law = request.law
         deepest = request.motion.deepest
@@ -262,11 +260,7 @@ class MuJoCo(Engine):
             warnings.append(_ONE_FOR_ALL)
         else:
             numbers = _numbers(rows)
-            warnings = [_CONE if request.friction else _FRICTIONLESS]
-            if request.friction and form == "pair":
-                warnings.append(_OF_THE_SPRING)
-            warnings += _about(form, request, rows)
-            warnings += lifted
+            warnings = [*_about(form, request, rows), *lifted]
             if not runs:
                 warnings.append(
                     f"MuJoCo {self.version()} is too old for the adhesion of a pair, so palpate "
@@ -298,6 +292,8 @@ class MuJoCo(Engine):
         why = _not_in_rows(request.law)
         auto = request.form == "auto" and "callback" in self.forms
         if request.form == "callback" or (auto and why):
+            if request.friction:
+                raise InvalidParameterError(f"friction: {_NO_FRICTION}")
             return "callback", PairRows((), mobility)
         if why and request.form != "kelvin-voigt":
             raise InvalidParameterError(f"form {request.form}: {why}")
@@ -386,8 +382,9 @@ def _numbers(rows: PairRows) -> dict[str, float]:
 def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     """Return the warnings of a form."""
     phrases = [
+        _CONE if request.friction else _FRICTIONLESS,
         f"the parameters are for an effective mass of {1.0 / rows.mobility:.4g} kg (the inverse of "
-        "body_invweight0 of both bodies): export again for another body"
+        "body_invweight0 of both bodies): export again for another body",
     ]
     if form == "kelvin-voigt":
         return phrases
@@ -406,6 +403,8 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
             f"the mass that the contacts add changes the force by {percent(heavy)} on this motion: "
             "a lighter body, a slower motion or --form callback reduces it"
         )
+    if form == "pair" and request.friction:
+        phrases.append(_OF_THE_SPRING)
     if form == "pair" and law.B:
         phrases += _pulls(law, motion, rows)
     if shallow := _shallow(law, rows, motion.deepest):
