@@ -24,6 +24,7 @@ from benchmarks.common.report import Limit, Row, Section, describe_machine, publ
 from palpate import HuntCrossley, KelvinVoigt, exports, lab
 from palpate.exports.newton import NewtonScene
 from palpate.exports.replay_errors import drop_to, force_error
+from palpate.exports.usd import UsdMaterial
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Floats
 from palpate.writing import check_outputs
@@ -369,10 +370,9 @@ def measure_friction() -> Section:
             tip_radius=tip(to),
         ).fragment
         speeds = {f"{to}, {fragment.form}, {law}": sliding.sliding(fragment)}
-        if to == "newton":
-            speeds |= {
-                f"{to}, SolverSemiImplicit": sliding.in_newton(fragment, "SolverSemiImplicit")
-            }
+        if isinstance(fragment, UsdMaterial):
+            other = "SolverSemiImplicit"
+            speeds[f"{to}, {other}"] = sliding.in_newton(fragment, other)
         for name, speed in speeds.items():
             held = 1e3 * speed(PRESS, 0.95 * FRICTION * PRESS)
             more = 1.05 * FRICTION * PRESS

@@ -352,6 +352,62 @@ def test_an_unstable_time_step_is_refused(toy):
         assert (abs(x) < 1.0) is stable
 
 
+@pytest.mark.parametrize(
+    "typed, engine",
+    [
+        ("MJX", "mjx"),
+        ("mujoco_mjx", "mjx"),
+        ("warp", "mujoco-warp"),
+        ("usd", "newton"),
+        ("isaac", "isaaclab"),
+        ("Isaac Lab", "isaaclab"),
+        ("isaacsim", "physx"),
+        ("genesis", "export to mjx"),
+        ("pybullet", "contactDamping = B - K dt"),
+        ("gazebo-classic", "<kp> and <kd>"),
+        ("gz-sim", "export to mujoco or drake"),
+        ("unity", "must be one of mujoco, mjx"),
+    ],
+)
+def test_the_names_that_people_type_are_answered(typed, engine):
+    if engine in exports.engines():
+        assert exports.engine_called(typed).name == engine
+    else:
+        with pytest.raises(palpate.PalpateError, match=re.escape(engine)):
+            exports.engine_called(typed)
+
+
+def test_the_configuration_of_isaac_lab_is_python_and_in_the_statement():
+    law = KelvinVoigt(K=2000.0, B=16.6)
+    made = exports.export(law, "isaaclab", mass=2.0, replay=False)
+    text = made.files["isaaclab_material.py"]
+    compile(text, "isaaclab_material.py", "exec")
+    for line in (
+        "NewtonMaterialCfg(contact_stiffness=2000, contact_damping=16.6)",
+        # Of 2 kg: the numbers of SolverMuJoCo are divided by the mass.
+        "MujocoCollisionCfg(condim=1, solref=(-999.9, -8.29917), solimp=(0.0001, 0.0001, ",
+    ):
+        assert line in text
+        assert any(line in warning for warning in made.statement.warnings)
+    assert any("not in Isaac Lab" in warning for warning in made.statement.warnings)
+
+
+@pytest.mark.parametrize("to", ["newton", "physx", "drake"])
+def test_friction_is_in_the_first_line_and_in_the_files(to):
+    law = KelvinVoigt(K=2000.0, B=16.6)
+    for friction, words in ((0.0, "frictionless"), (0.35, "friction 0.35")):
+        made = exports.export(law, to, mass=1.0, replay=False, friction=friction)
+        assert f", {words}: " in str(made).splitlines()[0]
+        assert ("0.35" in made.files[next(iter(made.files))].split(words)[-1]) == (friction > 0.0)
+    with pytest.raises(InvalidParameterError, match="friction"):
+        exports.export(law, to, mass=1.0, friction=-0.1)
+
+
+def test_friction_in_newton_needs_a_damper():
+    with pytest.raises(InvalidParameterError, match="only with damping"):
+        exports.export(KelvinVoigt(K=2000.0, B=0.0), "newton", friction=0.5, replay=False)
+
+
 def test_an_export_without_its_engine_is_marked(ball, tmp_path):
     made = exports.export(ball, "physx", mass=1.0)
     assert not made.statement.compared.replayed

@@ -53,7 +53,8 @@ class InMjx(InRows):
             )
             return mjx.inverse(model, state).qfrc_constraint[0]
 
-        found = jax.jit(jax.vmap(force))(*map(jax.numpy.asarray, _slide(motion)))
+        forces: Any = jax.jit(jax.vmap(force))
+        found = forces(*map(jax.numpy.asarray, _slide(motion)))
         return Replayed(np.asarray(found, dtype=np.float64), _HOW)
 
     def drop_restitution(self, drop: Drop) -> float | None:
