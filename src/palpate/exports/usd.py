@@ -18,6 +18,7 @@ from palpate.digits import rounded
 from palpate.errors import InvalidParameterError
 from palpate.exports.engine import Engine, Fragment, Replayed, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
+from palpate.exports.mujoco.accelerated import written_for
 from palpate.exports.mujoco.fitting import IMPRATIO, LEAST, PairRow, PairRows, drop_restitution
 from palpate.exports.mujoco.fitting import single as single_row
 from palpate.exports.nearest_law import is_kelvin_voigt, kelvin_voigt, stable_step
@@ -67,6 +68,12 @@ class UsdMaterial(Fragment):
             "scene.usda": template("usd_scene.usda", **values, **body),
         }
 
+
+class InNewton(UsdMaterial):
+    """A material that Newton simulates."""
+
+    most_samples: ClassVar[int] = 500
+
     def predict_force(self, motion: ProbeMotion) -> Floats:
         """Return the force of SolverMuJoCo, N: the law plus a small added mass."""
         return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
@@ -75,12 +82,7 @@ class UsdMaterial(Fragment):
         """Return the restitution in SolverMuJoCo at the time step."""
         return drop_restitution(self.rows, drop, self.request.time_step)
 
-
-class InNewton(UsdMaterial):
-    """A material that Newton simulates."""
-
-    most_samples: ClassVar[int] = 500
-
+    @written_for("Newton 1.8")
     def replay(self, motion: ProbeMotion) -> Replayed | None:
         """Return the force in SolverMuJoCo; SolverSemiImplicit has its error in the method."""
         predicted = self.predict_force(motion)
@@ -169,9 +171,30 @@ class Newton(Engine):
             },
             engine_law=law,
             exact=is_kelvin_voigt(request.law),
-            rows=_rows(law, request),
+            rows=self.rows(law, request),
         )
         return replace(fragment, findings=make_warnings(*self.warnings(fragment)))
+
+    def rows(self, law: GeneralisedHuntCrossley, request: ExportRequest) -> PairRows:
+        """Return the law as one contact of SolverMuJoCo.
+
+        A friction row has the damper D of its contact, so with friction d is so large that D = 1/h:
+        the contact then adds a mass of B h, and a body at its limit of friction stops in one step.
+        """
+        mobility = 1.0 / request.mass_or_one
+        rows = single_row(law, request.motion, mobility, 1)
+        if not request.friction:
+            return rows
+        if not law.B > 0.0:
+            raise InvalidParameterError(
+                "friction: Newton's SolverMuJoCo has it only with damping, and that of the law is "
+                f"{law.B:.3g} N·s/m: omit friction"
+            )
+        added = law.B * request.time_step * mobility
+        d = max(added / (1.0 + added), LEAST)
+        share = (1.0 - d) * mobility
+        solimp = (d, d, *rows.rows[0].solimp[2:])
+        return PairRows((PairRow(share * law.K, share * law.B, solimp),), mobility)
 
     def warnings(self, fragment: UsdMaterial) -> tuple[str, ...]:
         """Return the warnings about Newton's solvers."""
@@ -200,7 +223,8 @@ class Newton(Engine):
             gain = 0.5 * request.mass_or_one / request.time_step
             warnings.append(
                 f"in SolverSemiImplicit a held body creeps, by {rounded(1e3 / gain, 2)} mm/s for "
-                "1 N; SolverMuJoCo needs the cone and impratio of scene.usda"
+                "1 N; SolverMuJoCo needs the cone and impratio of scene.usda, and adds "
+                f"{rounded(request.friction * law.B, 2)} N of normal force per m/s of sliding"
             )
         return tuple(warnings)
 
@@ -209,7 +233,7 @@ class IsaacLab(Newton):
     """A material as lines of Isaac Lab's configuration, and in USD."""
 
     name: ClassVar[str] = "isaaclab"
-    title: ClassVar[str] = "Isaac Lab (Newton)"
+    title: ClassVar[str] = "Newton (for Isaac Lab 3.0)"
     material: ClassVar[type[UsdMaterial]] = InIsaacLab
 
     def warnings(self, fragment: UsdMaterial) -> tuple[str, ...]:
@@ -231,32 +255,13 @@ class PhysX(Newton):
     distribution: ClassVar[str | None] = None
     material: ClassVar[type[UsdMaterial]] = UsdMaterial
 
+    def rows(self, law: GeneralisedHuntCrossley, request: ExportRequest) -> PairRows:
+        """Return the law as one contact: PhysX has its own friction."""
+        return single_row(law, request.motion, 1.0 / request.mass_or_one, 1)
+
     def warnings(self, fragment: UsdMaterial) -> tuple[str, ...]:
         """Return the warnings, of which that of no replay is the first."""
         return ("palpate has not replayed PhysX: its force is that of its documentation", *_ALWAYS)
-
-
-def _rows(law: GeneralisedHuntCrossley, request: ExportRequest) -> PairRows:
-    """Return the law as one contact.
-
-    A friction row has the damper D of its contact, so with friction d is so large that D = 1/h: the
-    contact then adds a mass of B h, and a body at its limit of friction stops within a step.
-    """
-    mobility = 1.0 / request.mass_or_one
-    rows = single_row(law, request.motion, mobility, 1)
-    if not request.friction:
-        return rows
-    if not law.B > 0.0:
-        raise InvalidParameterError(
-            "friction: Newton has friction only with damping, and that of the law is "
-            f"{law.B:.3g} N·s/m: omit friction"
-        )
-    added = law.B * request.time_step * mobility
-    d = max(added / (1.0 + added), LEAST)
-    [row] = rows.rows
-    share = (1.0 - d) * mobility
-    solimp = (d, d, *row.solimp[2:])
-    return PairRows((PairRow(share * law.K, share * law.B, solimp),), mobility)
 
 
 NEWTON = Newton()

@@ -4,7 +4,8 @@ MJX ignores the adhesion of a pair, so its contacts only push; MuJoCo-Warp has i
 Python at every step. Both replay all states at once, in the minimal scene.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,6 +19,15 @@ from palpate.exports.replay_errors import Drop
 from palpate.validation import Floats
 
 _HOW = "by inverse dynamics of scene.xml, all states at once"
+
+
+@contextmanager
+def written_for(engine: str) -> Iterator[None]:
+    """Raise ImportError where another version of an engine lacks what a replay calls."""
+    try:
+        yield
+    except (AttributeError, TypeError) as error:
+        raise ImportError(f"palpate is written for {engine}: {error}") from error
 
 
 def _slide(motion: ProbeMotion) -> tuple[Floats, Floats, Floats]:
@@ -38,6 +48,7 @@ class InMjx(InRows):
         mujoco.mj_resetDataKeyframe(model, data, 0)
         return mjx.put_model(model), mjx.put_data(model, data)
 
+    @written_for("MJX 3.17")
     def replay(self, motion: ProbeMotion) -> Replayed | None:
         """Return the force by inverse dynamics in MJX."""
         import jax
@@ -65,15 +76,15 @@ class InMjx(InRows):
         model, data = self._model(drop.speed)
         limit = MOST_STEPS * self.request.time_step
         inside = lambda state: (state.qpos[0] < 0.0) & (state.time < limit)  # noqa: E731
-        step = lambda state: mjx.step(model, state)  # noqa: E731
-        fall = lambda state: jax.lax.while_loop(inside, step, step(state))  # noqa: E731
-        end: Any = jax.jit(fall)(data)
+        step: Any = jax.jit(lambda state: mjx.step(model, state))
+        end = jax.lax.while_loop(inside, step, step(data))
         return max(float(end.qvel[0]), 0.0) / drop.speed
 
 
 class InWarp(InRows):
     """A law as contacts that MuJoCo-Warp simulates."""
 
+    @written_for("MuJoCo-Warp 4.0")
     def replay(self, motion: ProbeMotion) -> Replayed | None:
         """Return the force by inverse dynamics in MuJoCo-Warp."""
         silence_warp()
