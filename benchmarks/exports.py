@@ -19,9 +19,12 @@ from rich.console import Console
 from rich.progress import track
 
 import palpate
+from benchmarks import engine_logs, sliding
 from benchmarks.common.report import Limit, Row, Section, describe_machine, publish, run_command
 from palpate import HuntCrossley, KelvinVoigt, exports, lab
-from palpate.exports.replay_errors import drop_to
+from palpate.exports.newton import NewtonScene
+from palpate.exports.replay_errors import drop_to, force_error
+from palpate.exports.usd import UsdMaterial
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.validation import Floats
 from palpate.writing import check_outputs
@@ -36,7 +39,12 @@ LAWS: dict[str, ForceLaw] = {
     "n = 1.5": HuntCrossley(K=2e4, B=3e4, n=1.5),
     "PVC": lab.PVC.law,
 }
-MODULES = {"drake": "pydrake", "opensim": "opensim", "mujoco": "mujoco"}
+#: The engines that palpate runs, and the seconds of an export in those that compile nothing.
+ENGINES = ("drake", "opensim", "mujoco", "mjx", "mujoco-warp", "newton")
+TIMED = ENGINES[:3]
+KELVIN_VOIGT = KelvinVoigt(K=2000.0, B=16.6)
+GRAVITY = 9.81  # m/s²
+PRESS, FRICTION = 20.0, 0.5  # N, and the coefficient of the friction that is measured
 RADIUS = 30e-3  # m, of the tip, for engines whose law has it
 
 
@@ -53,7 +61,7 @@ def tip(to: str) -> float | None:
 
 def there(engine: str) -> bool:
     """Whether an engine is installed."""
-    return find_spec(MODULES[engine]) is not None
+    return exports.engine_called(engine).version() is not None
 
 
 def error(law: str, to: str, form: str = "auto", mass: float = 1.0) -> float:
@@ -151,9 +159,7 @@ def measure_others() -> Section:
 def measure_prediction() -> Section:
     """Compare the predicted error with the replayed one, in percentage points."""
     rows = []
-    for to in MODULES:
-        if not there(to):
-            continue
+    for to in filter(there, ENGINES):
         engine = exports.engine_called(to)
         for form in engine.forms:
             gaps = {}
@@ -253,7 +259,7 @@ def measure_time() -> Section:
     rows = []
     for name in ("ball", "sponge", "phantom"):
         result = palpate.identify(RECORDINGS / f"{name}.csv")
-        for to in MODULES:
+        for to in TIMED:
             if there(to):
                 begun = perf_counter()
                 found = exports.export(
@@ -272,6 +278,142 @@ def words(found: exports.Statement) -> str:
     return f"{found.fragment.form}; {law} % of the law, {measured} of the measured ({leaves})"
 
 
+def measure_training() -> Section:
+    """Return the errors of the engines in which people train."""
+    rows = []
+    if there("newton"):
+        for solver in ("SolverMuJoCo", "SolverSemiImplicit"):
+            rows += newton_rows(solver)
+    for law in LAWS if there("mjx") else ():
+        bound = None if law == "sponge" else Limit(1.5)
+        found = withdrawal_error(made(law, "mjx").fragment)
+        rows.append(Row(f"MJX, two contacts, {law}: force on withdrawal", found, "%", limit=bound))
+    if there("mjx"):
+        compared = made("PVC", "mjx").statement.compared
+        assert compared.replayed_restitution is not None
+        off = abs(compared.replayed_restitution - compared.drop.restitution)
+        rows.append(Row("MJX, two contacts, PVC: restitution", off, "", limit=Limit(0.02)))
+    rows += force_rows("MuJoCo-Warp, pair, {}", "mujoco-warp", limit=0.6)
+    for law in ("ball", "sponge", "PVC") if there("mujoco") else ():
+        rows.append(Row(f"MuJoCo, pair, {law}: pull at -0.3 m/s, of the peak", pull(law), "%"))
+    return Section("Engines in which people train", rows)
+
+
+def newton_rows(solver: str) -> list[Row]:
+    """Return the errors of a solver of Newton at 5 mm, and of the depth of 1 kg at rest."""
+    law = GeneralisedHuntCrossley.of(KELVIN_VOIGT)
+    fragment = exports.export(KELVIN_VOIGT, "newton", mass=1.0, replay=False).fragment
+    scene = NewtonScene(fragment.files(()), solver)
+    x, v = np.full(3, 5e-3), np.array([0.0, 0.05, -0.05])
+    motion = exports.ProbeMotion(np.arange(3.0), x, v, 0.0 * x, x > 0.0)
+    truth = motion.force_by(law)
+    off = 100.0 * np.abs(scene.along(motion, truth) / truth - 1.0)
+    places = ("at rest", "at 50 mm/s", "at -50 mm/s")
+    # SolverSemiImplicit does not damp withdrawals, which the statement says.
+    rows = [
+        Row(
+            f"Newton, {solver}: force {place}",
+            float(error),
+            "%",
+            limit=None if solver == "SolverSemiImplicit" and place == places[2] else Limit(1.0),
+        )
+        for place, error in zip(places, off, strict=True)
+    ]
+    scene.put(0.0, 0.0)
+    for _ in range(3000):
+        scene.step(1e-3, (0.0, 0.0, -GRAVITY, 0.0, 0.0, 0.0))
+    depth = 100.0 * abs(scene.penetration() * law.K / GRAVITY - 1.0)
+    return [*rows, Row(f"Newton, {solver}: depth of 1 kg at rest", depth, "%", limit=Limit(1.0))]
+
+
+def withdrawal_error(fragment: exports.Fragment) -> float:
+    """Return the error of a replayed force where the probe withdraws, %."""
+    motion = fragment.request.motion.firm()
+    ran = fragment.replay(motion)
+    assert ran is not None
+    return force_error(ran.force, motion.force_by(fragment.request.law), motion.velocity < 0.0)
+
+
+def pull(law: str) -> float:
+    """Return the largest pull of MuJoCo's pair at -0.3 m/s, in % of the motion's largest force."""
+    fragment = made(law, "mujoco", "pair").fragment
+    motion = fragment.request.motion.firm(500)
+    withdrawn = replace(motion, velocity=np.full(len(motion), -0.3), acceleration=0.0 * motion.time)
+    ran = fragment.replay(withdrawn)
+    assert ran is not None
+    largest = float(motion.force_by(fragment.request.law).max())
+    return 100.0 * max(0.0, -float(ran.force.min())) / largest
+
+
+def measure_friction() -> Section:
+    """Return how a body pressed with 20 N at a coefficient of 0.5 is held, and slides."""
+    rows = []
+    for to, law, form in (
+        ("mujoco", "ball", "pair"),
+        ("mujoco", "PVC", "pair"),
+        ("mujoco", "n = 1.5", "two-contacts"),
+        ("drake", "ball", "point"),
+        ("drake", "PVC", "nested-spheres"),
+        ("opensim", "n = 1.5", "auto"),
+        ("newton", "ball", "auto"),
+    ):
+        if not there(to):
+            continue
+        fragment = exports.export(
+            LAWS[law],
+            to,
+            form=form,
+            mass=1.0,
+            allow=True,
+            replay=False,
+            friction=FRICTION,
+            tip_radius=tip(to),
+        ).fragment
+        speeds = {f"{to}, {fragment.form}, {law}": sliding.sliding(fragment)}
+        if isinstance(fragment, UsdMaterial):
+            other = "SolverSemiImplicit"
+            speeds[f"{to}, {other}"] = sliding.in_newton(fragment, other)
+        for name, speed in speeds.items():
+            held = 1e3 * speed(PRESS, 0.95 * FRICTION * PRESS)
+            more = 1.05 * FRICTION * PRESS
+            force = more - speed(PRESS, more) / sliding.FALL
+            off = 100.0 * abs(force / (FRICTION * PRESS) - 1.0)
+            rows.append(Row(f"{name}: creeps under 95 % of the friction", held, "mm/s"))
+            rows.append(Row(f"{name}: friction of a sliding body", off, "%", limit=Limit(5.0)))
+    return Section("Friction 0.5 under 20 N, of 1 kg", rows)
+
+
+def measure_logs() -> Section:
+    """Return the errors of the law that palpate identifies from an engine's own log."""
+    rows = []
+    for to, law in (
+        *(("mujoco", law) for law in ("K x + B v", *LAWS)),
+        ("mjx", "K x + B v"),
+        ("newton", "K x + B v"),
+    ):
+        if not there(to):
+            continue
+        exported = KELVIN_VOIGT if law == "K x + B v" else LAWS[law]
+        fragment = exports.export(exported, to, mass=1.0, allow=True, replay=False).fragment
+        log = engine_logs.LOGS[to](fragment)
+        rows += log_rows(f"{to}, {fragment.form}, {law}", log, exported)
+    if find_spec("pybullet"):
+        # PyBullet adds K h to the damping.
+        log = engine_logs.log_pybullet(2000.0, 16.6 - 2000.0 * 1e-3)
+        rows += log_rows("pybullet, K x + B v", log, KELVIN_VOIGT)
+    return Section("A law identified from the engine's own log", rows)
+
+
+def log_rows(name: str, log: engine_logs.Log, law: ForceLaw) -> list[Row]:
+    """Return the rows of one log."""
+    return [
+        Row(f"{name}: {quantity}", error, "%", limit=Limit(1.0))
+        for quantity, error in zip(
+            ("stiffness", "damping"), engine_logs.read_back(log, law), strict=True
+        )
+    ]
+
+
 SECTIONS: tuple[Callable[[], Section], ...] = (
     measure_exact,
     measure_pair,
@@ -279,6 +421,9 @@ SECTIONS: tuple[Callable[[], Section], ...] = (
     measure_others,
     measure_prediction,
     measure_round_trip,
+    measure_training,
+    measure_friction,
+    measure_logs,
     measure_time,
 )
 

@@ -11,7 +11,7 @@ NEEDED = {
     "identify": ["FILE"], "diagnose": ["FILE"], "compare": ["FILE"], "info": ["FILE"],
     "payload": ["FILE"], "skew": ["FILE"], "live": ["FILE"], "fleet": ["FILE", "-o", "results"],
     "lab": ["hunt-crossley", "-o", "new.csv"], "map": ["results"],
-    "export": ["result", "--to", "usd"], "gains": ["result", "--controller", "force"],
+    "export": ["result", "--to", "physx"], "gains": ["result", "--controller", "force"],
     "design": ["FILE", "--noise", "1"], "explain": [],
 }  # fmt: skip
 # Positional texts and texts of options that may name files, besides all options of type Path.

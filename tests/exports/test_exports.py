@@ -197,7 +197,7 @@ def test_a_relaxing_recording_is_exported_as_hunt_crossley():
     assert (stiffness, damping) == pytest.approx((there.stiffness.value, there.damping.value))
     plain = palpate.identify(result.contact, "variable-projection", trace=False)
     assert source.law == plain.law
-    statement = export(result, "usd", mass=1.0, allow=True, replay=False).statement
+    statement = export(result, "physx", mass=1.0, allow=True, replay=False).statement
     [words] = [each for each in statement.warnings if "the material relaxes" in each]
     assert format_hertz(frequency) in words
     assert "K′ = " in words
@@ -240,7 +240,7 @@ def test_a_law_with_memory_is_exported_as_its_nearest_plain_law(law):
     others = (law.relaxed(), law.instantaneous())
     assert found.error_percent < min(apart_percent(motion, each, law) for each in others)
     assert not found.law.remembers
-    statement = exports.export(law, "usd", allow=True).statement
+    statement = exports.export(law, "physx", allow=True).statement
     stated = statement.as_dict()["error_percent"]["nearest"]
     assert stated == pytest.approx(found.error_percent)
     assert any("no stress relaxation" in warning for warning in statement.warnings)
@@ -352,8 +352,64 @@ def test_an_unstable_time_step_is_refused(toy):
         assert (abs(x) < 1.0) is stable
 
 
+@pytest.mark.parametrize(
+    "typed, engine",
+    [
+        ("MJX", "mjx"),
+        ("mujoco_mjx", "mjx"),
+        ("warp", "mujoco-warp"),
+        ("usd", "newton"),
+        ("isaac", "isaaclab"),
+        ("Isaac Lab", "isaaclab"),
+        ("isaacsim", "physx"),
+        ("genesis", "export to mjx"),
+        ("pybullet", "contactDamping = B - K dt"),
+        ("gazebo-classic", "<kp> and <kd>"),
+        ("gz-sim", "export to mujoco or drake"),
+        ("unity", "must be one of mujoco, mjx"),
+    ],
+)
+def test_the_names_that_people_type_are_answered(typed, engine):
+    if engine in exports.engines():
+        assert exports.engine_called(typed).name == engine
+    else:
+        with pytest.raises(palpate.PalpateError, match=re.escape(engine)):
+            exports.engine_called(typed)
+
+
+def test_the_configuration_of_isaac_lab_is_python_and_in_the_statement():
+    law = KelvinVoigt(K=2000.0, B=16.6)
+    made = exports.export(law, "isaaclab", mass=2.0, replay=False)
+    text = made.files["isaaclab_material.py"]
+    compile(text, "isaaclab_material.py", "exec")
+    for line in (
+        "NewtonMaterialCfg(contact_stiffness=2000, contact_damping=16.6)",
+        # Of 2 kg: the numbers of SolverMuJoCo are divided by the mass.
+        "MujocoCollisionCfg(condim=1, solref=(-999.9, -8.29917), solimp=(0.0001, 0.0001, ",
+    ):
+        assert line in text
+        assert any(line in warning for warning in made.statement.warnings)
+    assert any("not in Isaac Lab" in warning for warning in made.statement.warnings)
+
+
+@pytest.mark.parametrize("to", ["newton", "physx", "drake"])
+def test_friction_is_in_the_first_line_and_in_the_files(to):
+    law = KelvinVoigt(K=2000.0, B=16.6)
+    for friction, words in ((0.0, "frictionless"), (0.35, "friction 0.35")):
+        made = exports.export(law, to, mass=1.0, replay=False, friction=friction)
+        assert f", {words}: " in str(made).splitlines()[0]
+        assert ("0.35" in made.files[next(iter(made.files))].split(words)[-1]) == (friction > 0.0)
+    with pytest.raises(InvalidParameterError, match="friction"):
+        exports.export(law, to, mass=1.0, friction=-0.1)
+
+
+def test_friction_in_newton_needs_a_damper():
+    with pytest.raises(InvalidParameterError, match="only with damping"):
+        exports.export(KelvinVoigt(K=2000.0, B=0.0), "newton", friction=0.5, replay=False)
+
+
 def test_an_export_without_its_engine_is_marked(ball, tmp_path):
-    made = exports.export(ball, "usd", mass=1.0)
+    made = exports.export(ball, "physx", mass=1.0)
     assert not made.statement.compared.replayed
     for name, text in made.files.items():
         assert "not replayed" in text, name
@@ -371,10 +427,10 @@ def test_the_time_step_counts_in_implicit_engines_only():
         exports.export(stiff, "drake", time_step=step, **sap).statement.compared.drop_restitution
         for step in (1e-5, 1e-3, 3e-3)
     ]
-    exact = exports.export(stiff, "usd").statement.compared.drop.restitution
+    exact = exports.export(stiff, "physx").statement.compared.drop.restitution
     assert rebounds[0] == pytest.approx(exact, rel=1e-2)
     assert rebounds[0] > rebounds[1] > rebounds[2]
-    said = exports.export(stiff, "usd", time_step=0.02).statement.warnings
+    said = exports.export(stiff, "newton", time_step=0.02, replay=False).statement.warnings
     assert any("metersPerUnit" in each for each in said)
     assert any("an explicit solver" in words for words in said)
 
@@ -404,7 +460,7 @@ def test_what_an_engine_cannot_use_is_refused(toy, engine, given, words):
 
 @pytest.mark.parametrize("name", ["scene.usda", "statement.md", "statement.json"])
 def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_path):
-    first = exports.export(ball, "usd", mass=1.0)
+    first = exports.export(ball, "physx", mass=1.0)
     second = exports.export(ball, "drake", allow=True, replay=False)
     with pytest.raises(RecordingError, match="this is an input file"):
         first.save(saved, inputs=[saved / "material.usda"])
@@ -414,7 +470,7 @@ def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_pat
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, "mine")]
     (tmp_path / name).unlink()
     # Its own it replaces, those of another engine between them too, until somebody changes one.
-    for made in (first, second, exports.export(ball, "usd", mass=2.0)):
+    for made in (first, second, exports.export(ball, "physx", mass=2.0)):
         made.save(tmp_path)
     assert "float physics:mass = 2" in (tmp_path / "scene.usda").read_text()
     with (tmp_path / "scene.usda").open("a") as file:
@@ -429,15 +485,17 @@ def test_an_export_replaces_only_what_an_export_wrote(ball, saved, name, tmp_pat
 
 def test_the_command_prints_the_claim_and_writes_the_files(run, printed, saved, tmp_path):
     folder = tmp_path / "new" / "ball"
-    out = printed("export", saved, "--to", "usd", "--mass", "1", "-o", folder)
+    out = printed("export", saved, "--to", "physx", "--mass", "1", "-o", folder)
     words = " ".join(out.split())
     assert "within 0.53 % of the law's force (predicted, not replayed)" in words
     assert "(the law itself: 0.41 %)" in words
     assert f"wrote {folder / 'material.usda'}" in out
     first = (folder / "statement.json").read_bytes()
-    assert run("export", saved / "result.json", "--to", "usd", "--mass", "1", "-o", folder)[0] == 0
+    assert (
+        run("export", saved / "result.json", "--to", "physx", "--mass", "1", "-o", folder)[0] == 0
+    )
     assert (folder / "statement.json").read_bytes() == first
-    whole = json.loads(run("export", saved, "--to", "usd", "--mass", "1", "--json")[1])
+    whole = json.loads(run("export", saved, "--to", "physx", "--mass", "1", "--json")[1])
     assert whole["claim"] == json.loads(first)["claim"]
 
 
@@ -466,7 +524,7 @@ def test_an_export_reports_a_damaged_result_in_one_line(saved, name, value):
     result = palpate.load_result(saved)
     result.description["results"][0][name] = value
     with pytest.raises(RecordingError, match="the result is damaged"):
-        exports.export(result, "usd")
+        exports.export(result, "physx")
 
 
 def test_a_comment_is_one_whatever_the_recording_is_called():
@@ -486,7 +544,7 @@ def test_a_folder_without_a_result_is_refused_in_one_line(run, refused, saved, t
         (recording, f"a recording, not a result; run palpate identify {recording} -o FOLDER"),
         (printed, "printed by --json"),
     ):
-        assert words in refused("export", file, "--to", "usd")
+        assert words in refused("export", file, "--to", "physx")
     assert run("export", saved, "--to", "gazebo")[0] == 3
 
 

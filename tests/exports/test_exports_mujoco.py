@@ -11,6 +11,8 @@ from export_cases import BALL_LAW, HALF_SPACE_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LA
 from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 
 import palpate
+from benchmarks.engine_logs import log_mujoco, read_back
+from benchmarks.sliding import FALL, sliding
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
 from palpate.exports import ExportRequest, ProbeMotion, engine_called, export
 from palpate.exports.mujoco.fitting import PairRow, PairRows
@@ -124,13 +126,79 @@ def test_a_pair_has_the_force_and_the_rebound_that_were_predicted(hertz):
     assert slow.replay(SHORT).force == pytest.approx(hertz.replay(SHORT).force, rel=1e-12)
 
 
+@pytest.mark.parametrize(
+    "law, form",
+    [
+        (KELVIN_VOIGT, "auto"),
+        pytest.param(HERTZ_LAW, "auto", marks=pytest.mark.long),
+        pytest.param(PVC_LAW, "two-contacts", marks=pytest.mark.long),
+    ],
+)
+def test_friction_holds_a_pressed_body_up_to_its_limit(law, form):
+    fragment = fitted(law, form=form, friction=0.5)
+    assert fragment.describe_friction() == "friction 0.5"
+    # The normal force is that of the law without friction.
+    assert error(fragment, SHORT) == pytest.approx(error(fitted(law, form=form), SHORT), rel=1e-6)
+    speed = sliding(fragment)
+    assert speed(20.0, 9.5) < 5e-4
+    assert speed(20.0, 10.5) == pytest.approx(0.5 * FALL, rel=0.02)  # (10.5 - 10) N on 1 kg
+
+
+def test_friction_reaches_a_users_model_with_its_cone(model, tmp_path):
+    made = export(palpate.KelvinVoigt(K=2000.0, B=16.6), "mujoco", model=model(SLIDE), geom="tip",
+                  friction=0.4)  # fmt: skip
+    assert ", friction 0.4: within 9.5·10⁻⁴ % of the law" in made.statement.describe()[0]
+    made.save(tmp_path / "made")
+    loaded = mujoco.MjModel.from_xml_path(str(tmp_path / "made" / "robot_scene.xml"))
+    assert (loaded.opt.cone, loaded.opt.impratio) == (mujoco.mjtCone.mjCONE_ELLIPTIC, 1e6)
+    assert (loaded.pair_dim[0], loaded.pair_friction[0, 0]) == (3, 0.4)
+
+
+def test_a_callback_has_no_friction():
+    with pytest.raises(InvalidParameterError, match="the callback is frictionless"):
+        fitted(BALL_LAW, form="callback", friction=0.5)
+    assert fitted(BALL_LAW, form="callback").describe_friction() == "frictionless"
+
+
+@pytest.mark.parametrize("to", ["mjx", "mujoco-warp"])
+def test_accelerated_engines_have_no_callback(to):
+    engine = engine_called(to)
+    assert "callback" not in engine.forms
+    law = GeneralisedHuntCrossley(K=2000.0, n=0.7, B=100.0, p=0.7)
+    with pytest.raises(InvalidParameterError, match="--to mujoco --form callback"):
+        engine.fit(ExportRequest(law, MOTION, mass=1.0))
+
+
+@pytest.mark.long
+def test_mjx_gets_two_contacts_that_rebound_as_the_law():
+    fragment = engine_called("mjx").fit(ExportRequest(PVC_LAW, MOTION, mass=1.0))
+    assert fragment.form == "two-contacts"
+    drop = drop_to(PVC_LAW, 1.0, MOTION.deepest)
+    assert fragment.predict_restitution(drop) == pytest.approx(drop.restitution, abs=0.02)
+    predicted = fragment.predict_force(MOTION)
+    withdrawn = MOTION.judged & (MOTION.velocity < 0.0)
+    assert force_error(predicted, MOTION.force_by(PVC_LAW), withdrawn) < 1.5
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "law, contacts", [(KELVIN_VOIGT, True), (KELVIN_VOIGT, False), (BALL_LAW, False)]
+)
+def test_the_law_comes_back_from_the_contacts_that_mujoco_logs(law, contacts):
+    log = log_mujoco(fitted(law), contacts=contacts)
+    assert max(read_back(log, law)) < 1.0  # %
+
+
 @pulling
 def test_a_contact_pair_states_when_it_pulls():
     law = SPONGE_LAW
     fragment = fitted(law)
     said = " ".join(map(str, fragment.findings))
     assert "withdrawn faster than 0.1 m/s (K/B), the pair pulls with up to 4.7 N" in said
-    assert "for MJX use --form two-contacts" in said
+    assert "for MJX export --to mjx" in said
+    assert "twice the recorded speed" not in said
+    faster = replace(MOTION, velocity=1.5 * MOTION.velocity)
+    assert "twice the recorded speed is faster" in str(fitted(law, motion=faster).findings)
     assert [row.adhesion for row in fragment.rows.rows] == [0.0, 4.7]
     # Below that speed it is the law; above it, it pulled with 6 N, and the callback does not pull.
     fast = np.array([[0.0, 1.0], [0.01, 0.01], [-0.08, -0.3], [0.0, 0.0]])

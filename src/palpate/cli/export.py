@@ -30,6 +30,8 @@ class ExportOptions:
     "Form of the contact in the engine (auto: the most accurate one for the law)."
     tip_radius: Depth | None = None
     "Radius of a spherical tip, such as 5mm, for engines whose law contains it."
+    friction: float = 0.0
+    "Coefficient of friction of the contact (default: 0, frictionless)."
     time_step: Duration | None = None
     "Time step of the simulation (default: that of --model, else 1ms)."
 
@@ -66,7 +68,7 @@ def export(
     result
         Folder written by palpate identify FILE -o FOLDER, or its result.json.
     to
-        Engine: mujoco, drake, opensim or usd.
+        Engine: mujoco, mjx, mujoco-warp, drake, opensim, newton, isaaclab or physx.
     output
         Write fragment, minimal scene and statement to this folder.
     allow

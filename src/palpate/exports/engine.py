@@ -3,13 +3,14 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from pkgutil import resolve_name
 from types import MappingProxyType
 from typing import ClassVar
 
 import numpy as np
 
+from palpate.digits import rounded
 from palpate.errors import ExportRefusedError
 from palpate.exports.motion import MOST_SAMPLES, ExportRequest, ProbeMotion
 from palpate.exports.replay_errors import Drop, restitution_by
@@ -78,6 +79,11 @@ class Fragment(ABC):
     largest_step: float | None = None
     findings: tuple[Finding, ...] = ()
 
+    def describe_friction(self) -> str:
+        """Return the friction of the contact in words, for the first line of the statement."""
+        friction = self.request.friction
+        return f"friction {rounded(friction, 3)}" if friction else "frictionless"
+
     @abstractmethod
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return text by file name: the fragment to paste, and a minimal scene.
@@ -108,7 +114,7 @@ class Fragment(ABC):
 
 
 class Engine(ABC):
-    """A simulation engine to which laws can be exported; each module has one as ``ENGINE``.
+    """A simulation engine to which laws can be exported; ``ENGINES`` has its place.
 
     Attributes
     ----------
@@ -123,7 +129,7 @@ class Engine(ABC):
     extra : str
         The extra of palpate that installs it.
     takes : frozenset of str
-        Which of the options model, geom and tip_radius it uses.
+        Which of the options model, geom, tip_radius and friction it uses.
     continuous : bool
         Whether it accepts a time step of 0 (continuous time).
     """
@@ -156,13 +162,17 @@ class Engine(ABC):
             return None
 
 
-#: Modules whose ``ENGINE`` is the engine; importing one does not import the simulator.
-MODULES: Mapping[str, str] = MappingProxyType(
+#: The engines by name, each at its place; importing one does not import the simulator.
+ENGINES: Mapping[str, str] = MappingProxyType(
     {
-        "mujoco": "palpate.exports.mujoco",
-        "drake": "palpate.exports.drake.engine",
-        "opensim": "palpate.exports.opensim",
-        "usd": "palpate.exports.usd",
+        "mujoco": "palpate.exports.mujoco:ENGINE",
+        "mjx": "palpate.exports.mujoco:MJX",
+        "mujoco-warp": "palpate.exports.mujoco:WARP",
+        "drake": "palpate.exports.drake.engine:ENGINE",
+        "opensim": "palpate.exports.opensim:ENGINE",
+        "newton": "palpate.exports.usd:NEWTON",
+        "isaaclab": "palpate.exports.usd:ISAAC_LAB",
+        "physx": "palpate.exports.usd:PHYSX",
     }
 )
 #: gz-physics issues 82 and 636, gz-sim issue 1961.
@@ -170,25 +180,55 @@ _DART = (
     "Gazebo with DART ignores the <kp> and <kd> of a surface, so it cannot have the law; export to "
     "mujoco or drake instead"
 )
+_BULLET = (
+    "PyBullet has only K x + B v, and adds K times its time step to B: with K and B of palpate "
+    "identify FILE --method kelvin-voigt set contactStiffness = K and contactDamping = B - K dt on "
+    "one of the two bodies"
+)
+_ODE = (
+    "Gazebo Classic has only K x + B v: set <kp> and <kd> to the K and B of palpate identify FILE "
+    "--method kelvin-voigt"
+)
+_GENESIS = (
+    "Genesis takes solref as a time constant only and has a friction pyramid, both of which change "
+    "the force; export to mjx or mujoco-warp instead"
+)
+#: Other names that people type: an engine's own name, or why there is no export and what to use.
+OTHER_NAMES: Mapping[str, str] = MappingProxyType(
+    {
+        **dict.fromkeys(("mujoco-mjx", "brax"), "mjx"),
+        **dict.fromkeys(("mjwarp", "warp", "mujoco-playground"), "mujoco-warp"),
+        **dict.fromkeys(("usd", "newton-physics"), "newton"),
+        **dict.fromkeys(("isaac", "isaac-lab"), "isaaclab"),
+        **dict.fromkeys(("isaacsim", "isaac-sim", "omniverse", "isaacgym", "sapien"), "physx"),
+        **dict.fromkeys(("simbody",), "opensim"),
+        **dict.fromkeys(("gazebo", "gz", "gz-sim", "dart"), _DART),
+        **dict.fromkeys(("gazebo-classic", "ode"), _ODE),
+        **dict.fromkeys(("pybullet", "bullet"), _BULLET),
+        "genesis": _GENESIS,
+    }
+)
 
 
 def engines() -> tuple[str, ...]:
     """Return the names of the engines."""
-    return tuple(MODULES)
+    return tuple(ENGINES)
 
 
 def engine_called(name: str) -> Engine:
-    """Return the engine of a name.
+    """Return the engine of a name, in any case and with hyphens or underscores.
 
     Raises
     ------
     InvalidParameterError
         There is no such engine.
     ExportRefusedError
-        The engine ignores the parameters of a contact law.
+        The engine cannot have the law; the message says what to use.
     """
-    if name in ("gazebo", "gz", "dart"):
-        raise ExportRefusedError(_DART)
-    check_choice("to", name, MODULES)
-    engine: Engine = import_module(MODULES[name]).ENGINE
+    typed = str(name).strip().lower().replace("_", "-").replace(" ", "-")
+    own = OTHER_NAMES.get(typed, typed)
+    if typed in OTHER_NAMES and own not in ENGINES:
+        raise ExportRefusedError(own)
+    check_choice("to", own, ENGINES)
+    engine: Engine = resolve_name(ENGINES[own])
     return engine

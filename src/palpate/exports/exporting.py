@@ -74,6 +74,7 @@ def export(
     form: str = "auto",
     tip_radius: float | None = None,
     time_step: float | None = None,
+    friction: float = 0.0,
     allow: bool = False,
     replay: bool = True,
 ) -> Export:
@@ -99,6 +100,8 @@ def export(
     time_step : float, optional
         Time step of the simulation, s, in (0, 1]; Drake also takes 0, a continuous plant. Default:
         that of the model, else 1 ms.
+    friction : float
+        Coefficient of friction of the contact, in [0, 10]. Default: 0, frictionless.
     allow : bool
         Export even if refused; the fragment then names the refusals. Default: False.
     replay : bool
@@ -128,6 +131,7 @@ def export(
         tip_radius=radius,
         time_step=number_in("time_step", step, 0.0, 1.0, open_low=not engine.continuous),
         form=form,
+        friction=number_in("friction", friction, 0.0, 10.0),
     )
     if model is not None and time_step is not None:
         raise InvalidParameterError("pass either time_step or model: the model has its own")
@@ -156,7 +160,12 @@ def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> Non
         raise InvalidParameterError("pass either mass or model: the model determines the mass")
     if request.geom is not None and request.model is None and "geom" in engine.takes:
         raise InvalidParameterError("geom needs a model that contains it: add --model FILE")
-    given = {"model": request.model, "geom": request.geom, "tip_radius": given_radius or None}
+    given = {
+        "model": request.model,
+        "geom": request.geom,
+        "tip_radius": given_radius or None,
+        "friction": request.friction or None,
+    }
     for name, value in given.items():
         if value is not None and name not in engine.takes:
             raise InvalidParameterError(f"{engine.title} does not use {name}: omit it")

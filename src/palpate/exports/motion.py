@@ -157,6 +157,8 @@ class ExportRequest:
         Time step of the simulation, s. Default: 1e-3.
     form : str
         Form of the contact in the engine. Default: "auto", chosen by the engine.
+    friction : float
+        Coefficient of friction. Default: 0, frictionless.
     """
 
     law: GeneralisedHuntCrossley
@@ -167,6 +169,7 @@ class ExportRequest:
     tip_radius: float | None = None
     time_step: float = 1e-3
     form: str = "auto"
+    friction: float = 0.0
 
     def __post_init__(self) -> None:
         if not self.law.K > 0.0:

@@ -31,7 +31,7 @@ class OpenSimScene:
     """A tip on a slide above a half-space."""
 
     def __init__(self, text: str) -> None:
-        self._opensim = _quiet_opensim()
+        self._opensim = quiet_opensim()
         with temporary_file("contact.osim", [text.encode()]) as path:
             self._model = self._opensim.Model(str(path))
         self._state = self._model.initSystem()
@@ -64,7 +64,8 @@ class OpenSimScene:
         return came_back(((slide.getValue(s), slide.getSpeedValue(s)) for s in states), drop)
 
 
-def _quiet_opensim() -> Any:
+def quiet_opensim() -> Any:
+    """Return the OpenSim module, which then writes no log."""
     with warnings.catch_warnings():
         # Python 3.12 warns like this when it imports an extension made by an older SWIG.
         warnings.filterwarnings(
@@ -82,6 +83,8 @@ def _quiet_opensim() -> Any:
 #: Ratio of the tip's modulus to the surface's; it changes the combined modulus in the ninth digit.
 RIGID = 1e13
 _EXPONENT = 1.5
+# m/s. A held body creeps by up to this, at the limit of friction; OpenSim's default is 10 mm/s.
+_TRANSITION = 1e-3
 _HEED = (
     "A sphere of this radius on a half-space. Each geometry has its own parameters: from Python",
     "both would have the same material, and the force would be lower by a factor of root 8.",
@@ -99,6 +102,7 @@ class SphereOnHalfSpace(Fragment):
         # The inertia of a solid sphere; the tip cannot rotate, so it has no effect.
         tip = {"mass": mass, "inertia": 0.4 * mass * radius**2, "above": -radius}
         contact = {**self.numbers, "rigid": RIGID * self.numbers["stiffness"]}
+        contact |= {"friction": self.request.friction, "transition": _TRANSITION}
         comment = xml_comment([*notes, *_HEED])
         model = template("opensim.osim", comment=comment, **tip, **contact)
         comment = hash_comment([*notes, *_HEED])
@@ -126,7 +130,7 @@ class OpenSim(Engine):
     }
     distribution: ClassVar[str | None] = "opensim"
     extra: ClassVar[str] = "peers"
-    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
+    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius", "friction"})
 
     def fit(self, request: ExportRequest) -> SphereOnHalfSpace:
         """Return the law as a HuntCrossleyForce: exact for n = p = 3/2, else the nearest one.

@@ -502,7 +502,8 @@ class Statement:
     def describe(self) -> list[str]:
         """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
         title = " ".join(filter(None, (self.engine.title, self.engine.version())))
-        lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
+        form = f"{self.fragment.form}, {self.fragment.describe_friction()}"
+        lines = [f"{title}, {form}: {self.claim}.", *self.basis(), *self.law_lines()]
         if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
         return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
@@ -630,6 +631,7 @@ class Statement:
             },
             "mass": request.mass,
             "time_step": request.time_step,
+            "friction": request.friction,
             "largest_time_step": finite_or_none(self.fragment.largest_step),
             "source": source.name or None,
             "motion": source.motion.source,

@@ -21,7 +21,12 @@ class _Digits(string.Formatter):
 def template(name: str, **values: Any) -> str:
     """Return a file of ``templates`` with its fields filled in."""
     text = resources.files("palpate.exports") / "templates" / name
-    return _Digits().format(text.read_text(encoding="utf-8"), **values)
+    return fill(text.read_text(encoding="utf-8"), **values)
+
+
+def fill(text: str, **values: Any) -> str:
+    """Return a text with its fields filled in."""
+    return _Digits().format(text, **values)
 
 
 def digits(value: float) -> str:

@@ -67,6 +67,8 @@ class Parts:
         Radius and mass of the tip, m and kg.
     width, height : float
         Size of the box whose top is the surface, m.
+    friction : float
+        Coefficient of friction of both bodies, which is then that of the contact.
     """
 
     surface: Mapping[str, float | None]
@@ -75,6 +77,7 @@ class Parts:
     mass: float
     width: float
     height: float
+    friction: float
 
 
 #: By file name: the template of both bodies, the text of a sphere of the tip, the indent of
@@ -89,10 +92,12 @@ def bodies(parts: Parts, file: str, comment: str) -> str:
     """Return the text of a file with both bodies."""
     whole, one, indent, line = DIALECTS[file]
 
+    friction = {"mu_dynamic": parts.friction, "mu_static": parts.friction}
+
     def properties(material: Mapping[str, float | None]) -> str:
         lines = [
             f"<drake:{name}/>" if value is None else line.format(name, digits(value))
-            for name, value in material.items()
+            for name, value in {**material, **friction}.items()
         ]
         inside = "".join(f"\n{indent}  {each}" for each in lines)
         return f"<drake:proximity_properties>{inside}\n{indent}</drake:proximity_properties>"
@@ -232,7 +237,7 @@ class Drake(Engine):
     }
     distribution: ClassVar[str | None] = "drake"
     extra: ClassVar[str] = "peers"
-    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius"})
+    takes: ClassVar[frozenset[str]] = frozenset({"tip_radius", "friction"})
     continuous: ClassVar[bool] = True
 
     def fit(self, request: ExportRequest) -> DrakeContact:
@@ -386,7 +391,7 @@ def _parts(
     width = max(1.0, 10.0 * (radius + deepest))
     height = max(0.2, 4.0 * deepest)
     tips = (DrakeTip("tip", radius, 0.0, tip),)
-    return Parts(surface, tips, radius, request.mass_or_one, width, height)
+    return Parts(surface, tips, radius, request.mass_or_one, width, height, request.friction)
 
 
 def _step(request: ExportRequest) -> tuple[str, ...]:

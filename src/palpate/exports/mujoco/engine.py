@@ -89,7 +89,8 @@ class InMuJoCo(Fragment):
         """Return the XML to paste or include into a model; without rows the surface only."""
         place = Placement() if self.robot is None else self.robot.place
         both = sections(self.rows.rows, self.tip, place)
-        return template("mujoco_fragment.xml", comment=xml_comment(notes), **both)
+        option = f"  <option{both['cone']}/>\n" if both["cone"] else ""
+        return template("mujoco_fragment.xml", comment=xml_comment(notes), option=option, **both)
 
     def pressable(self) -> PressableModel:
         """Return the user's model with the fragment, or the minimal scene."""
@@ -196,9 +197,15 @@ _HEAVY = 1.0
 _NEARLY_ONE = 0.5
 
 _FRICTIONLESS = (
-    "the contact is frictionless (condim 1): with condim 3 a pyramidal cone changes the normal "
-    "force, and a pair's adhesion increases the friction"
+    "the contact is frictionless (condim 1): add --friction; with condim 3 alone a pyramidal cone "
+    "changes the normal force"
 )
+_CONE = (
+    'the friction needs cone="elliptic" and a large impratio, which contact.xml sets for the whole '
+    "model: other contacts there creep less"
+)
+_OF_THE_SPRING = "the friction of a pair is that of its spring's force, without the damper's"
+_NO_FRICTION = "the callback is frictionless: omit friction, or export to drake"
 _ONE_FOR_ALL = (
     "MuJoCo has one mjcb_passive for all models, and Python cannot compile a model while it is "
     "installed; the callback takes some 20 µs of Python per step"
@@ -218,7 +225,8 @@ class MuJoCo(Engine):
     }
     distribution: ClassVar[str | None] = "mujoco"
     extra: ClassVar[str] = "exports"
-    takes: ClassVar[frozenset[str]] = frozenset({"model", "geom"})
+    rows_class: ClassVar[type[InRows]] = InRows
+    takes: ClassVar[frozenset[str]] = frozenset({"model", "geom", "friction"})
 
     def fit(self, request: ExportRequest) -> Fragment:
         """Return the law in MuJoCo's parameters, for one pressing body.
@@ -232,6 +240,7 @@ class MuJoCo(Engine):
         request, robot, mobility = _effective_mass(request)
         request, lifted = _raise_exponent(request)
         form, rows = self._chosen(request, mobility, 1 if robot is None else robot.contacts)
+        rows = rows.with_friction(request.friction, request.time_step)
         law = request.law
         deepest = request.motion.deepest
         engine_law = kelvin_voigt(law, request.motion) if form == "kelvin-voigt" else law
@@ -251,8 +260,7 @@ class MuJoCo(Engine):
             warnings.append(_ONE_FOR_ALL)
         else:
             numbers = _numbers(rows)
-            warnings = [_FRICTIONLESS, *_about(form, request, rows)]
-            warnings += lifted
+            warnings = [*_about(form, request, rows), *lifted]
             if not runs:
                 warnings.append(
                     f"MuJoCo {self.version()} is too old for the adhesion of a pair, so palpate "
@@ -261,7 +269,7 @@ class MuJoCo(Engine):
         own = () if robot is None else robot.findings
         if form == "callback":  # warnings about rows do not apply to its one point
             own = tuple(each for each in own if each.severity == "do-not-trust")
-        return (AsCallback if form == "callback" else InRows)(
+        return (AsCallback if form == "callback" else self.rows_class)(
             form=form,
             request=request,
             numbers=numbers,
@@ -282,7 +290,10 @@ class MuJoCo(Engine):
     ) -> tuple[str, PairRows]:
         """Return the form and its rows; a callback has no rows."""
         why = _not_in_rows(request.law)
-        if request.form == "callback" or (request.form == "auto" and why):
+        auto = request.form == "auto" and "callback" in self.forms
+        if request.form == "callback" or (auto and why):
+            if request.friction:
+                raise InvalidParameterError(f"friction: {_NO_FRICTION}")
             return "callback", PairRows((), mobility)
         if why and request.form != "kelvin-voigt":
             raise InvalidParameterError(f"form {request.form}: {why}")
@@ -348,7 +359,7 @@ def _raise_exponent(request: ExportRequest) -> tuple[ExportRequest, tuple[str, .
 
 def _not_in_rows(law: GeneralisedHuntCrossley) -> str:
     """Return why rows cannot represent a law; empty if they can."""
-    offered = "use --form callback, which has the exact law"
+    offered = "use --to mujoco --form callback, which has the exact law"
     if law.n < 1.0:
         return f"a MuJoCo contact needs an exponent of at least 1, not {law.n:g}: {offered}"
     if law.B < 0.0:
@@ -371,8 +382,9 @@ def _numbers(rows: PairRows) -> dict[str, float]:
 def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     """Return the warnings of a form."""
     phrases = [
+        _CONE if request.friction else _FRICTIONLESS,
         f"the parameters are for an effective mass of {1.0 / rows.mobility:.4g} kg (the inverse of "
-        "body_invweight0 of both bodies): export again for another body"
+        "body_invweight0 of both bodies): export again for another body",
     ]
     if form == "kelvin-voigt":
         return phrases
@@ -391,8 +403,10 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
             f"the mass that the contacts add changes the force by {percent(heavy)} on this motion: "
             "a lighter body, a slower motion or --form callback reduces it"
         )
+    if form == "pair" and request.friction:
+        phrases.append(_OF_THE_SPRING)
     if form == "pair" and law.B:
-        phrases += _pulls(law, float(np.median(motion.penetration[motion.judged])), rows)
+        phrases += _pulls(law, motion, rows)
     if shallow := _shallow(law, rows, motion.deepest):
         phrases.append(
             f"at depths of less than {length(shallow, 2)} the force at rest is off by more than "
@@ -401,18 +415,25 @@ def _about(form: str, request: ExportRequest, rows: PairRows) -> list[str]:
     return phrases
 
 
-def _pulls(law: GeneralisedHuntCrossley, depth: float, rows: PairRows) -> tuple[str, ...]:
+def _pulls(
+    law: GeneralisedHuntCrossley,
+    motion: ProbeMotion,
+    rows: PairRows,
+) -> tuple[str, ...]:
     """Return warnings about the speed from which a pair pulls and its largest adhesive force."""
     rising = law.n - law.p
+    depth = float(np.median(motion.penetration[motion.judged]))
     speed = law.K / law.B * depth**rising
     where = " (K/B)" if rising == 0.0 else f" from a depth of {length(depth, 2)}"
     where += " (nearer the surface at lower speeds)" if rising > 0.0 else ""
     most = rows.contacts * max(row.adhesion for row in rows.rows)
+    withdrawn = -float(motion.velocity[motion.judged].min())
+    near = "; twice the recorded speed is faster" if 2.0 * withdrawn > speed else ""
     return (
         f"when withdrawn faster than {rounded(speed, 2)} m/s{where}, the pair pulls with up to "
         f"{rounded(most, 2)} N, unlike a real contact: for such motions use --form callback or "
-        "--form two-contacts, which never pull",
-        "MJX ignores the adhesion of a pair: for MJX use --form two-contacts",
+        f"--form two-contacts, which never pull{near}",
+        "MJX ignores the adhesion of a pair: for MJX export --to mjx",
     )
 
 

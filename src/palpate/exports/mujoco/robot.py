@@ -17,7 +17,7 @@ from palpate.errors import InvalidParameterError, RecordingError, require_mujoco
 from palpate.exports.engine import make_refusals, make_warnings
 from palpate.exports.exporting import STATEMENT
 from palpate.exports.motion import ProbeMotion
-from palpate.exports.mujoco.fitting import PairRow
+from palpate.exports.mujoco.fitting import IMPRATIO, PairRow
 from palpate.exports.texts import digits, template, xml_comment
 from palpate.findings import Finding
 from palpate.validation import Floats, frozen
@@ -42,7 +42,7 @@ class Placement:
 
 
 def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, str]:
-    """Return the XML of the surfaces, one per row (at least one), and the ``<contact>`` section.
+    """Return the XML of the surfaces, one per row (at least one), of contacts, and of the cone.
 
     Surfaces are massless and static, and collide only through the pairs.
     """
@@ -61,7 +61,7 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
         attributes = {
             "geom1": pad,
             "geom2": tip,
-            "condim": "1",
+            "condim": "3" if row.friction else "1",
             # Not "0": a solref that is not negative has another meaning.
             "solref": _numbers((-row.spring, -row.damper)),
             "solimp": _numbers(row.solimp),
@@ -69,13 +69,23 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
             "margin": _numbers([-row.inset]),
             "gap": "0",
         }
+        if row.friction:
+            attributes["friction"] = _numbers(_friction(row))
+            attributes["solreffriction"] = _numbers((-1.0, -row.friction_damper))
         if row.adhesion:
             attributes["adhesion"] = digits(row.adhesion)
         pair = ElementTree.Element("pair", attributes)
         lines.append(f"    <!-- The {name}. -->")
         lines.append(f"    {ElementTree.tostring(pair, encoding='unicode')}")
     contact = "\n".join(["  <contact>", *lines, "  </contact>"]) if lines else ""
-    return {"pads": "\n".join(surfaces), "contact": contact}
+    rubs = any(row.friction for row in rows)
+    cone = f' cone="elliptic" impratio="{digits(IMPRATIO)}"' if rubs else ""
+    return {"pads": "\n".join(surfaces), "contact": contact, "cone": cone}
+
+
+def _friction(row: PairRow) -> tuple[float, ...]:
+    """Return a pair's friction: twice sliding; torsion and rolling, which condim 3 ignores."""
+    return (row.friction, row.friction, 0.005, 0.0001, 0.0001)
 
 
 def _numbers(values: Sequence[float]) -> str:
@@ -362,10 +372,16 @@ def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) 
     for pad in PADS[: max(len(rows), 1)]:
         spec.worldbody.add_geom(name=pad, **plane, **where, contype=0, conaffinity=0)
     for row, pad in zip(rows, PADS, strict=False):
-        more = {"adhesion": row.adhesion} if row.adhesion else {}
+        more: dict[str, Any] = {"adhesion": row.adhesion} if row.adhesion else {}
+        if row.friction:
+            spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+            spec.option.impratio = IMPRATIO
+            more["friction"] = _friction(row)
+            more["solreffriction"] = (-1.0, -row.friction_damper)
         solref = (-row.spring, -row.damper)
         spec.add_pair(
-            geomname1=pad, geomname2=geom, condim=1, solref=solref, solimp=row.solimp,
+            geomname1=pad, geomname2=geom, solref=solref, solimp=row.solimp,
+            condim=3 if row.friction else 1,
             margin=-row.inset, gap=0.0, **more,
         )  # fmt: skip
     try:
