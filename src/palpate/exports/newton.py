@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from palpate.exports.motion import ProbeMotion
-from palpate.exports.mujoco.accelerated import silence_warp
+from palpate.exports.mujoco.accelerated import quick_warp
 from palpate.validation import Floats
 
 # s. The step of one state, in which the body hardly moves; Newton calculates in single precision.
@@ -28,11 +28,11 @@ class NewtonScene:
         "SolverMuJoCo" or "SolverSemiImplicit".
     """
 
+    @quick_warp()
     def __init__(self, files: Mapping[str, str], solver: str) -> None:
         with warnings.catch_warnings():
             # Newton warns of versions of MuJoCo with which it works all the same.
             warnings.simplefilter("ignore")
-            silence_warp()
             import newton
 
             builder = newton.ModelBuilder()
@@ -61,6 +61,7 @@ class NewtonScene:
         state.joint_q.assign(place[0])
         state.joint_qd.assign(speed[0])
 
+    @quick_warp()
     def step(self, time_step: float, wrench: Sequence[float] = (0.0,) * 6) -> None:
         """Simulate a step [s] with a force [N] and torque [N·m] on the tip."""
         before, after = self._states
