@@ -47,6 +47,7 @@ class NewtonScene:
             self._solver = getattr(newton.solvers, solver)(self._model, **settings)
         self._states = [self._model.state(), self._model.state()]
         self._contacts = self._pipeline.contacts()
+        self._control = self._model.control()
         self._surface = float(self._model.body_q.numpy()[0, 2])
         self._mass = float(self._model.body_mass.numpy()[0])
         self._generalised = solver == "SolverMuJoCo"
@@ -66,8 +67,9 @@ class NewtonScene:
         """Simulate a step [s] with a force [N] and torque [N·m] on the tip."""
         before, after = self._states
         before.body_f.assign(np.array([wrench], np.float32))
-        self._pipeline.collide(before, self._contacts)
-        self._solver.step(before, after, self._model.control(), self._contacts, time_step)
+        if not self._generalised:  # SolverMuJoCo finds its contacts itself
+            self._pipeline.collide(before, self._contacts)
+        self._solver.step(before, after, self._control, self._contacts, time_step)
         self._states = [after, before]
 
     def velocity(self) -> Floats:
