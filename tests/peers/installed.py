@@ -17,4 +17,4 @@ def installed(name: str) -> ModuleType:
             )
             return importlib.import_module(name)
     except ImportError as reason:
-        pytest.skip(f"no {name} here ({reason}): pip install '.[peers]'")
+        pytest.skip(f"no {name} here ({reason}): pip install '.[peers,engines]'")

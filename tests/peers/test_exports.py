@@ -1,4 +1,4 @@
-"""A law exported to Drake, OpenSim and USD, read there, and pressed by the two that press."""
+"""A law exported to the engines, read there, pressed, rubbed, and identified from their logs."""
 
 import subprocess
 import sys
@@ -184,12 +184,10 @@ def test_newton_has_the_law_and_rests_where_it_carries_the_weight(solver):
     assert scene.penetration() == pytest.approx(9.81 / 2000.0, rel=0.01)
 
 
-@pytest.mark.parametrize(
-    "to, most_percent", [("mjx", 0.01), ("mujoco-warp", 0.01), ("newton", 0.01)]
-)
-def test_the_engines_of_training_have_the_force_that_was_predicted(to, most_percent):
+@pytest.mark.parametrize("to", ["mjx", "mujoco-warp", "newton"])
+def test_the_engines_of_training_have_the_force_that_was_predicted(to):
     replayed, predicted = replayed_percent(exported(to), 60)
-    assert replayed < most_percent
+    assert replayed < 0.01
     assert replayed == pytest.approx(predicted, abs=1e-3)
 
 

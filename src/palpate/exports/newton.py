@@ -8,7 +8,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from palpate.exports.motion import ProbeMotion
-from palpate.exports.mujoco.accelerated import silence_warp
+from palpate.exports.mujoco.accelerated import quick_warp
 from palpate.validation import Floats
 
 # s. The step of one state, in which the body hardly moves; Newton calculates in single precision.
@@ -28,11 +28,11 @@ class NewtonScene:
         "SolverMuJoCo" or "SolverSemiImplicit".
     """
 
+    @quick_warp()
     def __init__(self, files: Mapping[str, str], solver: str) -> None:
         with warnings.catch_warnings():
             # Newton warns of versions of MuJoCo with which it works all the same.
             warnings.simplefilter("ignore")
-            silence_warp()
             import newton
 
             builder = newton.ModelBuilder()
@@ -47,6 +47,7 @@ class NewtonScene:
             self._solver = getattr(newton.solvers, solver)(self._model, **settings)
         self._states = [self._model.state(), self._model.state()]
         self._contacts = self._pipeline.contacts()
+        self._control = self._model.control()
         self._surface = float(self._model.body_q.numpy()[0, 2])
         self._mass = float(self._model.body_mass.numpy()[0])
         self._generalised = solver == "SolverMuJoCo"
@@ -61,12 +62,14 @@ class NewtonScene:
         state.joint_q.assign(place[0])
         state.joint_qd.assign(speed[0])
 
+    @quick_warp()
     def step(self, time_step: float, wrench: Sequence[float] = (0.0,) * 6) -> None:
         """Simulate a step [s] with a force [N] and torque [N·m] on the tip."""
         before, after = self._states
         before.body_f.assign(np.array([wrench], np.float32))
-        self._pipeline.collide(before, self._contacts)
-        self._solver.step(before, after, self._model.control(), self._contacts, time_step)
+        if not self._generalised:  # SolverMuJoCo finds its contacts itself
+            self._pipeline.collide(before, self._contacts)
+        self._solver.step(before, after, self._control, self._contacts, time_step)
         self._states = [after, before]
 
     def velocity(self) -> Floats:
