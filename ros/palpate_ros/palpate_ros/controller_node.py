@@ -44,10 +44,7 @@ class ControllerNode(Node):
 def main() -> None:
     """Run the node."""
     rclpy.init()
-    node = ControllerNode()
     try:
-        rclpy.spin(node)
+        rclpy.spin(ControllerNode())
     except KeyboardInterrupt:
         pass
-    finally:
-        node.destroy_node()
