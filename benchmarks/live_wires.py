@@ -36,6 +36,7 @@ from palpate.errors import PalpateError
 from palpate.findings import LOOP_CHECKS, Check
 from palpate.live import ros, run
 from palpate.live.diagnosing import Diagnosing
+from palpate.live.realtime import run_first
 from palpate.live.schema import (
     ESTIMATE_FIELDS,
     ESTIMATE_TYPE,
@@ -149,9 +150,10 @@ def serve(wire: str, where: str, count: int, orders: Connection) -> None:
     orders.send("ready")
     orders.recv()
     begin = time.monotonic()
-    for k in range(count):
-        time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
-        send(k, time.monotonic_ns())
+    with run_first():  # as a robot's loop, and palpate's, are
+        for k in range(count):
+            time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
+            send(k, time.monotonic_ns())
     orders.recv()
 
 
@@ -165,9 +167,10 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
     theirs.close()
     orders.poll(30.0)  # until it is ready, or has ended
     try:
-        if wire == DIRECT:
-            return _bare(int(where), count, lambda: orders.send("begin")), count, 0
-        return _taken(wire, where, count, lambda: orders.send("begin"))
+        with run_first():
+            if wire == DIRECT:
+                return _bare(int(where), count, lambda: orders.send("begin")), count, 0
+            return _taken(wire, where, count, lambda: orders.send("begin"))
     finally:
         process.terminate()
         process.join()
@@ -351,9 +354,10 @@ def send_estimates(wire: str, where: str, count: int, orders: Connection) -> Non
     orders.send("ready")
     orders.recv()
     begin = time.monotonic()
-    for k in range(count):
-        time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
-        publisher.put(0, publisher.estimate({**EMPTY, "number": k, "time": time.monotonic()}))
+    with run_first():
+        for k in range(count):
+            time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
+            publisher.put(0, publisher.estimate({**EMPTY, "number": k, "time": time.monotonic()}))
     orders.recv()
 
 
@@ -381,12 +385,13 @@ def measure_estimates(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], 
     try:
         time.sleep(2.0 * _SETTLE)
         orders.send("begin")
-        for _, topic, data in listener.take(seconds + 3.0):
-            found = listener.read(topic, data)
-            times.append(time.monotonic() - found["time"])
-            assert found["number"] == len(times) - 1
-            if len(times) == count:
-                break
+        with run_first():
+            for _, topic, data in listener.take(seconds + 3.0):
+                found = listener.read(topic, data)
+                times.append(time.monotonic() - found["time"])
+                assert found["number"] == len(times) - 1
+                if len(times) == count:
+                    break
     finally:
         listener.close()
         process.terminate()
