@@ -13,7 +13,7 @@ import socket
 import struct
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 from queue import Empty, Queue
@@ -36,7 +36,7 @@ from palpate.errors import PalpateError
 from palpate.findings import LOOP_CHECKS, Check
 from palpate.live import ros, run
 from palpate.live.diagnosing import Diagnosing
-from palpate.live.realtime import run_first
+from palpate.live.realtime import give_way, run_first
 from palpate.live.schema import (
     ESTIMATE_FIELDS,
     ESTIMATE_TYPE,
@@ -146,15 +146,15 @@ def _zenoh(where: str) -> Callable[[int, bytes, int], None]:
 
 def serve(wire: str, where: str, count: int, orders: Connection) -> None:
     """Send at the rate, on request; then wait to be ended."""
-    send = sender(wire, where)
-    orders.send("ready")
-    orders.recv()
-    begin = time.monotonic()
-    with run_first():  # as a robot's loop, and palpate's, are
+    with run_first():  # as a robot's loop, and palpate's, are; also the threads of a wire
+        send = sender(wire, where)
+        orders.send("ready")
+        orders.recv()
+        begin = time.monotonic()
         for k in range(count):
             time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
             send(k, time.monotonic_ns())
-    orders.recv()
+        orders.recv()
 
 
 def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
@@ -349,15 +349,15 @@ def free_place(wire: str, domain: int = _DOMAIN) -> str:
 
 def send_estimates(wire: str, where: str, count: int, orders: Connection) -> None:
     """Send estimates at the rate, on request; then wait to be ended."""
+    give_way(gently=False)  # as palpate's publisher does
     publisher = _made(wire, where)
     publisher.open()
     orders.send("ready")
     orders.recv()
     begin = time.monotonic()
-    with run_first():
-        for k in range(count):
-            time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
-            publisher.put(0, publisher.estimate({**EMPTY, "number": k, "time": time.monotonic()}))
+    for k in range(count):
+        time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
+        publisher.put(0, publisher.estimate({**EMPTY, "number": k, "time": time.monotonic()}))
     orders.recv()
 
 
@@ -380,22 +380,18 @@ def measure_estimates(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], 
     process.start()
     theirs.close()
     orders.poll(30.0)
-    listener = Listener(wire, where)
     times = []
-    try:
+    with run_first(), closing(Listener(wire, where)) as listener:
         time.sleep(2.0 * _SETTLE)
         orders.send("begin")
-        with run_first():
-            for _, topic, data in listener.take(seconds + 3.0):
-                found = listener.read(topic, data)
-                times.append(time.monotonic() - found["time"])
-                assert found["number"] == len(times) - 1
-                if len(times) == count:
-                    break
-    finally:
-        listener.close()
-        process.terminate()
-        process.join()
+        for _, topic, data in listener.take(seconds + 3.0):
+            found = listener.read(topic, data)
+            times.append(time.monotonic() - found["time"])
+            assert found["number"] == len(times) - 1
+            if len(times) == count:
+                break
+    process.terminate()
+    process.join()
     return np.array(times), count
 
 

@@ -147,10 +147,14 @@ def give_way(*, gently: bool = True) -> None:
         Whether to yield to all other programs too. Default: True.
     """
     with suppress(OSError, AttributeError):  # unsupported or not permitted
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         # A child inherits the loop's first place.
-        niceness = max(os.getpriority(os.PRIO_PROCESS, 0), 0) + _GENTLY * gently
-        os.setpriority(os.PRIO_PROCESS, 0, min(niceness, 19))
+        niceness = max(os.getpriority(os.PRIO_PROCESS, 0), 0)
+        if gently:
+            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+            os.setpriority(os.PRIO_PROCESS, 0, min(niceness + _GENTLY, 19))
+        else:
+            os.setpriority(os.PRIO_PROCESS, 0, niceness)
+            _schedule(niceness, _SLICE)
         cores = os.sched_getaffinity(0)
         # The kernel handles interrupts on the first cores, so the loop gets the last.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)
