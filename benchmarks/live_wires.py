@@ -154,7 +154,7 @@ def serve(wire: str, where: str, count: int, orders: Connection) -> None:
         for k in range(count):
             time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
             send(k, time.monotonic_ns())
-        orders.recv()
+    orders.recv()
 
 
 def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:

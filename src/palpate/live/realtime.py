@@ -132,8 +132,14 @@ def _prefer_session() -> Iterator[None]:
         yield
     finally:
         if preferred:
-            with suppress(OSError):
-                _SESSION.write_text("0")
+            stop_preferring_session()
+
+
+def stop_preferring_session() -> None:
+    """Undo what the loop did to its terminal's priority; a sink does so if the loop was killed."""
+    with suppress(OSError):
+        if _SESSION.read_text().split()[-1] == str(_FIRST):
+            _SESSION.write_text("0")
 
 
 def give_way(*, gently: bool = True) -> None:
