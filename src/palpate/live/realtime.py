@@ -155,12 +155,8 @@ def give_way(*, gently: bool = True) -> None:
     with suppress(OSError, AttributeError):  # unsupported or not permitted
         # A child inherits the loop's first place.
         niceness = max(os.getpriority(os.PRIO_PROCESS, 0), 0)
-        if gently:
-            os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
-            os.setpriority(os.PRIO_PROCESS, 0, min(niceness + _GENTLY, 19))
-        else:
-            os.setpriority(os.PRIO_PROCESS, 0, niceness)
-            _schedule(niceness, _SLICE)
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, 0, min(niceness + _GENTLY * gently, 19))
         cores = os.sched_getaffinity(0)
         # The kernel handles interrupts on the first cores, so the loop gets the last.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)
