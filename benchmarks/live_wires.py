@@ -13,7 +13,7 @@ import socket
 import struct
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import closing, suppress
 from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 from queue import Empty, Queue
@@ -36,6 +36,7 @@ from palpate.errors import PalpateError
 from palpate.findings import LOOP_CHECKS, Check
 from palpate.live import ros, run
 from palpate.live.diagnosing import Diagnosing
+from palpate.live.realtime import give_way, run_first
 from palpate.live.schema import (
     ESTIMATE_FIELDS,
     ESTIMATE_TYPE,
@@ -145,13 +146,14 @@ def _zenoh(where: str) -> Callable[[int, bytes, int], None]:
 
 def serve(wire: str, where: str, count: int, orders: Connection) -> None:
     """Send at the rate, on request; then wait to be ended."""
-    send = sender(wire, where)
-    orders.send("ready")
-    orders.recv()
-    begin = time.monotonic()
-    for k in range(count):
-        time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
-        send(k, time.monotonic_ns())
+    with run_first():  # as a robot's loop, and palpate's, are; also the threads of a wire
+        send = sender(wire, where)
+        orders.send("ready")
+        orders.recv()
+        begin = time.monotonic()
+        for k in range(count):
+            time.sleep(max(begin + k / RATE - time.monotonic(), 0.0))
+            send(k, time.monotonic_ns())
     orders.recv()
 
 
@@ -165,9 +167,10 @@ def measure(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], int, int]:
     theirs.close()
     orders.poll(30.0)  # until it is ready, or has ended
     try:
-        if wire == DIRECT:
-            return _bare(int(where), count, lambda: orders.send("begin")), count, 0
-        return _taken(wire, where, count, lambda: orders.send("begin"))
+        with run_first():
+            if wire == DIRECT:
+                return _bare(int(where), count, lambda: orders.send("begin")), count, 0
+            return _taken(wire, where, count, lambda: orders.send("begin"))
     finally:
         process.terminate()
         process.join()
@@ -346,6 +349,7 @@ def free_place(wire: str, domain: int = _DOMAIN) -> str:
 
 def send_estimates(wire: str, where: str, count: int, orders: Connection) -> None:
     """Send estimates at the rate, on request; then wait to be ended."""
+    give_way(gently=False)  # as palpate's publisher does
     publisher = _made(wire, where)
     publisher.open()
     orders.send("ready")
@@ -376,9 +380,8 @@ def measure_estimates(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], 
     process.start()
     theirs.close()
     orders.poll(30.0)
-    listener = Listener(wire, where)
     times = []
-    try:
+    with run_first(), closing(Listener(wire, where)) as listener:
         time.sleep(2.0 * _SETTLE)
         orders.send("begin")
         for _, topic, data in listener.take(seconds + 3.0):
@@ -387,10 +390,8 @@ def measure_estimates(wire: str, seconds: float) -> tuple[np.ndarray[Any, Any], 
             assert found["number"] == len(times) - 1
             if len(times) == count:
                 break
-    finally:
-        listener.close()
-        process.terminate()
-        process.join()
+    process.terminate()
+    process.join()
     return np.array(times), count
 
 

@@ -1,9 +1,11 @@
 """The ROS 2 package ``ros/``: its node's logic and its controller, driven without ROS."""
 
 import os
+import re
 import struct
 import subprocess
 import sys
+from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -13,6 +15,7 @@ import zmq
 from message_files import Maker
 from rosbags.typesys import get_types_from_msg
 
+import palpate
 from benchmarks.live_wires import FAULTY_FROM, faulty_robot
 from palpate.findings import LOOP_CHECKS
 from palpate.live import ros, schema
@@ -103,6 +106,15 @@ def test_the_node_and_the_message_have_the_checks_and_version_of_the_wires():
     faults = [identifier.CHECKS[check] for check in identifier.FAULTS]
     assert sum(faults) == gain.FAULTY
     assert identifier.CHECKS["lost contact"] == gain.LOST_CONTACT
+    for source in ROOT.rglob("*.py"):
+        compile(source.read_text(encoding="utf-8"), source, "exec")
+    parameters = (ROOT / "palpate_ros" / "config" / "palpate.yaml").read_text(encoding="utf-8")
+    named = set(re.findall(r"^    (\w+):", parameters, re.MULTILINE))
+    known = {each.name for each in fields(identifier.Settings)}
+    assert named - known == {"source", "base_frame", "tool_frame", "bandwidth", "oldest"}
+    assert known <= named
+    with pytest.raises(palpate.InvalidParameterError, match="wrench_frame must be tool or base"):
+        identifier.ContactIdentifier(identifier.Settings(wrench_frame="world"))
 
 
 GOOD = {

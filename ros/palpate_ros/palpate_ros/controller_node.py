@@ -1,5 +1,7 @@
 """An example of a controller: it publishes the gain of a force control for the present contact."""
 
+from contextlib import suppress
+
 import rclpy
 from palpate_msgs.msg import ContactEstimate
 from rclpy.node import Node
@@ -44,10 +46,5 @@ class ControllerNode(Node):
 def main() -> None:
     """Run the node."""
     rclpy.init()
-    node = ControllerNode()
-    try:
-        rclpy.spin(node)
-    except KeyboardInterrupt:
-        pass
-    finally:
-        node.destroy_node()
+    with suppress(KeyboardInterrupt):
+        rclpy.spin(ControllerNode())

@@ -59,6 +59,7 @@ class GainController:
 
     def watch(self, now: float) -> None:
         """Stop if no message has come for too long, at a time ``now``, s."""
-        if now - self._heard > self.oldest:
+        silence = now - self._heard
+        if silence > self.oldest and math.isfinite(silence):
             self.gain = 0.0
-            self.action = f"stop: no estimate for {now - self._heard:.1f} s"
+            self.action = f"stop: no estimate for {silence:.1f} s"

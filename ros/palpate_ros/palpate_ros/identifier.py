@@ -77,6 +77,10 @@ class ContactIdentifier:
 
     def __post_init__(self) -> None:
         settings = self.settings
+        if settings.wrench_frame not in ("tool", "base"):
+            raise palpate.InvalidParameterError(
+                f"wrench_frame must be tool or base, not {settings.wrench_frame!r}"
+            )
         step = settings.sample_time
         self.compensation = None
         if settings.payload:
@@ -232,8 +236,8 @@ class ContactIdentifier:
             "parameters": [*(estimate.parameters if known else unknown), *spare],
             "standard_errors": [*(estimate.standard_errors if known else unknown), *spare],
             "state": self._state(stamp, sample, learned, checks),
-            "stiffness_usable": estimate.stiffness.usable and fresh,
-            "damping_usable": estimate.damping.usable and fresh,
+            "stiffness_usable": bool(estimate.stiffness.usable and fresh),
+            "damping_usable": bool(estimate.damping.usable and fresh),
             # Only `palpate live` diagnoses; a fault is enough for the worst mark.
             **dict.fromkeys(("stiffness_mark", "damping_mark"), mark),
             "method": "viscoelastic",

@@ -1,5 +1,7 @@
 """The node: topics, tf and parameters around :class:`~palpate_ros.identifier.ContactIdentifier`."""
 
+import sys
+from collections import deque
 from dataclasses import fields
 from typing import Any
 
@@ -11,8 +13,9 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
-from tf2_ros import Buffer, TransformException, TransformListener
+from tf2_ros import Buffer, TransformListener
 
+import palpate
 from palpate_ros.identifier import ContactIdentifier, Settings
 
 
@@ -38,6 +41,7 @@ class ContactNode(Node):
         if self._frames["source"] == "joints":
             self._buffer = Buffer()
             self._listener = TransformListener(self._buffer, self)
+            self._stamps: deque[Time] = deque(maxlen=1000)  # of joints without a transform yet
             self.create_subscription(JointState, "joint_states", self._take_joints, reading)
         else:
             self.create_subscription(PoseStamped, "pose", self._take_pose, reading)
@@ -51,15 +55,12 @@ class ContactNode(Node):
         self._publish(self._identifier.take_pose(message, self._now()), message.header.frame_id)
 
     def _take_joints(self, message: JointState) -> None:
-        """Take the tool's pose at the stamp of the joints, by tf."""
+        """Take the tool's poses at the stamps of the joints, as soon as tf has them."""
         base, tool = self._frames["base_frame"], self._frames["tool_frame"]
-        try:
-            stamp = Time.from_msg(message.header.stamp)
-            transform = self._buffer.lookup_transform(base, tool, stamp)
-        except TransformException as error:
-            self.get_logger().warning(f"no pose: {error}", throttle_duration_sec=1.0)
-            return
-        self._publish(self._identifier.take_pose(transform, self._now()), base)
+        self._stamps.append(Time.from_msg(message.header.stamp))
+        while self._stamps and self._buffer.can_transform(base, tool, self._stamps[0]):
+            transform = self._buffer.lookup_transform(base, tool, self._stamps.popleft())
+            self._publish(self._identifier.take_pose(transform, self._now()), base)
 
     def _take_wrench(self, message: WrenchStamped) -> None:
         frame = self._frames["base_frame"]
@@ -89,10 +90,9 @@ class ContactNode(Node):
 def main() -> None:
     """Run the node."""
     rclpy.init()
-    node = ContactNode()
     try:
-        rclpy.spin(node)
+        rclpy.spin(ContactNode())
     except KeyboardInterrupt:
         pass
-    finally:
-        node.destroy_node()
+    except palpate.PalpateError as error:  # of a parameter, or the file of the payload
+        sys.exit(f"identify_contact: {error}")

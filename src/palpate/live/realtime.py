@@ -132,8 +132,14 @@ def _prefer_session() -> Iterator[None]:
         yield
     finally:
         if preferred:
-            with suppress(OSError):
-                _SESSION.write_text("0")
+            stop_preferring_session()
+
+
+def stop_preferring_session() -> None:
+    """Undo what the loop did to its terminal's priority; a sink does so if the loop was killed."""
+    with suppress(OSError):
+        if _SESSION.read_text().split()[-1] == str(_FIRST):
+            _SESSION.write_text("0")
 
 
 def give_way(*, gently: bool = True) -> None:
@@ -147,10 +153,10 @@ def give_way(*, gently: bool = True) -> None:
         Whether to yield to all other programs too. Default: True.
     """
     with suppress(OSError, AttributeError):  # unsupported or not permitted
-        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         # A child inherits the loop's first place.
-        niceness = max(os.getpriority(os.PRIO_PROCESS, 0), 0) + _GENTLY * gently
-        os.setpriority(os.PRIO_PROCESS, 0, min(niceness, 19))
+        niceness = max(os.getpriority(os.PRIO_PROCESS, 0), 0)
+        os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
+        os.setpriority(os.PRIO_PROCESS, 0, min(niceness + _GENTLY * gently, 19))
         cores = os.sched_getaffinity(0)
         # The kernel handles interrupts on the first cores, so the loop gets the last.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)

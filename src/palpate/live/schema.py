@@ -151,10 +151,11 @@ def read_run(status: Mapping[str, Any], diagnosis: dict[str, Any] | None) -> Run
 def find_loop_fault(status: Mapping[str, Any]) -> tuple[Mark | None, str]:
     """Return the mark that a fault in the loop's status gives, if any, and its sentence."""
     age = or_nan(status.get("age"))
-    if status.get("state") == "lost":
-        return "do-not-trust", f"no samples arrive: the estimate is {age:.1f} s old"
-    if (fault := status.get("fault")) and age > OLDEST_USABLE:
-        return "do-not-trust", f"{fault}: the estimate is {age:.1f} s old"
+    lost = status.get("state") == "lost"
+    fault = "no samples arrive" if lost else status.get("fault")
+    if fault and (lost or not age <= OLDEST_USABLE):
+        known = f": the estimate is {age:.1f} s old" if math.isfinite(age) else ""
+        return "do-not-trust", f"{fault}{known}"
     for check in loop_checks(status.get("recent_checks", 0)):
         if check in _LOOP_FAULTS:
             return "do-not-trust", f"{check}: {_LOOP_FAULTS[check]}"
