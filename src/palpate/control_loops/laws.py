@@ -44,7 +44,10 @@ class LawDraws:
 
     def first(self, count: int) -> "LawDraws":
         """Return the first of them."""
-        some = slice(count)
+        return self.some(slice(count))
+
+    def some(self, some: slice) -> "LawDraws":
+        """Return a part of them."""
         return replace(
             self,
             K=self.K[some],
