@@ -173,6 +173,14 @@ def test_a_worse_known_law_has_a_lower_bound_and_the_same_value(loop):
     assert margins[1].lower_bound < margins[0].lower_bound < margins[0].value
 
 
+def test_a_law_that_may_have_no_damping_at_all_still_has_a_margin():
+    loop = replace(LOOPS["impedance"], friction=0.0)  # nor has the robot
+    known = control_loops.KnownLaw(BALL, np.diag([1.0, 4e6, 1e-6]), 6e-3, damping_error=1.0)
+    both = replace(knowledge(), laws=(known,))
+    margin = control_loops.gains_for(both, loop).gain_margin
+    assert margin.lower_bound > 0.8 * margin.value
+
+
 def test_recommended_gains_are_safe_by_the_same_rule(loop):
     known = knowledge()
     best = control_loops.gains_for(known, loop).recommended

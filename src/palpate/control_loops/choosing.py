@@ -125,6 +125,8 @@ def contact_knowledge(result: Known) -> ContactKnowledge:
     pressed = contact.force[contact.penetration > 0.0]
     largest = float(np.quantile(pressed[np.isfinite(pressed)], 0.99))
     highest = _highest_frequency(contact)
+    if not (highest > 0.0 and result.frequency > 0.0):
+        raise InvalidParameterError("result is of a probe held still: record a motion in contact")
     mark = at.stiffness.mark or "do-not-trust"
     return ContactKnowledge(laws, result.frequency, largest, mark, highest)
 

@@ -139,21 +139,27 @@ def _constant_loss(
 def _undamped(
     draws: LawDraws, depth: Floats, frequency: Floats, highest: float
 ) -> tuple[Floats, Floats]:
-    stiffness, _ = draws.stiffness_and_damping(depth, np.full_like(frequency, highest))
-    return stiffness, _LEAST_LOSS * stiffness / highest
+    stiffness, damping = draws.stiffness_and_damping(depth, np.full_like(frequency, highest))
+    return stiffness, np.zeros_like(damping)
 
 
 def _consistent_onset(
     loop: ControlLoop, draws: LawDraws, depth: Floats, highest: float, law: Any
 ) -> Onset:
     """Return the onset at whose frequency the law has the stiffness and damping that give it."""
+
+    def onset_at(frequency: Floats) -> Onset:
+        stiffness, damping = law(draws, depth, frequency, highest)
+        least = _LEAST_LOSS * stiffness / highest
+        return find_onset(loop, stiffness, np.maximum(damping, least))
+
     frequency = np.full_like(depth, highest)
-    onset = find_onset(loop, *law(draws, depth, frequency, highest))
+    onset = onset_at(frequency)
     changes = draws.remembers if law is _as_identified else law is _constant_loss
     for _ in range(_ITERATIONS if changes else 0):
         swing = np.where(np.isfinite(onset.frequency), onset.frequency, frequency)
         frequency = np.sqrt(frequency * swing)
-        onset = find_onset(loop, *law(draws, depth, frequency, highest))
+        onset = onset_at(frequency)
     return onset
 
 
