@@ -1,8 +1,11 @@
 """The gain at which a loop begins to swing, and what the answer says of it."""
 
+import doctest
+import inspect
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -301,3 +304,16 @@ def test_a_position_that_does_not_follow_is_refused():
         control_loops.measure_following(time, np.sin(9.0 * time), np.sin(31.0 * time))
     with pytest.raises(palpate.RecordingError, match="does not move"):
         control_loops.measure_following(time, np.ones(1000), np.sin(time))
+
+
+def test_every_example_of_the_module_runs(monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[2])
+    runner, parser = doctest.DocTestRunner(verbose=False), doctest.DocTestParser()
+    names = [name for name, each in vars(control_loops).items() if inspect.isroutine(each)]
+    names += [name for name, each in vars(control_loops).items() if inspect.isclass(each)]
+    failures = []
+    for name in names:
+        text = inspect.getdoc(getattr(control_loops, name))
+        runner.run(parser.get_doctest(text, {}, name, None, None), out=failures.append)
+    assert len(names) > 12
+    assert "".join(failures) == ""

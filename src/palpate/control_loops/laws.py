@@ -208,8 +208,8 @@ class ContactKnowledge:
     >>> from palpate import control_loops
     >>> result = palpate.identify("examples/recordings/ball.csv")
     >>> knowledge = control_loops.ContactKnowledge.of(result.estimate, largest_force=30.0)
-    >>> round(knowledge.damping_limit, 1), len(knowledge.laws)  # rad/s
-    (19.8, 1)
+    >>> round(knowledge.damping_limit), len(knowledge.laws)  # rad/s
+    (20, 1)
     """
 
     laws: tuple[KnownLaw, ...]
