@@ -26,7 +26,7 @@ _SECONDS_BETWEEN_LINES = 10.0
 
 
 def measure(row: str, folder: Path, count: int) -> list[Found]:
-    """Measure the cases of a row that the folder lacks, and return all."""
+    """Measure the cases of a row that the folder lacks, and return all; 0 measures none."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"{row}.jsonl"
     lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
@@ -45,7 +45,8 @@ def measure(row: str, folder: Path, count: int) -> list[Found]:
             if time.monotonic() - shown > _SECONDS_BETWEEN_LINES:
                 shown = time.monotonic()
                 print(f"{row}: {seed + 1} of {count}", file=sys.stderr, flush=True)
-    return [found[seed] for seed in sorted(found) if seed < count and "none" not in found[seed]]
+    last = count or math.inf
+    return [found[seed] for seed in sorted(found) if seed < last and "none" not in found[seed]]
 
 
 def _within(cases: list[Found], name: str, tolerance: float) -> str:
@@ -148,7 +149,7 @@ def main(
     rows
         Rows of the table (default: all).
     count
-        Cases of each row (default: those of the table).
+        Cases of each row (default: those of the table); 0 shows what is measured.
     markdown
         Write a page of the table to this file.
     """
