@@ -66,7 +66,7 @@ def known_law(case: Case, step: float = 2.5e-4) -> Found | None:
     onset, frequency = true_onset(case)
     if not math.isfinite(onset):
         return None
-    seconds = min(duration_of(case, frequency), 2.0 if case.material == "stiff" else 3.0)
+    seconds = min(duration_of(case, frequency), 1.2 if case.material == "stiff" else 3.0)
     predicted = find_limits(case.loop, true_draws(case), onset, seconds)
     factors = onset * GRID
     swings, fails = run(case, factors, seconds, step)
@@ -176,6 +176,8 @@ def answer_time(case: Case) -> Found | None:
     begun = time.perf_counter()
     answer = palpate.gains(result, case.loop)
     middle = time.perf_counter()
+    if answer.recommended is None:  # there is nothing to draw
+        return None
     as_svg(draw_gains(answer))
     return {"answer": middle - begun, "with_picture": time.perf_counter() - begun}
 

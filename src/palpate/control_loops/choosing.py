@@ -139,7 +139,8 @@ def _highest_frequency(contact: Contact) -> float:
     Frequencies at which the penetration is not above its noise do not count.
     """
     order = np.argsort(contact.time, kind="stable")
-    time, depth = contact.time[order], contact.penetration[order]
+    time = contact.time[order]
+    depth = contact.penetration[order]
     known = np.isfinite(depth)
     even = np.arange(time[0], time[-1], contact.sample_time)
     inside = np.interp(even, time[known], np.maximum(depth[known], 0.0)) * np.hanning(len(even))

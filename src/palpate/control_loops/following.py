@@ -79,7 +79,9 @@ def measure_following(time: ArrayLike, command: ArrayLike, position: ArrayLike) 
     """
     clock, commanded, measured = signals(time=time, command=command, position=position)
     good = np.isfinite(clock) & np.isfinite(commanded) & np.isfinite(measured)
-    clock, commanded, measured = clock[good], commanded[good], measured[good]
+    clock = clock[good]
+    commanded = commanded[good]
+    measured = measured[good]
     if len(clock) < _FEWEST_SAMPLES or not np.ptp(commanded) > 0.0:
         raise RecordingError(
             "command does not move in at least 100 samples: record a motion in free air"
