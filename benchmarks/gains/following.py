@@ -9,7 +9,7 @@ _FINE = 32  # steps of the simulation in a sample time: every delay is a multipl
 
 
 def commanded(seconds: float, step: float) -> Floats:
-    """Return quick moves of 10 mm in 0.15 s, to and fro every half second, m."""
+    """Return quick moves of 10 mm in 0.15 s, back and forth every half second, m."""
     time = np.arange(0.0, seconds, step)
     move = np.floor(time / 0.5)
     part = np.clip((time - 0.5 * move) / 0.15, 0.0, 1.0)

@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -65,9 +66,7 @@ def known_law(case: Case, step: float = 2.5e-4) -> Found | None:
     onset, frequency = true_onset(case)
     if not math.isfinite(onset):
         return None
-    seconds = duration_of(case, frequency)
-    if case.material == "stiff":
-        seconds = min(seconds, 2.0)
+    seconds = min(duration_of(case, frequency), 1.2 if case.material == "stiff" else 3.0)
     predicted = find_limits(case.loop, true_draws(case), onset, seconds)
     factors = onset * GRID
     swings, fails = run(case, factors, seconds, step)
@@ -83,11 +82,7 @@ def known_law(case: Case, step: float = 2.5e-4) -> Found | None:
 
 
 def identified_law(case: Case, contact: palpate.Contact) -> Found:
-    """Identify a recording, take the recommended gain, and touch with it in MuJoCo."""
-    from dataclasses import replace
-
-    from benchmarks.gains.mujoco_loop import run
-
+    """Identify a recording, and take the recommended gain."""
     try:
         result = palpate.identify(contact, trace=False)
         answer = palpate.gains(result, case.loop)
@@ -107,15 +102,25 @@ def identified_law(case: Case, contact: palpate.Contact) -> Found:
     found |= {"true_onset": onset, "true_frequency": frequency}
     if answer.recommended is None:
         return {**found, "refused": str(answer.refusal)}
-    speed = answer.recommended.approach_speed
-    slower = replace(case, loop=replace(case.loop, approach_speed=speed))
-    seconds = duration_of(slower, frequency)
-    factor = answer.recommended_factor
-    swings, fails = run(slower, np.array([factor, 0.5 * factor]), seconds)
     return {
         **found,
-        "factor": factor,
-        "slowed": speed < case.loop.approach_speed,
+        "factor": answer.recommended_factor,
+        "speed": answer.recommended.approach_speed,
+        "slowed": answer.recommended.approach_speed < case.loop.approach_speed,
+    }
+
+
+def touched(case: Case, found: Found) -> Found:
+    """Touch in MuJoCo with the recommended gain, and with half of it."""
+    from benchmarks.gains.mujoco_loop import run
+
+    if "factor" not in found:
+        return found
+    slower = replace(case, loop=replace(case.loop, approach_speed=found["speed"]))
+    seconds = duration_of(slower, found["true_frequency"])
+    swings, fails = run(slower, np.array([1.0, 0.5]) * found["factor"], seconds)
+    return {
+        **found,
         "swings": bool(swings[0]),
         "fails": bool(fails[0]),
         "half_fails": bool(fails[1]),
@@ -137,8 +142,6 @@ def price(case: Case) -> Found | None:
 
 def following(case: Case, noise: float = 5e-5) -> Found | None:
     """Measure delay and bandwidth from a free motion, and compare the onset with the true one."""
-    from dataclasses import replace
-
     from benchmarks.gains.following import commanded, followed
     from palpate.control_loops import measure_following
 
@@ -173,6 +176,8 @@ def answer_time(case: Case) -> Found | None:
     begun = time.perf_counter()
     answer = palpate.gains(result, case.loop)
     middle = time.perf_counter()
+    if answer.recommended is None:  # there is nothing to draw
+        return None
     as_svg(draw_gains(answer))
     return {"answer": middle - begun, "with_picture": time.perf_counter() - begun}
 
@@ -180,7 +185,8 @@ def answer_time(case: Case) -> Found | None:
 def poor(seed: int, *, relaxing: bool) -> Found:
     """Measure the recommended gain from a poor recording."""
     case = soft_case(seed, relaxing=relaxing)
-    return identified_law(case, poor_recording(case, np.random.default_rng(seed)))
+    contact = poor_recording(case, np.random.default_rng(seed))
+    return touched(case, identified_law(case, contact))
 
 
 def in_drake(case: Case) -> Found | None:

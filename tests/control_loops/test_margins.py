@@ -1,8 +1,11 @@
 """The gain at which a loop begins to swing, and what the answer says of it."""
 
+import doctest
+import inspect
 import itertools
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -173,6 +176,14 @@ def test_a_worse_known_law_has_a_lower_bound_and_the_same_value(loop):
     assert margins[1].lower_bound < margins[0].lower_bound < margins[0].value
 
 
+def test_a_law_that_may_have_no_damping_at_all_still_has_a_margin():
+    loop = replace(LOOPS["impedance"], friction=0.0)  # nor has the robot
+    known = control_loops.KnownLaw(BALL, np.diag([1.0, 4e6, 1e-6]), 6e-3, damping_error=1.0)
+    both = replace(knowledge(), laws=(known,))
+    margin = control_loops.gains_for(both, loop).gain_margin
+    assert margin.lower_bound > 0.8 * margin.value
+
+
 def test_recommended_gains_are_safe_by_the_same_rule(loop):
     known = knowledge()
     best = control_loops.gains_for(known, loop).recommended
@@ -293,3 +304,16 @@ def test_a_position_that_does_not_follow_is_refused():
         control_loops.measure_following(time, np.sin(9.0 * time), np.sin(31.0 * time))
     with pytest.raises(palpate.RecordingError, match="does not move"):
         control_loops.measure_following(time, np.ones(1000), np.sin(time))
+
+
+def test_every_example_of_the_module_runs(monkeypatch):
+    monkeypatch.chdir(Path(__file__).parents[2])
+    runner, parser = doctest.DocTestRunner(verbose=False), doctest.DocTestParser()
+    names = [name for name, each in vars(control_loops).items() if inspect.isroutine(each)]
+    names += [name for name, each in vars(control_loops).items() if inspect.isclass(each)]
+    failures = []
+    for name in names:
+        text = inspect.getdoc(getattr(control_loops, name))
+        runner.run(parser.get_doctest(text, {}, name, None, None), out=failures.append)
+    assert len(names) > 12
+    assert "".join(failures) == ""

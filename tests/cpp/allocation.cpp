@@ -1,4 +1,5 @@
 // Counts every allocation of the program: none may happen between settings and answers.
+#include <array>
 #include <cstdlib>
 #include <new>
 #include <vector>
@@ -7,6 +8,7 @@
 #include "estimators.hpp"
 #include "palpate/online_preparation.hpp"
 #include "palpate/payload_compensation.hpp"
+#include "palpate/touching_loop.hpp"
 #include "palpate/viscoelastic_estimators.hpp"
 
 namespace {
@@ -137,4 +139,29 @@ TEST("a compensation of the payload never allocates") {
   const long after = allocations;
   CHECK(after == before);
   CHECK(std::isfinite(used));
+}
+
+TEST("a simulated touch never allocates") {
+  const detail::TouchingLoop loop{{2000.0, 1.0, 2000.0, 1.0, 500.0},
+                                  detail::Controller::force,
+                                  1.0,
+                                  0.5,
+                                  2.0,
+                                  4.0,
+                                  0.0,
+                                  20.0,
+                                  1e-3,
+                                  2e-3,
+                                  600.0,
+                                  1.0,
+                                  10.0,
+                                  0.02,
+                                  5e-3,
+                                  0.5};
+  const viscoelastic::RelaxationBranches branches{0.0, 0.01, 1.0, 1.0};
+  std::array<double, 8> commands{};
+  const long before = allocations;
+  const detail::TouchOutcome outcome = detail::Touch{loop, branches, commands.data()}.run(nullptr);
+  CHECK(outcome.peak_force > 1.0);
+  CHECK(allocations == before);
 }

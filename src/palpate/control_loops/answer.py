@@ -95,7 +95,7 @@ class Gains:
     ... )
     >>> gains = palpate.gains(palpate.identify("examples/recordings/ball.csv"), loop)
     >>> gains.verdict, round(gains.recommended.virtual_damping, -1)
-    ('little-margin', 110.0)
+    ('little-margin', 80.0)
     """
 
     loop: ControlLoop

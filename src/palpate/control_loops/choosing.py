@@ -112,8 +112,12 @@ def contact_knowledge(result: Known) -> ContactKnowledge:
     if contact.timeless:
         raise InvalidParameterError("result has no time, and so no damping: record time as well")
     at = result.working_depths[0]
-    stiffness_error = _relative(at.stiffness.systematic, at.stiffness.value)
-    damping_error = _relative(at.damping.systematic, at.damping.value)
+    mark = at.stiffness.mark or "do-not-trust"
+    if mark == "do-not-trust":  # no number of it is used
+        return ContactKnowledge((), result.frequency, math.nan, mark)
+    highest = _highest_frequency(contact)
+    if not (highest > 0.0 and result.frequency > 0.0):
+        raise InvalidParameterError("result is of a probe held still: record a motion in contact")
     identified = [(result.law, _covariance(result))] if result.law.powers is not None else []
     for estimator in _other_estimators(result):
         try:
@@ -121,11 +125,11 @@ def contact_knowledge(result: Known) -> ContactKnowledge:
         except RecordingError:  # too few samples for this law
             continue
         identified.append((other.law, other.covariance))
+    stiffness_error = _relative(at.stiffness.systematic, at.stiffness.value)
+    damping_error = _relative(at.damping.systematic, at.damping.value)
     laws = tuple(KnownLaw(*each, at.depth, stiffness_error, damping_error) for each in identified)
     pressed = contact.force[contact.penetration > 0.0]
     largest = float(np.quantile(pressed[np.isfinite(pressed)], 0.99))
-    highest = _highest_frequency(contact)
-    mark = at.stiffness.mark or "do-not-trust"
     return ContactKnowledge(laws, result.frequency, largest, mark, highest)
 
 
@@ -135,7 +139,8 @@ def _highest_frequency(contact: Contact) -> float:
     Frequencies at which the penetration is not above its noise do not count.
     """
     order = np.argsort(contact.time, kind="stable")
-    time, depth = contact.time[order], contact.penetration[order]
+    time = contact.time[order]
+    depth = contact.penetration[order]
     known = np.isfinite(depth)
     even = np.arange(time[0], time[-1], contact.sample_time)
     inside = np.interp(even, time[known], np.maximum(depth[known], 0.0)) * np.hanning(len(even))

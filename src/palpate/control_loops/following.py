@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from palpate.control_loops.response import matrix_exponential
 from palpate.errors import InvalidParameterError, RecordingError
+from palpate.method.estimators.least_squares import least_squares
 from palpate.validation import Floats, frozen, signals
 
 # Samples that are used: those from the first motion on.
@@ -16,8 +17,7 @@ _FEWEST_SAMPLES = 100
 _BANDWIDTHS = np.geomspace(5.0, 500.0, 9)
 _DELAYS = np.linspace(0.0, 20e-3, 5)
 _LONGEST = 0.1  # s, of the delay
-_STEPS = 20
-_LEAST_STEP = 1e-5  # relative to the bandwidth, and to a sample time
+_DIFFERENCE = 1e-4  # of the derivatives: of the bandwidth, and in samples
 # Rms error of the best fit over the standard deviation of the position, above which the position
 # does something else than follow the command.
 _LARGEST_MISFIT = 0.05
@@ -79,7 +79,9 @@ def measure_following(time: ArrayLike, command: ArrayLike, position: ArrayLike) 
     """
     clock, commanded, measured = signals(time=time, command=command, position=position)
     good = np.isfinite(clock) & np.isfinite(commanded) & np.isfinite(measured)
-    clock, commanded, measured = clock[good], commanded[good], measured[good]
+    clock = clock[good]
+    commanded = commanded[good]
+    measured = measured[good]
     if len(clock) < _FEWEST_SAMPLES or not np.ptp(commanded) > 0.0:
         raise RecordingError(
             "command does not move in at least 100 samples: record a motion in free air"
@@ -92,7 +94,19 @@ def measure_following(time: ArrayLike, command: ArrayLike, position: ArrayLike) 
     search = _FollowingSearch(step, commanded[used], measured[used])
     starts = ((bandwidth, delay) for bandwidth in _BANDWIDTHS for delay in _DELAYS)
     best = min(starts, key=lambda start: float(np.sum(search.residual(*start) ** 2)))
-    return search.refine(*best)
+    limits = np.array([-np.inf, 0.0]), np.array([np.inf, _LONGEST / step])
+    fitted = least_squares(search.model, np.array([math.log(best[0]), best[1] / step]), limits)
+    deviation = float(np.std(fitted.residual))
+    if deviation > _LARGEST_MISFIT * float(np.std(search.position)):
+        raise RecordingError(
+            "position does not follow the command like a position loop: pass another command, "
+            "or a motion in free air"
+        )
+    variances = np.diag(np.linalg.pinv(fitted.jacobian.T @ fitted.jacobian))
+    errors = deviation * np.sqrt(variances)
+    bandwidth = math.exp(fitted.parameters[0])
+    delay = float(fitted.parameters[1]) * step
+    return Following(delay, float(errors[1]) * step, bandwidth, bandwidth * float(errors[0]))
 
 
 @frozen(eq=False)
@@ -133,47 +147,14 @@ class _FollowingSearch:
         residual: Floats = self.position - design @ solution
         return residual
 
-    def refine(self, bandwidth: float, delay: float) -> Following:
-        """Return the least squares from a start, by Gauss and Newton with halved steps."""
-        scale = np.array([1.0, self.step])  # of the logarithm of the bandwidth, and of the delay
-        place = np.array([math.log(bandwidth), delay])
-        residual = self.residual(bandwidth, delay)
-        slopes = self._slopes(place, scale)
-        for _ in range(_STEPS):
-            move = -np.linalg.lstsq(slopes, residual, rcond=None)[0]
-            part = 1.0
-            while part > _LEAST_STEP:
-                tried = place + part * move * scale
-                tried[1] = min(max(tried[1], 0.0), _LONGEST)
-                left = self.residual(math.exp(tried[0]), tried[1])
-                if left @ left < residual @ residual:
-                    break
-                part = 0.5 * part
-            else:
-                break
-            moved = np.abs(tried - place) / scale
-            place, residual = tried, left
-            slopes = self._slopes(place, scale)
-            if (moved < _LEAST_STEP).all():
-                break
-        deviation = math.sqrt(float(residual @ residual) / max(len(residual) - 4, 1))
-        if deviation > _LARGEST_MISFIT * float(np.std(self.position)):
-            raise RecordingError(
-                "position does not follow the command like a position loop: pass another command, "
-                "or a motion in free air"
-            )
-        covariance = np.linalg.pinv(slopes.T @ slopes)
-        errors = deviation * np.sqrt(np.diag(covariance)) * scale
-        width = math.exp(place[0])
-        return Following(float(place[1]), float(errors[1]), width, width * float(errors[0]))
-
-    def _slopes(self, place: Floats, scale: Floats) -> Floats:
+    def model(self, place: Floats) -> tuple[Floats, Floats]:
+        """Return residual and gradient, by logarithm of the bandwidth and delay in samples."""
+        residual = self._residual_at(place)
         columns = []
-        for k in range(2):
-            moved = np.zeros(2)
-            moved[k] = 1e-3 * scale[k]
-            up = self.residual(math.exp(place[0] + moved[0]), place[1] + moved[1])
-            down = self.residual(math.exp(place[0] - moved[0]), max(place[1] - moved[1], 0.0))
-            width = (2.0 * moved[k] if k == 0 else moved[k] + min(moved[k], place[1])) / scale[k]
-            columns.append((up - down) / width)
-        return np.column_stack(columns)
+        for k, step in enumerate(_DIFFERENCE * np.eye(2)):
+            ahead = self._residual_at(place + step)
+            columns.append((residual - ahead) / step[k])
+        return residual, np.column_stack(columns)
+
+    def _residual_at(self, place: Floats) -> Floats:
+        return self.residual(math.exp(place[0]), place[1] * self.step)

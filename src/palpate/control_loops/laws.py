@@ -9,7 +9,7 @@ import numpy as np
 from palpate.errors import InvalidParameterError
 from palpate.findings import Mark
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.validation import Floats, frozen
+from palpate.validation import Floats, check_field, frozen
 
 # Steps of the derivatives, in standard errors, where a law is nearly linear.
 _STEP = 0.01
@@ -44,7 +44,10 @@ class LawDraws:
 
     def first(self, count: int) -> "LawDraws":
         """Return the first of them."""
-        some = slice(count)
+        return self.some(slice(count))
+
+    def some(self, some: slice) -> "LawDraws":
+        """Return a part of them."""
         return replace(
             self,
             K=self.K[some],
@@ -99,7 +102,7 @@ class KnownLaw:
     Raises
     ------
     InvalidParameterError
-        The spring of the law is not a single power of the depth.
+        The spring of the law is not a single power of the depth, or the depth is not in (0, 10].
 
     Examples
     --------
@@ -122,6 +125,7 @@ class KnownLaw:
             raise InvalidParameterError(
                 f"the spring of law must be a single power of depth; it is {self.law!r}"
             )
+        check_field(self, "depth", 0.0, 10.0, open_low=True)
 
     def draws(self, count: int, slow: float) -> LawDraws:
         """Return the law, and others as likely, drawn at the working depth.
@@ -205,8 +209,8 @@ class ContactKnowledge:
     >>> from palpate import control_loops
     >>> result = palpate.identify("examples/recordings/ball.csv")
     >>> knowledge = control_loops.ContactKnowledge.of(result.estimate, largest_force=30.0)
-    >>> round(knowledge.damping_limit, 1), len(knowledge.laws)  # rad/s
-    (19.8, 1)
+    >>> round(knowledge.damping_limit), len(knowledge.laws)  # rad/s
+    (20, 1)
     """
 
     laws: tuple[KnownLaw, ...]
@@ -220,6 +224,7 @@ class ContactKnowledge:
         cls,
         *estimates: Any,
         largest_force: float,
+        depth: float | None = None,
         stiffness_mark: Mark = "trust",
     ) -> Self:
         """Return what running estimates know, of the same samples, the preferred law first.
@@ -227,9 +232,11 @@ class ContactKnowledge:
         Parameters
         ----------
         *estimates : Estimate
-            Of one or several estimators; depth and frequency are those of the first.
+            Of one or several estimators; the frequency is that of the first.
         largest_force : float
             The largest force so far, N.
+        depth : float, optional
+            Working depth, m. Default: the present depth of the first.
         stiffness_mark : str
             Mark of the stiffness. Default: "trust".
 
@@ -239,7 +246,8 @@ class ContactKnowledge:
             For :func:`gains_for`.
         """
         first = estimates[0]
-        laws = (KnownLaw(each.law, each.covariance, first.depth) for each in estimates)
+        working_depth = first.depth if depth is None else depth
+        laws = (KnownLaw(each.law, each.covariance, working_depth) for each in estimates)
         return cls(tuple(laws), first.frequency, largest_force, stiffness_mark)
 
     @property

@@ -1,7 +1,6 @@
 """Which gains are safe: the margin of a loop on a contact, with its bound, and the gains for it."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -12,7 +11,7 @@ from palpate.control_loops.laws import ContactKnowledge, LawDraws
 from palpate.control_loops.loop import ControlLoop
 from palpate.control_loops.response import Onset, find_onset
 from palpate.control_loops.touching import find_limits, observation_time, simulate_touches
-from palpate.validation import Floats, frozen
+from palpate.validation import Floats, Mask, frozen
 
 _CONFIDENCE = 0.05  # of the draws may have a lower onset than the bound
 _DRAWS = 64
@@ -140,21 +139,27 @@ def _constant_loss(
 def _undamped(
     draws: LawDraws, depth: Floats, frequency: Floats, highest: float
 ) -> tuple[Floats, Floats]:
-    stiffness, _ = draws.stiffness_and_damping(depth, np.full_like(frequency, highest))
-    return stiffness, _LEAST_LOSS * stiffness / highest
+    stiffness, damping = draws.stiffness_and_damping(depth, np.full_like(frequency, highest))
+    return stiffness, np.zeros_like(damping)
 
 
 def _consistent_onset(
     loop: ControlLoop, draws: LawDraws, depth: Floats, highest: float, law: Any
 ) -> Onset:
     """Return the onset at whose frequency the law has the stiffness and damping that give it."""
+
+    def onset_at(frequency: Floats) -> Onset:
+        stiffness, damping = law(draws, depth, frequency, highest)
+        least = _LEAST_LOSS * stiffness / highest
+        return find_onset(loop, stiffness, np.maximum(damping, least))
+
     frequency = np.full_like(depth, highest)
-    onset = find_onset(loop, *law(draws, depth, frequency, highest))
+    onset = onset_at(frequency)
     changes = draws.remembers if law is _as_identified else law is _constant_loss
     for _ in range(_ITERATIONS if changes else 0):
         swing = np.where(np.isfinite(onset.frequency), onset.frequency, frequency)
         frequency = np.sqrt(frequency * swing)
-        onset = find_onset(loop, *law(draws, depth, frequency, highest))
+        onset = onset_at(frequency)
     return onset
 
 
@@ -254,25 +259,27 @@ class _Assessment:
         avoids that, a lower speed does.
         """
         factor = bound / SAFETY if math.isfinite(bound) else 1.0
-        if not any(self._bounces(self.loop, factor)):
+        speed = self.loop.approach_speed
+        if not self._fails(np.array([factor]), np.array([speed]), _TRIED)[0]:
             return factor, self.loop
-        for lower in (factor * _LOWERED).tolist():
-            if not any(self._bounces(self.loop, lower)):
-                return lower, self.loop
-        slower = _SPEEDS[_SPEEDS < self.loop.approach_speed]
-        for speed in slower[::-1].tolist():
-            loop = replace(self.loop, approach_speed=speed)
-            if not any(self._bounces(loop, factor)):
-                return factor, loop
+        slower = _SPEEDS[_SPEEDS < speed][::-1]
+        factors = np.append(factor * _LOWERED, np.full(len(slower), factor))
+        speeds = np.append(np.full(len(_LOWERED), speed), slower)
+        for k in np.flatnonzero(~self._fails(factors, speeds, 1)).tolist():
+            if not self._fails(factors[k : k + 1], speeds[k : k + 1], _TRIED)[0]:
+                return float(factors[k]), replace(self.loop, approach_speed=float(speeds[k]))
         return factor, replace(self.loop, approach_speed=float(_SPEEDS[0]))
 
-    def _bounces(self, loop: ControlLoop, factor: float) -> Iterator[bool]:
-        """Yield for each law whether one of its draws fails at a factor on the gain."""
-        count = max(_TRIED // len(self.laws), 1)
+    def _fails(self, factors: Floats, speeds: Floats, count: int) -> Mask:
+        """Return whether one of the first draws of a law fails, by factor and approach speed."""
+        fails = np.zeros(len(factors), dtype=bool)
         for law in self.laws:
-            some = law.draws.first(count)
-            touches = simulate_touches(loop, some, np.full(count, factor), law.duration)
-            yield bool(touches.fails.any())
+            draws = law.draws.first(max(count // len(self.laws), 1))
+            for k in range(len(draws.K)):
+                one = draws.some(slice(k, k + 1))
+                touches = simulate_touches(self.loop, one, factors, law.duration, speeds=speeds)
+                fails |= touches.fails
+        return fails
 
 
 def _verdict(bound: float, *, bounces: bool) -> Safety:

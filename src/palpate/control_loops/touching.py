@@ -118,8 +118,8 @@ def find_limits(
 ) -> tuple[float, float]:
     """Return the factors at which a loop begins to swing, and to swing or bounce, by simulation.
 
-    The lowest failing factor of a coarse grid is refined, as a loop may settle again above it. A
-    factor that does not fail is not below the linear onset; 0 if all fail.
+    The lowest failing factor of a coarse grid is refined, as a loop may settle again above it. The
+    limit is the highest factor that was tried if none fails, and 0 if all fail.
 
     Parameters
     ----------
@@ -134,7 +134,8 @@ def find_limits(
     """
     factors = onset * _TRIED
     touches = simulate_touches(loop, law, factors, duration)
-    low, high = np.empty(2), np.empty(2)
+    low = np.empty(2)
+    high = np.empty(2)
     for k, fails in enumerate((touches.swings, touches.fails)):
         first = int(np.argmax(fails)) if fails.any() else len(factors)
         low[k] = factors[first - 1] if first else 0.0
