@@ -1,5 +1,6 @@
 """The motion of a probe that an export replays, and what is asked of an export."""
 
+import math
 from collections.abc import Callable
 from dataclasses import field, replace
 from pathlib import Path
@@ -108,6 +109,13 @@ class ProbeMotion:
     def fastest(self) -> float:
         """Largest absolute velocity of the judged samples, m/s."""
         return float(np.abs(self.velocity[self.judged]).max())
+
+    @property
+    def frequency(self) -> float:
+        """Dominant ω of the judged samples, rad/s: rms speed over rms distance from their mean."""
+        speed = float(np.sqrt(np.mean(self.velocity[self.judged] ** 2)))
+        way = float(np.std(self.penetration[self.judged]))
+        return speed / way if way > 0.0 else math.nan
 
     def force_by(self, law: ForceLaw) -> Floats:
         """Return a law's force at every sample, N."""

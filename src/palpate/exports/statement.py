@@ -26,6 +26,7 @@ from palpate.exports.motion import ProbeMotion
 from palpate.exports.nearest_law import (
     Nearest,
     fit_with_exponents,
+    nearest_to_force,
     nearest_without_memory,
     one_power,
 )
@@ -68,8 +69,8 @@ class ExportedLaw:
         Radius of the recording's tip, m, if it is known and spherical.
     response : tuple of float, optional
         Of an identified law that relaxes: the working depth, m, the motion's frequency ω, rad/s,
-        and K′, N/m, and B′, N·s/m, there. ``law`` is then Hunt and Crossley's by variable
-        projection, the law without memory that is nearest to the recorded force.
+        and K′, N/m, and B′, N·s/m, there. ``law`` is then the law without memory whose force along
+        ``motion`` is nearest to ``answer``.
     answer : numpy.ndarray, shape (k,), optional
         Of an identified law that relaxes: its force along ``motion`` with its memory, N. It has
         the offset of ``law``, which a recording without free air does not tell from the force.
@@ -124,23 +125,22 @@ class ExportedLaw:
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
                 flags = found["flags"]
             response = _response(result, judged)
-            fitted = result
+            law: ForceLaw = result.law
+            motion = ProbeMotion.recorded(result)
+            answer = None
             if response is not None:
-                exponent = result.law.n if "n" in result.fixed else None
-                plain = VariableProjection(exponent=exponent)
-                fitted = identify(result.contact, plain, trace=False)
-            motion = ProbeMotion.recorded(fitted)
+                law, motion, answer = _replace_relaxing_law(result, motion)
             return cls(
-                law=fitted.law,
+                law=law,
                 motion=motion,
                 name=Path(result.contact.source).name or "a contact",
-                standard_errors=fitted.standard_errors,
+                standard_errors=None if response is not None else result.standard_errors,
                 verdict=judged.verdict,
                 findings=tuple(judged.findings),
                 flags=tuple(map(str, flags)),
                 tip_radius=radius,
                 response=response,
-                answer=None if response is None else _force_of_answer(motion, result),
+                answer=answer,
             )
         except (RecordingError, InvalidParameterError):
             raise
@@ -538,7 +538,7 @@ class Statement:
         given = law.stiffness_at(depth)
         text = (
             "the material relaxes, and engines have no stress relaxation: exported is the "
-            f"Hunt–Crossley law nearest to this recording, for {format_hertz(omega)}: stiffness "
+            f"law nearest to the identified one on this motion of {format_hertz(omega)}: stiffness "
             f"{rounded(given, 3)} N/m and damping {rounded(law.damping_at(depth), 3)} N·s/m at "
             f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
@@ -696,6 +696,26 @@ def _response(
         return None
     whole = complex(result.law.dynamic_stiffness(there.depth, omega))
     return there.depth, omega, whole.real, whole.imag / omega
+
+
+def _replace_relaxing_law(
+    result: "Identification | SavedResult",
+    recorded: ProbeMotion,
+) -> tuple[ForceLaw, ProbeMotion, Floats]:
+    """Return the nearest law without memory, its motion, and the identified law's force there, N.
+
+    It is nearest to the identified law, not to the measured force. A recording without free air
+    does not determine surface and offset, so those of the law without memory are tried too.
+    """
+    exponent = result.law.n if "n" in result.fixed else None
+    plain = identify(result.contact, VariableProjection(exponent=exponent), trace=False)
+    tried = []
+    for motion in (ProbeMotion.recorded(plain), recorded):
+        answer = _force_of_answer(motion, result)
+        law = nearest_to_force(answer, motion, exponent)
+        error = force_error(motion.force_by(law), answer, motion.judged)
+        tried.append((law.K <= 0.0, error, law.simplest(), motion, answer))
+    return min(tried, key=lambda each: each[:2])[2:]
 
 
 def _force_of_answer(motion: ProbeMotion, result: "Identification | SavedResult") -> Floats:
