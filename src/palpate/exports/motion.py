@@ -9,9 +9,11 @@ from typing import TypeAlias
 import numpy as np
 
 from palpate import lab
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
+from palpate.input.recordings.units import GRAVITY
 from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats, Integers, Mask, frozen
 
@@ -19,6 +21,8 @@ from palpate.validation import Floats, Integers, Mask, frozen
 MOST_SAMPLES = 20_000
 #: Depth, m, above which the paper's motion counts for errors.
 FIRM = 2e-3
+# Mean depth of the paper's motion, m.
+_PAPER_DEPTH = 10e-3
 
 
 @frozen(eq=False)
@@ -49,16 +53,45 @@ class ProbeMotion:
     source: str = "a motion"
 
     @classmethod
-    def of_paper(cls) -> "ProbeMotion":
+    def of_paper(cls, scale: float = 1.0) -> "ProbeMotion":
         """Return that of the paper: an approach, then 10 + sin 4t + 1.8 sin 11t + 1.8 sin 15t mm.
 
-        Samples deeper than 2 mm count for errors.
+        Samples deeper than 2 mm count for errors. ``scale`` multiplies the depths (default: 1).
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = lab.Probing(pause=0.0).at(time)
-        x = command.penetration
-        v = command.velocity
-        return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
+        x = scale * command.penetration
+        v = scale * command.velocity
+        source = "the paper's motion"
+        if scale != 1.0:
+            source += f", scaled by {rounded(scale, 2)}"
+        return cls(time, x, v, np.gradient(v, time), x > scale * FIRM, source=source)
+
+    @classmethod
+    def for_law(cls, law: ForceLaw, mass: float) -> "ProbeMotion":
+        """Return the paper's motion, or a smaller one at depths that a body's weight reaches.
+
+        On a stiff law, such as that of metal, a body of this mass [kg] rests at less than 2 mm. The
+        motion is then about the depth of twice its weight, as 10 mm is for 1 kg on the ball.
+        """
+        resting = law.relaxed() if isinstance(law, GeneralisedHuntCrossley) else law
+        load = mass * GRAVITY
+        if not float(resting.force(FIRM, 0.0)) > load:
+            return cls.of_paper()
+        depths = np.geomspace(1e-12, 2.0 * _PAPER_DEPTH, 4000)
+        force = resting.force(depths, np.zeros_like(depths))
+        reached = float(depths[int(np.argmax(force >= 2.0 * load))])
+        return cls.of_paper(min(1.0, reached / _PAPER_DEPTH))
+
+    def faster(self, factor: float) -> "ProbeMotion":
+        """Return the same depths at this multiple of the speed, without a measured force."""
+        return replace(
+            self,
+            time=self.time / factor,
+            velocity=factor * self.velocity,
+            acceleration=factor**2 * self.acceleration,
+            force=None,
+        )
 
     @classmethod
     def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
@@ -165,6 +198,10 @@ class ExportRequest:
         Time step of the simulation, s. Default: 1e-3.
     form : str
         Form of the contact in the engine. Default: "auto", chosen by the engine.
+    name : str
+        Part of the names that the export gives in a model. Default: "", the only export there.
+    material : str
+        What the law is of, such as the name of a recording. Default: "".
     """
 
     law: GeneralisedHuntCrossley
@@ -175,6 +212,8 @@ class ExportRequest:
     tip_radius: float | None = None
     time_step: float = 1e-3
     form: str = "auto"
+    name: str = ""
+    material: str = ""
 
     def __post_init__(self) -> None:
         if not self.law.K > 0.0:

@@ -6,7 +6,7 @@ to export.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -37,6 +37,7 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.diagnosis import Diagnosis, Verdict
 from palpate.identification.quantities.elastic_modulus import Sphere
 from palpate.identifying import Identification, identify
+from palpate.input.recordings.units import GRAVITY
 from palpate.method.estimators import VariableProjection
 from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats, finite_or_none, frozen, shown
@@ -88,8 +89,10 @@ class ExportedLaw:
     answer: Floats | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, result: Exportable) -> "ExportedLaw":
+    def of(cls, result: Exportable, mass: float = 1.0) -> "ExportedLaw":
         """Return the exported law of an identification, a saved result, or a law alone.
+
+        The motion of a law alone is at depths for a body of this mass, kg (default: 1).
 
         Raises
         ------
@@ -105,7 +108,7 @@ class ExportedLaw:
                 "record the time of each sample"
             )
         if isinstance(result, ForceLaw):
-            return cls(result, ProbeMotion.of_paper())
+            return cls(result, ProbeMotion.for_law(result, mass))
         if not isinstance(result, Identification | SavedResult):
             raise InvalidParameterError(
                 "result must be an Identification, a SavedResult or a force law, not "
@@ -185,6 +188,31 @@ class ExportedLaw:
 
 # An engine's force and restitution compared with those of the law and of the measurement.
 
+# Speed of the faster replay, in multiples of the recorded speed, and its most states.
+_FASTER = 2.0
+_FASTER_SAMPLES = 2000
+# A resting body is compared at most at this part of the force at the greatest depth, and the
+# engine's depth is sought within these multiples of the law's.
+_REST_LOAD = 0.8
+_REST_DEPTHS = np.linspace(0.6, 1.25, 66)
+
+
+@frozen
+class Rest:
+    """The depths at which the law and the engine carry a weight at rest.
+
+    Attributes
+    ----------
+    load : float
+        Weight of the body, N, or less if the recording was not so deep.
+    law, engine : float
+        Depth, m, by the exported law and in the engine; NaN where the engine does not carry it.
+    """
+
+    load: float
+    law: float
+    engine: float
+
 
 @frozen(eq=False)
 class Compared:
@@ -210,6 +238,11 @@ class Compared:
         Restitution predicted for the engine in that impact.
     replayed_restitution : float, optional
         Restitution of the real engine.
+    rest : Rest
+        Where a body of the mass rests.
+    faster_percent : float
+        Rms error of the engine's force, against the exported law that does not pull, at twice the
+        recorded speed, %.
     """
 
     how: str
@@ -221,6 +254,8 @@ class Compared:
     drop: Drop
     predicted_restitution: float
     replayed_restitution: float | None
+    rest: Rest
+    faster_percent: float
 
     @property
     def replayed(self) -> bool:
@@ -284,7 +319,15 @@ def compare_errors(
         if _is_interrupt(error):
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
-    drop = drop_to(nearest.law, fragment.request.mass_or_one, whole.deepest)
+    mass = fragment.request.mass_or_one
+    drop = drop_to(nearest.law, mass, whole.deepest)
+
+    def engine_force(states: ProbeMotion) -> Floats:
+        again = None if ran is None else fragment.replay(states)
+        return fragment.predict_force(states) if again is None else again.force
+
+    fast = whole.firm(min(fragment.most_samples, _FASTER_SAMPLES)).faster(_FASTER)
+    fast_law = np.maximum(fast.force_by(nearest.law), 0.0)
 
     def off(force: Floats, reference: Floats | None) -> float | None:
         return None if reference is None else force_error(force, reference, motion.judged)
@@ -304,7 +347,26 @@ def compare_errors(
         replayed_restitution=fragment.drop_restitution(drop)
         if ran is not None and stable
         else None,
+        rest=_rest(nearest.law, mass, whole.deepest, engine_force),
+        faster_percent=force_error(engine_force(fast), fast_law, fast.judged),
     )
+
+
+def _rest(
+    law: GeneralisedHuntCrossley,
+    mass: float,
+    deepest: float,
+    engine_force: Callable[[ProbeMotion], Floats],
+) -> Rest:
+    """Return the depths at which a body [kg] rests on the law and in the engine."""
+    load = min(mass * GRAVITY, _REST_LOAD * float(law.force(deepest, 0.0)))
+    depth = (load / law.K) ** (1.0 / law.n)
+    x = depth * _REST_DEPTHS
+    still = np.zeros_like(x)
+    states = ProbeMotion(np.arange(float(x.size)), x, still, still, x > 0.0)
+    force = engine_force(states)
+    inside = np.isfinite(force).all() and force[0] <= load <= force[-1]
+    return Rest(load, depth, float(np.interp(load, force, x)) if inside else math.nan)
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
@@ -322,6 +384,13 @@ MOST_PERCENT = 5.0
 STIFFNESS_OFF = 0.25
 #: Largest error of restitution, %, without a warning; a small force error does not bound it.
 REBOUND_PERCENT = 5.0
+#: Largest error of restitution, %, that is not refused, if it is also larger than _REBOUND_SMALL.
+REBOUND_REFUSED = 50.0
+_REBOUND_SMALL = 0.02
+# Largest restitution that is not refused. Time steps leave an undamped impact within 1 % of 1.
+_MOST_REBOUND = 1.01
+# A mark of *with care* means a standard error above this, %.
+_CARE_PERCENT = 10.0
 # Rounding changes an error by less than this, percentage points.
 _AS_PREDICTED = 1.0
 #: Below this, %, an error is numerical: single precision in an engine leaves 10⁻⁵.
@@ -379,7 +448,8 @@ class Statement:
         elif verdict.overall == "do-not-trust":
             yield from make_refusals(f"the verdict is do-not-trust{_because(self.source)}")
         elif verdict.overall == "with-care":
-            yield from make_warnings(f"the verdict is with-care{_because(self.source)}")
+            text = f"the verdict is with-care{_because(self.source)}"
+            yield from make_warnings(text, effect=_CARE_PERCENT)
         elif verdict.damping != "trust":
             yield from make_warnings(
                 f"the verdict on damping, and thus impacts, is {verdict.damping}"
@@ -403,12 +473,14 @@ class Statement:
             yield from make_warnings(
                 f"engines have no stress relaxation: exported is {which}; it differs by "
                 f"{difference} of force on this motion and by more at other speeds, and "
-                "restitution is that of the exported law"
+                "restitution is that of the exported law",
+                effect=self.nearest.error_percent,
             )
         elif which:
             yield from make_warnings(
                 f"engines do not have this law: exported is {which}; it differs by {difference} of "
-                "force"
+                "force",
+                effect=self.nearest.error_percent,
             )
 
     def _check_errors(self) -> Iterator[Finding]:
@@ -422,11 +494,12 @@ class Statement:
                 f"{MOST_PERCENT:g} %"
                 f"{self._describe_shares()}"
             )
-        if abs(compared.restitution_percent) > REBOUND_PERCENT:
+        yield from self._check_rebound()
+        if compared.faster_percent > MOST_PERCENT:
             yield from make_warnings(
-                f"impacts will be wrong: the engine's restitution is "
-                f"{rounded(compared.drop_restitution, 3)}, that of the law "
-                f"{rounded(compared.drop.restitution, 3)}"
+                f"at twice the recorded speed, {length(_FASTER * fastest, 2)}/s, the engine's "
+                f"force is {percent(compared.faster_percent)} off the law",
+                effect=compared.faster_percent,
             )
         if compared.drop.speed > fastest and self.source.verdict is not None:
             yield from make_warnings(
@@ -434,13 +507,32 @@ class Statement:
                 f"{rounded(compared.drop.speed, 2)} m/s extrapolates it"
             )
 
+    def _check_rebound(self) -> Iterator[Finding]:
+        """Yield what the engine's restitution says against it."""
+        compared = self.compared
+        engine = compared.drop_restitution
+        law = compared.drop.restitution
+        off = abs(compared.restitution_percent)
+        text = (
+            f"the engine's restitution is {rounded(engine, 3)}, that of the law {rounded(law, 3)}"
+        )
+        wrong = off > REBOUND_REFUSED and abs(engine - law) > _REBOUND_SMALL
+        if not self.stable:
+            return
+        if engine > _MOST_REBOUND:
+            yield from make_refusals(f"impacts gain energy: {text}")
+        elif wrong:
+            yield from make_refusals(f"{text}, more than {REBOUND_REFUSED:g} % off")
+        elif off > REBOUND_PERCENT:
+            yield from make_warnings(f"impacts will be wrong: {text}", effect=off)
+
     def _check_time_step(self) -> Iterator[Finding]:
         """Yield what the time step says against the simulation."""
         limit = self.fragment.largest_step
         step = self.fragment.request.time_step
         if limit is None:
             return
-        if step >= limit:
+        if not self.stable:
             yield from make_refusals(
                 f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
@@ -460,6 +552,25 @@ class Statement:
                 f"{percent(compared.predicted_percent)}: this version of the engine may be "
                 "different"
             )
+
+    @property
+    def stable(self) -> bool:
+        """Whether the time step is below the stability limit."""
+        limit = self.fragment.largest_step
+        return limit is None or self.fragment.request.time_step < limit
+
+    @property
+    def engine_fails(self) -> bool:
+        """Whether the engine's form of contact, not the law or its verdict, is refused."""
+        found = (*self.fragment.findings, *self._check_errors())
+        return any(finding.severity == "do-not-trust" for finding in found)
+
+    @property
+    def main_warning(self) -> str:
+        """The warning of the largest effect on this export, else the first; empty if none."""
+        warned = [each for each in self.findings if each.severity != "do-not-trust"]
+        effects = [each.moves_stiffness_percent for each in warned]
+        return warned[int(np.argmax(effects))].message if warned else ""
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -499,6 +610,58 @@ class Statement:
             return text
         return f"{text}; allowed by the user although {'; '.join(self.refusals)}"
 
+    def short_answer(self) -> list[tuple[str, str]]:
+        """Return the answer in lines, each with its label: what a user needs to go on."""
+        compared = self.compared
+        title = " ".join(filter(None, (self.engine.title, self.engine.version())))
+        title = f"{self.source.name or 'a law'} in {title} ({self.fragment.form})"
+        if self.refused:
+            return [
+                (title, ""),
+                ("refused", "; ".join(self.refusals)),
+                ("next", "add --allow to export despite that; -v prints all numbers"),
+            ]
+        motion = self.source.motion
+        rest = compared.rest
+        how = "replayed" if compared.replayed else "predicted, not replayed"
+        error = (
+            "exact" if self.exact else f"within {percent(compared.percent)} of {self._reference}"
+        )
+        measured = compared.against_measured_percent
+        if measured is not None and compared.law_leaves_percent is not None:
+            error += f" and {percent(measured)} of the recording"
+            error += f" ({self._reference} itself: {percent(compared.law_leaves_percent)})"
+        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
+        mass = f"{rounded(compared.drop.mass, 3)} kg"
+        mass += "" if self.fragment.request.mass is not None else " (assumed)"
+        engine_rest = length(rest.engine, 3) if math.isfinite(rest.engine) else "elsewhere"
+        rebound = "none: a free body does not rebound with this law"
+        if math.isfinite(compared.restitution_percent):
+            rebound = (
+                f"{rounded(compared.drop_restitution, 3)}; law "
+                f"{rounded(compared.drop.restitution, 3)}, for {mass} at "
+                f"{rounded(compared.drop.speed, 2)} m/s"
+            )
+        lines = [
+            (title, ""),
+            ("force", f"{error}; {how}"),
+            (
+                "motion",
+                f"{motion.source}, {depths} deep, up to {length(motion.fastest, 2)}/s; within "
+                f"{percent(compared.faster_percent)} at twice the speed",
+            ),
+            (
+                "rest",
+                f"{engine_rest}; law {length(rest.law, 3)}, under {rounded(rest.load, 3)} N",
+            ),
+            ("rebound", rebound),
+        ]
+        if self.refusals:
+            lines.append(("allowed", f"although {self.refusals[0]}"))
+        if self.main_warning:
+            lines.append(("warning", self.main_warning))
+        return lines
+
     def describe(self) -> list[str]:
         """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
         title = " ".join(filter(None, (self.engine.title, self.engine.version())))
@@ -527,7 +690,12 @@ class Statement:
         if measured is not None and leaves is not None:
             three += f", {percent(measured)} against the measured force"
             three += f" (the law itself: {percent(leaves)})"
-        return [how, three + "."]
+        three += f"; {percent(compared.faster_percent)} at twice the speed"
+        rest = compared.rest
+        where = length(rest.engine, 4) if math.isfinite(rest.engine) else "elsewhere"
+        law_depth = length(rest.law, 4)
+        rests = f"Under {rounded(rest.load, 3)} N the body rests at {where} (law {law_depth})."
+        return [how, three + ".", rests]
 
     def _relaxation(self) -> tuple[Finding, ...]:
         """Say what stands in the place of a law that relaxes; refuse another stiffness."""
@@ -544,7 +712,9 @@ class Statement:
             f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
-        return make_refusals(text) if not apart <= STIFFNESS_OFF else make_warnings(text)
+        if not apart <= STIFFNESS_OFF:
+            return make_refusals(text)
+        return make_warnings(text, effect=max(100.0 * apart, self.compared.percent))
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
@@ -593,6 +763,8 @@ class Statement:
             "refusals": list(self.refusals),
             "allowed": bool(self.refusals) and self.allowed,
             "warnings": list(self.warnings),
+            "main_warning": self.main_warning or None,
+            "next_step": self.fragment.paste,
             "replayed": compared.replayed,
             "how": compared.how or None,
             "error_percent": {
@@ -601,6 +773,12 @@ class Statement:
                 "against_measured": finite_or_none(compared.against_measured_percent),
                 "law_leaves": finite_or_none(compared.law_leaves_percent),
                 "nearest": finite_or_none(self.nearest.error_percent),
+                "at_twice_the_speed": finite_or_none(compared.faster_percent),
+            },
+            "rest": {
+                "load": finite_or_none(compared.rest.load),
+                "depth_of_law": finite_or_none(compared.rest.law),
+                "depth": finite_or_none(compared.rest.engine),
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,

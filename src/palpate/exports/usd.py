@@ -29,6 +29,11 @@ _ALWAYS = (
 class _Material(Fragment):
     """A material with a stiffness and a damping."""
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return "reference material.usda in your stage, and bind it to both shapes"
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         law = self.engine_law
         request = self.request

@@ -19,11 +19,12 @@ from palpate.errors import InvalidParameterError
 from palpate.exports.engine import Engine, Fragment, Replayed, make_refusals, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
 from palpate.exports.mujoco import callback
+from palpate.exports.mujoco.checking import write_law
 from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, drop_restitution, misfit_to
 from palpate.exports.mujoco.robot import (
     NOTHING_PASSIVE,
-    PADS,
     TIP,
+    ContactNames,
     Placement,
     PressableModel,
     Robot,
@@ -63,6 +64,21 @@ class InMuJoCo(Fragment):
     runs: bool = True
 
     @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        if self.robot is None:
+            begin = f'put <include file="contact.xml"/> into your model, name your geom "{TIP}"'
+        else:
+            begin = "load robot_scene.xml, which includes your model and contact.xml"
+        own = "let your own surface not collide with it"
+        return f"{begin}, move {', '.join(self.pads)} to your surface, and {own}"
+
+    @property
+    def pads(self) -> tuple[str, ...]:
+        """Names of the surfaces, one per row, at least one."""
+        return self.names.pads[: max(len(self.rows.rows), 1)]
+
+    @property
     def mobility(self) -> float:
         """Â, 1/kg; for the body of the minimal scene 1/mass."""
         return self.rows.mobility
@@ -71,6 +87,11 @@ class InMuJoCo(Fragment):
     def tip(self) -> str:
         """Name of the touching geom."""
         return TIP if self.robot is None else self.robot.geom
+
+    @property
+    def names(self) -> ContactNames:
+        """Names of its surfaces and pairs."""
+        return ContactNames.of(self.request.name)
 
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
         """Return the minimal scene, a body that arrives at a speed [m/s]."""
@@ -82,21 +103,23 @@ class InMuJoCo(Fragment):
         ]
         numbers = {"time_step": self.request.time_step, "radius": max(0.03, 2.0 * depth)}
         numbers |= {"mass": 1.0 / self.mobility, "velocity": -speed}
-        both = sections(rows, TIP, Placement())
+        law = write_law(self.request, PairRows(tuple(rows), self.mobility), None)
+        both = sections(rows, TIP, Placement(), self.names, law)
         return template("mujoco_scene.xml", comment=xml_comment(notes), **both, **numbers)
 
     def fragment(self, notes: Sequence[str]) -> str:
         """Return the XML to paste or include into a model; without rows the surface only."""
         place = Placement() if self.robot is None else self.robot.place
-        both = sections(self.rows.rows, self.tip, place)
+        law = write_law(self.request, self.rows, self.robot)
+        both = sections(self.rows.rows, self.tip, place, self.names, law)
         return template("mujoco_fragment.xml", comment=xml_comment(notes), **both)
 
     def pressable(self) -> PressableModel:
         """Return the user's model with the fragment, or the minimal scene."""
         if (robot := self.robot) is not None:
-            return pressable(robot.path, robot.geom, self.rows.rows, robot.place)
+            return pressable(robot.path, robot.geom, self.rows.rows, robot.place, self.names)
         model = engine_here().MjModel.from_xml_string(self.scene(0.0))
-        return PressableModel(model, TIP, Placement())
+        return PressableModel(model, TIP, Placement(), self.names.pads)
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Return a context that installs what the XML cannot contain; here nothing."""
@@ -148,6 +171,11 @@ class InMuJoCo(Fragment):
 class InRows(InMuJoCo):
     """A law as one contact, or as several coincident ones."""
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return f"{super().paste}; after each change of the model: palpate export --check MODEL.xml"
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the XML of surfaces and pairs, and scenes that contain it."""
         return self._files({"contact.xml": self.fragment(notes)}, notes)
@@ -165,6 +193,11 @@ class InRows(InMuJoCo):
 class AsCallback(InMuJoCo):
     """The exact law as a Python callback, called at every step."""
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return f"{super().paste}; step inside palpate_contact.ExactContact(model)"
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the Python module, its parameters as JSON, and a scene."""
         # Names from a model are untrusted: none of them enters the source, not even as a comment.
@@ -176,7 +209,7 @@ class AsCallback(InMuJoCo):
         return self._files(files, notes)
 
     def _numbers(self, tip: str) -> dict[str, Any]:
-        return {**law_numbers(self.request.law), "tip": tip, "pad": PADS[0]}
+        return {**law_numbers(self.request.law), "tip": tip, "pad": self.names.pads[0]}
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Return a context with the callback installed, which adds a passive force."""
@@ -218,7 +251,8 @@ class MuJoCo(Engine):
     }
     distribution: ClassVar[str | None] = "mujoco"
     extra: ClassVar[str] = "exports"
-    takes: ClassVar[frozenset[str]] = frozenset({"model", "geom"})
+    exact_form: ClassVar[str] = "callback"
+    takes: ClassVar[frozenset[str]] = frozenset({"model", "geom", "name"})
 
     def fit(self, request: ExportRequest) -> Fragment:
         """Return the law in MuJoCo's parameters, for one pressing body.
@@ -251,8 +285,7 @@ class MuJoCo(Engine):
             warnings.append(_ONE_FOR_ALL)
         else:
             numbers = _numbers(rows)
-            warnings = [_FRICTIONLESS, *_about(form, request, rows)]
-            warnings += lifted
+            warnings = [*_about(form, request, rows), _FRICTIONLESS, *lifted]
             if not runs:
                 warnings.append(
                     f"MuJoCo {self.version()} is too old for the adhesion of a pair, so palpate "
@@ -317,7 +350,8 @@ class MuJoCo(Engine):
 def _effective_mass(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
     """Return the request with effective mass and time step; the user's model; and Â [1/kg]."""
     if request.model is not None:
-        robot = read(request.model, request.geom, request.motion.deepest)
+        names = ContactNames.of(request.name)
+        robot = read(request.model, request.geom, request.motion.deepest, names)
         return replace(request, mass=robot.mass, time_step=robot.time_step), robot, robot.mobility
     if request.mass is None:
         raise InvalidParameterError(
