@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Group, Parameter
+from rich.text import Text
 
 from palpate.cli import complain
 from palpate.cli.options import UNTRUSTED, Depth, Duration, Flag, ResultFolder, quantities
-from palpate.cli.printing import AsJson, Terminal, is_verbose, print_json, say, say_path
+from palpate.cli.printing import AsJson, Terminal, as_text, is_verbose, print_json, say, say_path
 from palpate.errors import ExportRefusedError, InvalidParameterError
 
 if TYPE_CHECKING:
@@ -139,7 +140,12 @@ def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
 
 
 def _say_line(console: Terminal, label: str, text: str, style: str = "") -> None:
-    say(console, f"  {label:<8} {text}", style, _INDENT if console.width > 2 * _INDENT else 2)
+    """Print text behind its label, wrapped beside it."""
+    for part in as_text(text).wrap(console, max(console.width - _INDENT, 1)):
+        part.rstrip()
+        line = Text(f"  {label}".ljust(_INDENT), style).append_text(part)
+        console.print(line, soft_wrap=True)
+        label = ""
 
 
 def _check(model: Path, *, as_json: bool) -> int:
@@ -153,8 +159,8 @@ def _check(model: Path, *, as_json: bool) -> int:
         return 0 if passes else UNTRUSTED
     console = Terminal()
     for contact in contacts:
-        title, *lines = contact.describe()
+        (title, _), *lines = contact.short_answer()
         say(console, title, "bold" if contact.passes else "bold yellow")
-        for line in lines:
-            say(console, line)
+        for label, text in lines:
+            _say_line(console, label, text)
     return 0 if passes else UNTRUSTED

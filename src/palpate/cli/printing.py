@@ -77,15 +77,15 @@ def as_text(words: Cell) -> Text:
     return given.copy() if plain == given.plain else Text(plain, given.style)
 
 
-def say(console: Console, words: Cell, style: str = "", indent: int = _GAP) -> None:
+def say(console: Console, words: Cell, style: str = "") -> None:
     """Print text, wrapped between words; all lines but the first are indented."""
     text = as_text(words)
     text.stylize_before(style)
     for line in text.split("\n", allow_blank=True):
-        width = console.width - indent if line.cell_len > console.width else console.width
+        width = console.width - _GAP if line.cell_len > console.width else console.width
         for k, part in enumerate(line.wrap(console, max(width, 1))):
             part.rstrip()
-            console.print(Text(" " * indent * (k > 0)).append_text(part), soft_wrap=True)
+            console.print(Text(" " * _GAP * (k > 0)).append_text(part), soft_wrap=True)
 
 
 def say_path(console: Console, words: str, style: str = "") -> None:

@@ -153,7 +153,8 @@ def export(
         why = f"exported as a {exact_form}: as {statement.fragment.form}, {statement.refusals[0]}"
         exact = engine.fit(replace(request, form=exact_form))
         other = state(replace(exact, findings=(*make_warnings(why), *exact.findings)))
-        statement = statement if other.engine_fails else other
+        if not other.engine_fails or other.compared.percent < statement.compared.percent:
+            statement = other
     if statement.refused:
         raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
     fragment = statement.fragment

@@ -618,19 +618,17 @@ class Statement:
         if self.refused:
             return [
                 (title, ""),
-                ("refused", "; ".join(self.refusals)),
+                ("refused", self.refusals[0]),
+                *[("", f"and {len(self.refusals) - 1} more reasons: -v")][: len(self.refusals) - 1],
                 ("next", "add --allow to export despite that; -v prints all numbers"),
             ]
         motion = self.source.motion
         rest = compared.rest
-        how = "replayed" if compared.replayed else "predicted, not replayed"
-        error = (
-            "exact" if self.exact else f"within {percent(compared.percent)} of {self._reference}"
-        )
+        error = self._force()
         measured = compared.against_measured_percent
         if measured is not None and compared.law_leaves_percent is not None:
-            error += f" and {percent(measured)} of the recording"
-            error += f" ({self._reference} itself: {percent(compared.law_leaves_percent)})"
+            error += f"; {percent(measured)} off the recording"
+            error += f" (the law itself: {percent(compared.law_leaves_percent)})"
         depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
         mass = f"{rounded(compared.drop.mass, 3)} kg"
         mass += "" if self.fragment.request.mass is not None else " (assumed)"
@@ -644,11 +642,11 @@ class Statement:
             )
         lines = [
             (title, ""),
-            ("force", f"{error}; {how}"),
+            ("force", error),
             (
                 "motion",
-                f"{motion.source}, {depths} deep, up to {length(motion.fastest, 2)}/s; within "
-                f"{percent(compared.faster_percent)} at twice the speed",
+                f"{motion.source}, {depths}, up to {length(motion.fastest, 2)}/s; at twice the "
+                f"speed {percent(compared.faster_percent)}",
             ),
             (
                 "rest",
@@ -705,11 +703,10 @@ class Statement:
         law = self.nearest.law
         given = law.stiffness_at(depth)
         text = (
-            "the material relaxes, and engines have no stress relaxation: exported is the "
-            f"law nearest to the identified one on this motion of {format_hertz(omega)}: stiffness "
-            f"{rounded(given, 3)} N/m and damping {rounded(law.damping_at(depth), 3)} N·s/m at "
-            f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
-            f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
+            "the material relaxes, and engines do not: exported is the law nearest on this motion "
+            f"of {format_hertz(omega)}: at {length(depth, 3)} {rounded(given, 3)} N/m and "
+            f"{rounded(law.damping_at(depth), 3)} N·s/m, for K′ = {rounded(stiffness, 3)} N/m and "
+            f"B′ = {rounded(damping, 3)} N·s/m; at other frequencies it is off by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
         if not apart <= STIFFNESS_OFF:

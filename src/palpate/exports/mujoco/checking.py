@@ -43,6 +43,10 @@ MOST_PERCENT = 5.0
 _STATES = 400
 # A cause is reported if the error is lower by more than this without it, percentage points.
 _MOVES = 0.5
+# MuJoCo writes six digits of a number.
+_SAME = 1e-4
+# Distance beyond which a tip is not looked for, m.
+_FAR_AWAY = 100.0
 
 # What an export writes into a model, and how it is found again.
 
@@ -210,7 +214,7 @@ def _put_back_armature(model: Any, contact: WrittenLaw, tip: int) -> str:
     _, joints = chain_ids(model, tip)
     now = chain(model, tip)[1]
     was = contact.armature if len(contact.armature) == len(joints) else (0.0,) * len(joints)
-    if now == was:
+    if np.allclose(now, was, rtol=_SAME, atol=1e-12):
         return ""
     model.dof_armature[joints] = was
     engine_here().mj_setConst(model, engine_here().MjData(model))
@@ -221,7 +225,7 @@ def _put_back_masses(model: Any, contact: WrittenLaw, tip: int) -> str:
     bodies, _ = chain_ids(model, tip)
     now = chain(model, tip)[0]
     was = contact.masses
-    if len(now) != len(was) or np.allclose(now, was, rtol=1e-9):
+    if len(now) != len(was) or np.allclose(now, was, rtol=_SAME):
         return ""
     scale = np.divide(was, now, out=np.ones(len(now)), where=np.asarray(now) > 0.0)
     model.body_mass[bodies] = was
@@ -234,7 +238,7 @@ def _put_back_effective_mass(model: Any, contact: WrittenLaw, tip: int) -> str:
     pair = engine_here().mj_name2id(model, engine_here().mjtObj.mjOBJ_PAIR, contact.names.pairs[0])
     both = model.geom_bodyid[[model.pair_geom1[pair], model.pair_geom2[pair]]]
     now = float(model.body_invweight0[both, 0].sum())
-    if math.isclose(now, contact.mobility, rel_tol=1e-6):
+    if math.isclose(now, contact.mobility, rel_tol=_SAME):
         return ""
     model.body_invweight0[both, 0] = 0.0
     model.body_invweight0[model.geom_bodyid[tip], 0] = contact.mobility
@@ -261,7 +265,7 @@ def _put_back_pairs(model: Any, contact: WrittenLaw, tip: int) -> str:
             if array is None:  # an older MuJoCo
                 continue
             here = np.atleast_1d(array[k])
-            if not np.allclose(here, values, rtol=1e-9, atol=0.0):
+            if not np.allclose(here, values, rtol=_SAME, atol=0.0):
                 shown = "condim" if name == "dim" else name
                 changed.append(f"{shown} of {pair}: {_list(values)} now {_list(here.tolist())}")
                 array[k] = values if here.size > 1 else values[0]
@@ -307,7 +311,8 @@ _PUT_BACK: tuple[Callable[[Any, WrittenLaw, int], str], ...] = (
 
 
 def _list(values: Sequence[float]) -> str:
-    return " ".join(rounded(value, 3) for value in values)
+    each = [rounded(value, 3) for value in values]
+    return each[0] if len(set(each)) == 1 else " ".join(each)
 
 
 @frozen
@@ -324,6 +329,8 @@ class CheckedContact:
         What changed since the export and moves the error, and the error, %, with it put back.
     refusals : tuple of str
         What fails the check; empty if the contact is right.
+    overlaps : tuple of str
+        Other exports' surfaces that the same tip touches in the same place.
     depths : tuple of float
         Smallest and largest penetration of the replay, m.
     fastest : float
@@ -336,6 +343,7 @@ class CheckedContact:
     percent: float
     causes: tuple[tuple[str, float], ...]
     refusals: tuple[str, ...]
+    overlaps: tuple[str, ...]
     depths: tuple[float, float]
     fastest: float
     tip: str
@@ -345,20 +353,25 @@ class CheckedContact:
         """Whether the force is within 5 % of the law and the simulation is stable."""
         return not self.refusals
 
-    def describe(self) -> list[str]:
-        """Return the result in lines: the error, what moved it, what fails, what to do."""
+    def short_answer(self) -> list[tuple[str, str]]:
+        """Return the result in lines, each with its label: error, causes, failures, what to do."""
         shallow, deep = (length(depth, 3) for depth in self.depths)
-        lines = [
-            f"{self.material}: force {rounded(self.percent, 3)} % off the exported law, at "
-            f"{shallow} to {deep} and up to {length(self.fastest, 2)}/s"
+        where = f"at {shallow} to {deep} and up to {length(self.fastest, 2)}/s"
+        error = f"{rounded(self.percent, 3)} %" if math.isfinite(self.percent) else "unknown"
+        lines = [(f"{self.material}: the force is {error} off the exported law, {where}", "")]
+        lines += [
+            ("moved by", f"{what}; put back: {rounded(off, 3)} %") for what, off in self.causes
         ]
-        lines += [f"  moved by {what}; put back: {rounded(off, 3)} %" for what, off in self.causes]
-        lines += [f"  fails    {refusal}" for refusal in self.refusals]
+        lines += [("fails", refusal) for refusal in self.refusals]
+        if self.overlaps:
+            there = ", ".join(self.overlaps)
+            lines.append(("note", f"{there} is in the same place, and pushes the same tip"))
         if self.refusals:
-            lines.append(
-                "  next     put it back, or remove these pads and pairs and export again: palpate "
+            again = (
+                "put it back, or remove these pads, pairs and text, and export again: palpate "
                 f"export RESULT --to mujoco --model MODEL.xml --geom {self.tip}"
             )
+            lines.append(("next", again))
         return lines
 
     def as_dict(self) -> dict[str, Any]:
@@ -372,6 +385,7 @@ class CheckedContact:
                 for cause, off in self.causes
             ],
             "refusals": list(self.refusals),
+            "overlaps": list(self.overlaps),
             "depths": list(self.depths),
             "fastest": self.fastest,
         }
@@ -425,10 +439,10 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
     wanted = contact.names.pairs[: len(contact.pairs)]
     present = [pairs[name] for name in wanted if name in pairs]
     refusals = [f"its pair {name} is missing" for name in wanted if name not in pairs]
-    depths = contact.shallowest, contact.deepest
+    where = (contact.shallowest, contact.deepest), contact.fastest
     if not present:
         missing = tuple(refusals)
-        return CheckedContact(contact.title, math.nan, (), missing, depths, contact.fastest, "TIP")
+        return CheckedContact(contact.title, math.nan, (), missing, (), *where, "TIP")
     tip = present[0].geomname2
     pads = [pair.geomname1 for pair in present]
     motion = contact.motion()
@@ -450,6 +464,15 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
         explained = put_back is _put_back_effective_mass and known <= off + _MOVES
         if off < now - _MOVES and not explained:
             causes.append((what, off))
+    surfaces = _surfaces_at_pads(deepcopy(model), contact, tip, pads)
+    exported = {pair.geomname1 for pair in spec.pairs if ContactNames().prefix in pair.name}
+    overlaps = [name for name in surfaces if name in exported]
+    refusals += [
+        f"geom {name} collides with {tip} at the pads too, so both push: set its contype and "
+        "conaffinity, or <exclude> the two bodies"
+        for name in surfaces
+        if name not in exported
+    ]
     if not now <= MOST_PERCENT:
         refusals.append(f"more than {MOST_PERCENT:g} % of force")
     pressed = _press(deepcopy(model), tip, pads)
@@ -461,5 +484,38 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
             f"one below {rounded(1e3 * limit, 2)} ms"
         )
     causes.sort(key=lambda each: each[1])
-    more = tuple(causes), tuple(refusals), depths, contact.fastest, tip
-    return CheckedContact(contact.title, now, *more)
+    found = tuple(causes), tuple(refusals), tuple(overlaps)
+    return CheckedContact(contact.title, now, *found, *where, tip)
+
+
+def _surfaces_at_pads(
+    model: Any,
+    contact: WrittenLaw,
+    tip_name: str,
+    pads: Sequence[str],
+) -> list[str]:
+    """Return the fixed geoms that the tip touches too, where it presses the pads."""
+    mujoco = engine_here()
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    mujoco.mj_forward(model, data)
+    tip = model.geom(tip_name).id
+    pad = model.geom(pads[0]).id
+    gap = mujoco.mj_geomDistance(model, data, pad, tip, _FAR_AWAY, np.zeros(6))
+    normal = data.geom_xmat[pad].reshape(3, 3)[:, 2]
+    rotation = data.xmat[model.geom_bodyid[tip]].reshape(3, 3)
+    model.geom_sameframe[tip] = 0  # else MuJoCo does not move it
+    # The tree of the bodies' geoms has the tip where it was.
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+    model.geom_pos[tip] -= (gap + contact.deepest) * normal @ rotation
+    mujoco.mj_forward(model, data)
+    touched = {
+        other
+        for k in range(data.ncon)
+        if tip in (both := data.contact.geom[k].tolist()) and data.contact.dist[k] < 0.0
+        for other in both
+        if other != tip and not model.body_weldid[model.geom_bodyid[other]]
+    }
+    names = [model.geom(k).name or f"number {k}" for k in sorted(touched)]
+    return [name for name in names if name not in pads]

@@ -39,7 +39,7 @@ from palpate.exports.nearest_law import (
     kelvin_voigt,
     stable_step,
 )
-from palpate.exports.replay_errors import Drop, drop_to, force_error
+from palpate.exports.replay_errors import Drop, drop_to, force_error, half_period
 from palpate.exports.texts import law_numbers, length, percent, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats, above_zero
@@ -66,17 +66,10 @@ class InMuJoCo(Fragment):
     @property
     def paste(self) -> str:
         """What to do with the files."""
+        begin = "load robot_scene.xml, which includes your model and contact.xml"
         if self.robot is None:
-            begin = f'put <include file="contact.xml"/> into your model, name your geom "{TIP}"'
-        else:
-            begin = "load robot_scene.xml, which includes your model and contact.xml"
-        own = "let your own surface not collide with it"
-        return f"{begin}, move {', '.join(self.pads)} to your surface, and {own}"
-
-    @property
-    def pads(self) -> tuple[str, ...]:
-        """Names of the surfaces, one per row, at least one."""
-        return self.names.pads[: max(len(self.rows.rows), 1)]
+            begin = f'include contact.xml in your model, name its geom "{TIP}"'
+        return f"{begin}, put the pads on your surface, which must not collide with the tip itself"
 
     @property
     def mobility(self) -> float:
@@ -136,8 +129,14 @@ class InMuJoCo(Fragment):
         return Replayed(force, f"by mj_inverse, state by state{where}")
 
     def drop_restitution(self, drop: Drop) -> float | None:
-        """Return the restitution in the minimal scene, for a body of mass 1/Â; 0 if it stays."""
+        """Return the restitution in the minimal scene, for a body of mass 1/Â; 0 if it stays.
+
+        None if the impact would take more steps than palpate simulates.
+        """
         if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
+            return None
+        duration = half_period(self.request.law, drop.mass, drop.depth)
+        if 4.0 * duration > MOST_STEPS * self.request.time_step:
             return None
         mujoco = engine_here()
         model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
@@ -174,7 +173,7 @@ class InRows(InMuJoCo):
     @property
     def paste(self) -> str:
         """What to do with the files."""
-        return f"{super().paste}; after each change of the model: palpate export --check MODEL.xml"
+        return f"{super().paste}; then palpate export --check MODEL.xml"
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the XML of surfaces and pairs, and scenes that contain it."""
@@ -185,8 +184,12 @@ class InRows(InMuJoCo):
         return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
 
     def predict_restitution(self, drop: Drop) -> float:
-        """Return the restitution of the rows at the time step."""
-        return drop_restitution(self.rows, drop, self.request.time_step)
+        """Return the restitution of the rows at the time step, or at a longer one if that is fine.
+
+        A step of a thousandth of an impact has no effect on it.
+        """
+        fine = half_period(self.request.law, drop.mass, drop.depth) / 1000.0
+        return drop_restitution(self.rows, drop, max(self.request.time_step, fine))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
