@@ -61,6 +61,8 @@ CHAPTERS = {
             "how-to/robot-learning",
             "how-to/controller",
             "how-to/simulator",
+            "how-to/contact-force",
+            "how-to/solref",
             "how-to/lecturers",
             "how-to/map",
             "how-to/late-force",

@@ -13,7 +13,6 @@ from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
-from palpate.input.recordings.units import GRAVITY
 from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats, Integers, Mask, frozen
 
@@ -21,6 +20,8 @@ from palpate.validation import Floats, Integers, Mask, frozen
 MOST_SAMPLES = 20_000
 #: Depth, m, above which the paper's motion counts for errors.
 FIRM = 2e-3
+#: Standard gravity, m/s².
+GRAVITY = 9.80665
 # Mean depth of the paper's motion, m.
 _PAPER_DEPTH = 10e-3
 

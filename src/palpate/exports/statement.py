@@ -22,7 +22,7 @@ from palpate.errors import (
     RecordingError,
 )
 from palpate.exports.engine import Engine, Fragment, make_refusals, make_warnings
-from palpate.exports.motion import ProbeMotion
+from palpate.exports.motion import GRAVITY, ProbeMotion
 from palpate.exports.nearest_law import (
     Nearest,
     fit_with_exponents,
@@ -37,7 +37,6 @@ from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identification.diagnosis import Diagnosis, Verdict
 from palpate.identification.quantities.elastic_modulus import Sphere
 from palpate.identifying import Identification, identify
-from palpate.input.recordings.units import GRAVITY
 from palpate.method.estimators import VariableProjection
 from palpate.output.results.saved import SavedResult
 from palpate.validation import Floats, finite_or_none, frozen, shown
