@@ -49,6 +49,7 @@ class Scaled(Fragment):
     """An engine's contact that is too strong by a factor."""
 
     factor: float = 1.0
+    rebound: float | None = None
     runs: bool = True
 
     def files(self, notes):
@@ -58,7 +59,7 @@ class Scaled(Fragment):
         return motion.force_by(self.request.law)
 
     def predict_restitution(self, drop):
-        return drop.restitution
+        return drop.restitution if self.rebound is None else self.rebound
 
     def replay(self, motion):
         force = self.factor * motion.force_by(self.request.law)
@@ -317,6 +318,42 @@ def test_an_export_more_than_5_percent_off_is_refused(toy):
         assert refused.value.statement.refused
         made = exports.export(BALL.law, "toy", allow=True)
         assert "although the force error of the engine is" in made.files["fragment.txt"]
+
+
+def test_an_impact_that_gains_energy_or_is_far_off_is_refused(toy):
+    for rebound, words in ((1.02, "impacts gain energy"), (0.3, "more than 50 % off")):
+        toy(rebound=rebound)
+        with pytest.raises(ExportRefusedError, match=words):
+            exports.export(BALL.law, "toy")
+    toy(rebound=0.5)  # of 0.67
+    assert any(
+        "impacts will be wrong" in w for w in exports.export(BALL.law, "toy").statement.warnings
+    )
+
+
+def test_the_answer_has_rest_rebound_and_twice_the_speed_of_the_engine(toy, ball):
+    toy(factor=1.04)
+    statement = exports.export(ball, "toy", mass=1.0).statement
+    whole = statement.as_dict()
+    assert whole["rest"]["load"] == pytest.approx(9.80665)
+    law = ball.law
+    depth = (9.80665 / law.K) ** (1.0 / law.n)
+    assert whole["rest"]["depth_of_law"] == pytest.approx(depth, rel=1e-6)
+    # The body rests where 1.04 of the law carries it.
+    assert whole["rest"]["depth"] == pytest.approx(depth * 1.04 ** (-1.0 / law.n), rel=1e-3)
+    assert whole["error_percent"]["at_twice_the_speed"] == pytest.approx(4.0, rel=1e-3)
+    labels = [label for label, _ in statement.short_answer()[1:]]
+    assert labels == ["force", "motion", "rest", "rebound", "warning"]
+    # The warning that is shown is that of the largest effect.
+    toy(rebound=0.5, factor=1.0)
+    assert "impacts will be wrong" in exports.export(ball, "toy", mass=1.0).statement.main_warning
+
+
+@pytest.mark.parametrize("K, mass, deepest", [(2000.0, 1.0, 14.0e-3), (1e9, 1.0, 1.0e-5)])
+def test_a_law_alone_is_judged_at_depths_that_a_body_reaches(K, mass, deepest):
+    motion = ExportedLaw.of(HuntCrossley(K=K, B=K, n=1.5 if K > 1e6 else 1.0), mass).motion
+    assert motion.deepest == pytest.approx(deepest, rel=0.1)
+    assert ("scaled" in motion.source) == (K > 1e6)
 
 
 def test_an_untrusted_result_is_refused_and_one_with_care_warns(toy, saved):
