@@ -127,13 +127,13 @@ class ExportedLaw:
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
                 flags = found["flags"]
             response = _response(result, judged)
-            law: ForceLaw = result.law
+            exported: ForceLaw = result.law
             motion = ProbeMotion.recorded(result)
             answer = None
             if response is not None:
-                law, motion, answer = _replace_relaxing_law(result, motion)
+                exported, motion, answer = _replace_relaxing_law(result, motion)
             return cls(
-                law=law,
+                law=exported,
                 motion=motion,
                 name=Path(result.contact.source).name or "a contact",
                 standard_errors=None if response is not None else result.standard_errors,
@@ -601,26 +601,19 @@ class Statement:
         """The claim in one line: exact, within a force error, or refused."""
         if self.refused:
             return f"refused: {'; '.join(self.refusals)}"
-        motion = self.source.motion
-        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
-        where = f"at depths {depths} and speeds up to {length(motion.fastest, 2)}/s"
-        text = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
+        measured = dict(self._measured())
+        text = f"{measured['force']}, on {measured['motion']}; restitution {measured['rebound']}"
         if not self.refusals:
             return text
         return f"{text}; allowed by the user although {'; '.join(self.refusals)}"
 
-    def short_answer(self) -> list[tuple[str, str]]:
-        """Return the answer in lines, each with its label: what a user needs to go on."""
+    @property
+    def _title(self) -> str:
+        return " ".join(filter(None, (self.engine.title, self.engine.version())))
+
+    def _measured(self) -> list[tuple[str, str]]:
+        """Return what was measured in the engine, each with its label."""
         compared = self.compared
-        title = " ".join(filter(None, (self.engine.title, self.engine.version())))
-        title = f"{self.source.name or 'a law'} in {title} ({self.fragment.form})"
-        if self.refused:
-            return [
-                (title, ""),
-                ("refused", self.refusals[0]),
-                *[("", f"and {len(self.refusals) - 1} more reasons: -v")][: len(self.refusals) - 1],
-                ("next", "add --allow to export despite that; -v prints all numbers"),
-            ]
         motion = self.source.motion
         rest = compared.rest
         error = self._force()
@@ -629,70 +622,57 @@ class Statement:
             error += f"; {percent(measured)} off the recording"
             error += f" (the law itself: {percent(compared.law_leaves_percent)})"
         depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
-        mass = f"{rounded(compared.drop.mass, 3)} kg"
-        mass += "" if self.fragment.request.mass is not None else " (assumed)"
-        engine_rest = length(rest.engine, 3) if math.isfinite(rest.engine) else "elsewhere"
-        rebound = "none: a free body does not rebound with this law"
-        if math.isfinite(compared.restitution_percent):
-            rebound = (
-                f"{rounded(compared.drop_restitution, 3)}; law "
-                f"{rounded(compared.drop.restitution, 3)}, for {mass} at "
-                f"{rounded(compared.drop.speed, 2)} m/s"
-            )
-        lines = [
-            (title, ""),
+        if self.source.response is not None:  # the exported law is for this frequency
+            depths = f"{format_hertz(self.source.response[1])}, {depths}"
+        faster = f"at twice the speed {percent(compared.faster_percent)}"
+        at_rest = length(rest.engine, 3) if math.isfinite(rest.engine) else "elsewhere"
+        return [
             ("force", error),
-            (
-                "motion",
-                f"{motion.source}, {depths}, up to {length(motion.fastest, 2)}/s; at twice the "
-                f"speed {percent(compared.faster_percent)}",
-            ),
-            (
-                "rest",
-                f"{engine_rest}; law {length(rest.law, 3)}, under {rounded(rest.load, 3)} N",
-            ),
-            ("rebound", rebound),
+            ("motion", f"{motion.source}, {depths}, up to {length(motion.fastest, 2)}/s; {faster}"),
+            ("rest", f"{at_rest}; law {length(rest.law, 3)}, under {rounded(rest.load, 3)} N"),
+            ("rebound", self._describe_restitution()),
         ]
-        if self.refusals:
-            lines.append(("allowed", f"although {self.refusals[0]}"))
-        if self.main_warning:
-            lines.append(("warning", self.main_warning))
-        return lines
+
+    def short_answer(self) -> list[tuple[str, str]]:
+        """Return the answer in lines, each with its label: what a user needs to go on."""
+        refusals = self.refusals
+        title = f"{self.source.name or 'a law'} in {self._title} ({self.fragment.form})"
+        lines = [(title, "")]
+        if refusals:
+            lines.append(("allowed" if self.allowed else "refused", refusals[0]))
+        if refusals[1:]:
+            lines.append(("", f"and {len(refusals) - 1} more reasons: -v"))
+        if self.refused:
+            return [*lines, ("next", "add --allow to export despite that; -v prints all numbers")]
+        warning = [("warning", self.main_warning)] if self.main_warning else []
+        return [*lines, *self._measured(), *warning]
 
     def describe(self) -> list[str]:
-        """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
-        title = " ".join(filter(None, (self.engine.title, self.engine.version())))
-        lines = [f"{title}, {self.fragment.form}: {self.claim}.", *self.basis(), *self.law_lines()]
+        """Return the statement as lines: claim, replay, law, engine parameters, warnings."""
+        rest = dict(self._measured())["rest"]
+        lines = [
+            f"{self._title}, {self.fragment.form}: {self.claim}.",
+            self.describe_replay(),
+            f"Depth at rest: {rest}.",
+            *self.law_lines(),
+        ]
         if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
         return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
 
-    def basis(self) -> list[str]:
-        """Return how the errors were obtained, and the three force errors."""
+    def describe_replay(self) -> str:
+        """Return how the errors were obtained."""
         compared = self.compared
         title = self.engine.title
-        measured = compared.against_measured_percent
-        leaves = compared.law_leaves_percent
         if compared.replayed:
-            how = f"Replayed in {title} {self.engine.version() or ''}, {compared.how}".rstrip()
-            how += f" (predicted error {percent(compared.predicted_percent)})."
-        else:
-            why = f"palpate cannot run {title}"
-            if self.engine.distribution is not None:
-                why = f"it does not load: {compared.fails}" if compared.fails else "not requested"
-                if not self.engine.version():
-                    why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
-            how = f"Not replayed ({why}): the errors of the engine are predicted."
-        three = f"Rms force error: {percent(compared.percent)} against {self._reference}"
-        if measured is not None and leaves is not None:
-            three += f", {percent(measured)} against the measured force"
-            three += f" (the law itself: {percent(leaves)})"
-        three += f"; {percent(compared.faster_percent)} at twice the speed"
-        rest = compared.rest
-        where = length(rest.engine, 4) if math.isfinite(rest.engine) else "elsewhere"
-        law_depth = length(rest.law, 4)
-        rests = f"Under {rounded(rest.load, 3)} N the body rests at {where} (law {law_depth})."
-        return [how, three + ".", rests]
+            predicted = f"predicted error {percent(compared.predicted_percent)}"
+            return f"Replayed in {self._title}, {compared.how} ({predicted})."
+        why = f"palpate cannot run {title}"
+        if self.engine.distribution is not None:
+            why = f"it does not load: {compared.fails}" if compared.fails else "not requested"
+            if not self.engine.version():
+                why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
+        return f"Not replayed ({why}): the errors of the engine are predicted."
 
     def _relaxation(self) -> tuple[Finding, ...]:
         """Say what stands in the place of a law that relaxes; refuse another stiffness."""
@@ -778,6 +758,7 @@ class Statement:
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,
+            "frequency": finite_or_none(source.motion.frequency),
             "drop": {
                 "mass": drop.mass,
                 "speed": finite_or_none(drop.speed),
@@ -842,17 +823,14 @@ class Statement:
 
     def _describe_restitution(self) -> str:
         compared = self.compared
-        how = "" if compared.replayed_restitution is not None else ", predicted"
         drop = compared.drop
-        mass = rounded(compared.drop.mass, 3)
         if not math.isfinite(compared.restitution_percent):
-            return "no restitution: a free body does not rebound with this law"
+            return "none: a free body does not rebound with this law"
+        how = "" if compared.replayed_restitution is not None else ", predicted"
         assumed = "" if self.fragment.request.mass is not None else " (assumed)"
-        numbers = f"{rounded(compared.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
         return (
-            f"restitution within {percent(abs(compared.restitution_percent))} "
-            f"({numbers}{how}) for an impact of {mass} kg{assumed} at {rounded(drop.speed, 2)} m/s "
-            f"to a depth of {length(drop.depth, 3)}"
+            f"{rounded(compared.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}{how}, "
+            f"for an impact of {rounded(drop.mass, 3)} kg{assumed} at {rounded(drop.speed, 2)} m/s"
         )
 
 

@@ -10,6 +10,7 @@ import json
 import math
 from collections.abc import Callable, Sequence
 from copy import deepcopy
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -84,10 +85,12 @@ class WrittenLaw:
         What the law is of.
     law : GeneralisedHuntCrossley
         The exported law.
-    shallowest, deepest, fastest : float
-        Depths, m, and largest speed, m/s, of the recorded motion.
+    speed : float
+        Largest speed of the recorded motion, m/s.
     mobility : float
         Â that the pairs are for, 1/kg.
+    depths : tuple of float
+        Smallest and largest penetration of that motion, m.
     masses, armature : tuple of float
         Of the bodies, kg, and of the joints, from the world to the tip.
     pairs : tuple of tuple of float
@@ -97,10 +100,9 @@ class WrittenLaw:
     names: ContactNames
     material: str
     law: GeneralisedHuntCrossley
-    shallowest: float
-    deepest: float
-    fastest: float
+    speed: float
     mobility: float
+    depths: tuple[float, ...]
     masses: tuple[float, ...]
     armature: tuple[float, ...]
     pairs: tuple[tuple[float, ...], ...]
@@ -116,28 +118,23 @@ class WrittenLaw:
         """
         try:
             found = json.loads(text)
-            law = GeneralisedHuntCrossley(**{each: float(found[each]) for each in "KnBp"})
-            shallowest, deepest = map(float, found["depths"])
-            contact = cls(
-                ContactNames(name.removesuffix(_SUFFIX)),
-                str(found["material"]),
-                law,
-                shallowest,
-                deepest,
-                float(found["speed"]),
-                float(found["mobility"]),
-                tuple(map(float, found["masses"])),
-                tuple(map(float, found["armature"])),
-                tuple(tuple(map(float, pair)) for pair in found["pairs"]),
-            )
-            sound = 0.0 < shallowest <= deepest < math.inf and 0.0 <= contact.fastest < math.inf
-            if not (sound and contact.mobility > 0.0 and {len(p) for p in contact.pairs} == {9}):
+            k, n, b, p = (float(found[each]) for each in "KnBp")
+            depths, masses, armature = (tuple(map(float, found[each])) for each in _LISTS)
+            pairs = tuple(tuple(map(float, pair)) for pair in found["pairs"])
+            speed = float(found["speed"])
+            mobility = float(found["mobility"])
+            positive = *depths, mobility, k
+            sound = 0.0 < min(positive) and max(*positive, speed) < _HUGE and speed >= 0.0
+            if not sound or {len(pair) for pair in pairs} != {9}:
                 raise ValueError("its numbers are out of range")
+            names = ContactNames(name.removesuffix(_SUFFIX))
+            law = GeneralisedHuntCrossley(K=k, n=n, B=b, p=p)
+            made = names, str(found["material"]), law, speed, mobility
+            return cls(*made, depths, masses, armature, pairs)
         except (ValueError, LookupError, TypeError) as error:
             raise InvalidParameterError(
                 f"the text {name} of the model is damaged ({error}): export the law again"
             ) from None
-        return contact
 
     @property
     def title(self) -> str:
@@ -147,17 +144,22 @@ class WrittenLaw:
 
     def motion(self) -> ProbeMotion:
         """Return the paper's motion, scaled to the recorded depths and the largest speed."""
-        firm = ProbeMotion.of_paper().firm(_STATES)
-        middle = 0.5 * (firm.deepest + firm.shallowest)
-        size = (self.deepest - self.shallowest) / (firm.deepest - firm.shallowest)
-        x = 0.5 * (self.deepest + self.shallowest) + size * (firm.penetration - middle)
-        faster = self.fastest / (size * firm.fastest) if size > 0.0 else 1.0
-        v = size * faster * firm.velocity
-        a = size * faster**2 * firm.acceleration
-        return ProbeMotion(firm.time / faster if faster else firm.time, x, v, a, firm.judged)
+        paper = ProbeMotion.of_paper().firm(_STATES)
+        shallowest, deepest = self.depths
+        size = (deepest - shallowest) / (paper.deepest - paper.shallowest)
+        scaled = replace(
+            paper,
+            penetration=shallowest + size * (paper.penetration - paper.shallowest),
+            velocity=size * paper.velocity,
+            acceleration=size * paper.acceleration,
+        )
+        moves = size > 0.0 and self.speed > 0.0
+        return scaled.faster(self.speed / scaled.fastest) if moves else scaled
 
 
 _SUFFIX = "_law"
+_LISTS = ("depths", "masses", "armature")
+_HUGE = 1e30
 
 
 def _read_laws(spec: Any, path: Path) -> list[WrittenLaw]:
@@ -344,7 +346,7 @@ class CheckedContact:
     causes: tuple[tuple[str, float], ...]
     refusals: tuple[str, ...]
     overlaps: tuple[str, ...]
-    depths: tuple[float, float]
+    depths: tuple[float, ...]
     fastest: float
     tip: str
 
@@ -376,19 +378,9 @@ class CheckedContact:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the result as plain numbers and text, SI."""
-        return {
-            "material": self.material,
-            "error_percent": finite_or_none(self.percent),
-            "passes": self.passes,
-            "causes": [
-                {"change": cause, "error_percent_put_back": finite_or_none(off)}
-                for cause, off in self.causes
-            ],
-            "refusals": list(self.refusals),
-            "overlaps": list(self.overlaps),
-            "depths": list(self.depths),
-            "fastest": self.fastest,
-        }
+        causes = [{"change": what, "error_percent_put_back": off} for what, off in self.causes]
+        error = finite_or_none(self.percent)
+        return {**asdict(self), "percent": error, "causes": causes, "passes": self.passes}
 
 
 def check_model(path: str | Path) -> tuple[CheckedContact, ...]:
@@ -439,7 +431,7 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
     wanted = contact.names.pairs[: len(contact.pairs)]
     present = [pairs[name] for name in wanted if name in pairs]
     refusals = [f"its pair {name} is missing" for name in wanted if name not in pairs]
-    where = (contact.shallowest, contact.deepest), contact.fastest
+    where = contact.depths, contact.speed
     if not present:
         missing = tuple(refusals)
         return CheckedContact(contact.title, math.nan, (), missing, (), *where, "TIP")
@@ -455,7 +447,7 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
         return force_error(_forward_force(pressed, motion), law, motion.judged)
 
     now = error(deepcopy(model))
-    causes = []
+    causes: list[tuple[str, float]] = []
     for put_back in _PUT_BACK:
         tried = deepcopy(model)
         what = put_back(tried, contact, tried.geom(tip).id)
@@ -477,7 +469,7 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
         refusals.append(f"more than {MOST_PERCENT:g} % of force")
     pressed = _press(deepcopy(model), tip, pads)
     mass = 0.0 if pressed is None else pressed.mass()
-    limit = stable_step(contact.law, mass, contact.deepest)
+    limit = stable_step(contact.law, mass, contact.depths[-1])
     if model.opt.timestep >= limit:
         refusals.append(
             f"the simulation is unstable at a time step of {1e3 * model.opt.timestep:g} ms; choose "
@@ -508,7 +500,7 @@ def _surfaces_at_pads(
     model.geom_sameframe[tip] = 0  # else MuJoCo does not move it
     # The tree of the bodies' geoms has the tip where it was.
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-    model.geom_pos[tip] -= (gap + contact.deepest) * normal @ rotation
+    model.geom_pos[tip] -= (gap + contact.depths[-1]) * normal @ rotation
     mujoco.mj_forward(model, data)
     touched = {
         other
