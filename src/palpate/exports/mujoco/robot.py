@@ -226,7 +226,7 @@ class PressableModel:
             )
             self.face(centre + (gap - _FAR) * normal, normal)
             out = self.along()
-            if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
+            if out.size and np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
                 return True
         return False
 
