@@ -149,7 +149,7 @@ def export(
 
     statement = state(engine.fit(request))
     exact_form = engine.exact_form
-    if form == "auto" and exact_form and statement.engine_fails:
+    if form == "auto" and exact_form in engine.forms and statement.engine_fails:
         why = f"exported as a {exact_form}: as {statement.fragment.form}, {statement.refusals[0]}"
         exact = engine.fit(replace(request, form=exact_form))
         other = state(replace(exact, findings=(*make_warnings(why), *exact.findings)))

@@ -24,6 +24,8 @@ FIRM = 2e-3
 GRAVITY = 9.80665
 # Mean depth of the paper's motion, m.
 _PAPER_DEPTH = 10e-3
+# Largest force at that depth, in weights of the body.
+_MOST_WEIGHTS = 100.0
 
 
 @frozen(eq=False)
@@ -72,17 +74,18 @@ class ProbeMotion:
     def for_law(cls, law: ForceLaw, mass: float) -> "ProbeMotion":
         """Return the paper's motion, or a smaller one at depths that a body's weight reaches.
 
-        On a stiff law, such as that of metal, a body of this mass [kg] rests at less than 2 mm. The
-        motion is then about the depth of twice its weight, as 10 mm is for 1 kg on the ball.
+        On a stiff law, such as that of metal, the paper's 10 mm would take more than 100 times the
+        weight of a body of this mass [kg]. The motion is then about the depth of twice its weight,
+        as 10 mm is for 1 kg on the paper's ball.
         """
         resting = law.relaxed() if isinstance(law, GeneralisedHuntCrossley) else law
         load = mass * GRAVITY
-        if not float(resting.force(FIRM, 0.0)) > load:
+        if not float(resting.force(_PAPER_DEPTH, 0.0)) > _MOST_WEIGHTS * load:
             return cls.of_paper()
-        depths = np.geomspace(1e-12, 2.0 * _PAPER_DEPTH, 4000)
+        depths = np.geomspace(1e-12, _PAPER_DEPTH, 4000)
         force = resting.force(depths, np.zeros_like(depths))
         reached = float(depths[int(np.argmax(force >= 2.0 * load))])
-        return cls.of_paper(min(1.0, reached / _PAPER_DEPTH))
+        return cls.of_paper(reached / _PAPER_DEPTH)
 
     def faster(self, factor: float) -> "ProbeMotion":
         """Return the same depths at this multiple of the speed, without a measured force."""
