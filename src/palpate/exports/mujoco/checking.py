@@ -450,15 +450,7 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
         return force_error(_forward_force(pressed, motion), law, motion.judged)
 
     now = error(deepcopy(model))
-    causes: list[tuple[str, float]] = []
-    for put_back in _PUT_BACK:
-        tried = deepcopy(model)
-        what = put_back(tried, contact, tried.geom(tip).id)
-        off = error(tried) if what else math.nan
-        known = min((each for _, each in causes), default=math.inf)
-        explained = put_back is _put_back_effective_mass and known <= off + _MOVES
-        if off < now - _MOVES and not explained:
-            causes.append((what, off))
+    causes = _find_causes(model, contact, tip, error, now)
     surfaces = _surfaces_at_pads(deepcopy(model), contact, tip, pads)
     written = [pair for pair in spec.pairs if ContactNames().prefix in pair.name]
     exported = {name for pair in written for name in (pair.geomname1, pair.geomname2)}
@@ -482,9 +474,28 @@ def _check(spec: Any, model: Any, contact: WrittenLaw) -> CheckedContact:
             f"the simulation is unstable at a time step of {1e3 * model.opt.timestep:g} ms; choose "
             f"one below {rounded(1e3 * limit, 2)} ms"
         )
-    causes.sort(key=lambda each: each[1])
-    found = tuple(causes), tuple(refusals), tuple(overlaps)
+    found = causes, tuple(refusals), tuple(overlaps)
     return CheckedContact(contact.title, now, *found, *where, tip)
+
+
+def _find_causes(
+    model: Any,
+    contact: WrittenLaw,
+    tip: str,
+    error: Callable[[Any], float],
+    now: float,
+) -> tuple[tuple[str, float], ...]:
+    """Return what moves the error, and the error, %, with each put back, smallest first."""
+    causes: list[tuple[str, float]] = []
+    for put_back in _PUT_BACK:
+        tried = deepcopy(model)
+        what = put_back(tried, contact, tried.geom(tip).id)
+        off = error(tried) if what else math.nan
+        known = min((each for _, each in causes), default=math.inf)
+        explained = put_back is _put_back_effective_mass and known <= off + _MOVES
+        if off < now - _MOVES and not explained:
+            causes.append((what, off))
+    return tuple(sorted(causes, key=lambda each: each[1]))
 
 
 def _surfaces_at_pads(

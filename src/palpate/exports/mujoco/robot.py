@@ -444,6 +444,10 @@ def _spec(path: Path) -> Any:
     return spec
 
 
+# Files that MuJoCo decodes as a model.
+_SUFFIXES = (".xml", ".urdf")
+
+
 def read_spec(path: Path) -> Any:
     """Return the MjSpec of a file.
 
@@ -455,6 +459,8 @@ def read_spec(path: Path) -> Any:
     mujoco = engine_here()
     if not path.is_file():
         raise InvalidParameterError(f"model: file {path} does not exist")
+    if path.suffix.lower() not in _SUFFIXES:  # MuJoCo would write a log into the user's folder
+        raise InvalidParameterError(f"model: {path.name} is not called .xml, as a model must be")
     try:
         return mujoco.MjSpec.from_file(str(path))
     except Exception as error:  # the engine's own classes, of several kinds
