@@ -5,12 +5,15 @@ Motion: the paper's three sines, judged deeper than 2 mm. Engines that are not i
 skipped. ``docs/validation/exports.md`` has the tables.
 """
 
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import perf_counter
 from typing import NoReturn
 
@@ -25,7 +28,7 @@ from palpate import HuntCrossley, KelvinVoigt, exports, lab
 from palpate.exports.newton import NewtonScene
 from palpate.exports.replay_errors import drop_to, force_error
 from palpate.exports.usd import UsdMaterial
-from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
+from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley, engines, literature
 from palpate.validation import Floats
 from palpate.writing import check_outputs
 
@@ -254,6 +257,196 @@ def round_trips(export: exports.Export, law: str) -> tuple[float, float, float]:
     )
 
 
+# Models around an exported contact; --check and a simulation of its own compare it with the law.
+
+SLIDE = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="0 0 {height}">
+  <joint type="slide" axis="0 0 1"/><geom name="tip" size="0.03" mass="1"/>{more}
+  </body></worldbody></mujoco>"""
+# A carriage on a slide, and a tool that slides on it.
+TWO_BODIES = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="0 0 {height}">
+  <joint type="slide" axis="0 0 1"/><geom size="0.02" mass="0.8" pos="0.1 0 0.1"/>
+  <body><joint type="slide" axis="0 0 1" stiffness="1e5" damping="200"/>
+  <geom name="tip" size="0.03" mass="0.4"/></body></body></worldbody></mujoco>"""
+# A shoulder and an elbow with geared motors.
+ARM = """<mujoco><option gravity="0 0 0"/><worldbody><body pos="0 0 {height}">
+  <joint axis="0 1 0" armature="0.05"/><geom size="0.03" mass="1"/>
+  <body pos="0.3 0 0"><joint axis="0 1 0" armature="0.05"/><geom size="0.03" mass="0.6"/>
+  <geom name="tip" size="0.03" pos="0.25 0 0" mass="0.2"/></body></body></worldbody></mujoco>"""
+# A model, and the text in it that somebody changes; the second material is another export.
+EDITS: dict[str, tuple[str, str, str]] = {
+    "as exported": (ARM, "", ""),
+    "armature of an arm, .05 to .5": (ARM, 'armature="0.05"', 'armature="0.5"'),
+    "mass of the tool, 1 to 1.3 kg": (SLIDE, 'mass="1"', 'mass="1.3"'),
+    "a two-body slide, tool .4 to .6 kg": (TWO_BODIES, 'mass="0.4"', 'mass="0.6"'),
+    "a two-body slide, as exported": (TWO_BODIES, "", ""),
+}
+
+
+def measure_check() -> Section:
+    """Compare ``palpate export --check`` with a simulation that shares none of its code."""
+    rows = []
+    for name, (text, old, new) in EDITS.items() if there("mujoco") else ():
+        for law in ("ball", "n = 1.5"):
+            with TemporaryDirectory() as folder:
+                path = finished_model(Path(folder), text.replace("{height}", "1"), (law,))
+                path.write_text(path.read_text().replace(old, new) if old else path.read_text())
+                [found] = exports.check_model(path)
+                simulated = simulate_contact(path, LAWS[law], "palpate_pad")
+            gap = abs(found.percent - simulated)
+            text_of = f"--check, {name}, {law}: {found.percent:.2f} %, simulated {simulated:.2f} %"
+            rows.append(Row(text_of, gap, "points", limit=Limit(0.5)))
+    if there("mujoco"):
+        with TemporaryDirectory() as folder:
+            laws = ("ball", "PVC")
+            path = finished_model(Path(folder), SLIDE.replace("{height}", "1"), laws)
+            path.write_text(path.read_text().replace('mass="1"', 'mass="1.2"'))
+            for law, found in zip(laws, exports.check_model(path), strict=True):
+                simulated = simulate_contact(path, LAWS[law], f"palpate_{law}_pad")
+                gap = abs(found.percent - simulated)
+                text_of = f"--check, two materials, {law}: {found.percent:.2f} %, simulated"
+                rows.append(Row(f"{text_of} {simulated:.2f} %", gap, "points", limit=Limit(0.5)))
+    return Section("--check against an independent forward simulation", rows)
+
+
+def finished_model(folder: Path, text: str, laws: Sequence[str]) -> Path:
+    """Return one file with the model and an export of each law; several are told by name."""
+    import mujoco
+
+    path = folder / "model.xml"
+    path.write_text(text.replace("{more}", ""))
+    model = path
+    for law in laws:
+        name = law if len(laws) > 1 else ""
+        made = exports.export(LAWS[law], "mujoco", model=model, geom="tip", name=name)
+        out = folder / f"out_{len(name)}_{law[0]}"
+        made.save(out)
+        model = folder / f"with_{law[0]}.xml"
+        spec = mujoco.MjSpec.from_file(str(out / "robot_scene.xml"))
+        spec.compile()
+        model.write_text(spec.to_xml())
+    return model
+
+
+def simulate_contact(path: Path, law: ForceLaw, pad: str) -> float:
+    """Return the error of the contact's force in a simulation in time, %.
+
+    A force on the tip, of a stiff spring and damper, moves it 1 to 14 mm into the pad at 1.5 Hz,
+    by ``mj_step``; penetration and velocity are those of the tip, the force that of the contacts.
+    """
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_path(str(path))
+    model.opt.timestep = 2e-4
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    tip = model.geom("tip").id
+    body = model.geom_bodyid[tip]
+    pads = {k for k in range(model.ngeom) if model.geom(k).name.startswith(pad)}
+    radius = float(model.geom_size[tip, 0])
+    first = float(data.geom_xpos[tip, 2])
+    for k in pads:
+        model.geom_pos[k, 2] = first - radius
+    others = [k for k in range(model.npair) if model.pair_geom1[k] not in pads]
+    for k in others:
+        model.geom_pos[model.pair_geom1[k], 2] = -10.0
+    across = np.zeros((3, model.nv))
+    measured, expected, wrench = [], [], np.zeros(6)
+    for step in range(10_000):
+        time = step * model.opt.timestep
+        depth = 7.5e-3 - 6.5e-3 * np.cos(2 * np.pi * 1.5 * time)
+        speed = 6.5e-3 * 2 * np.pi * 1.5 * np.sin(2 * np.pi * 1.5 * time)
+        mujoco.mj_jac(model, data, across, None, data.geom_xpos[tip], body)
+        x = first - float(data.geom_xpos[tip, 2])
+        v = -float(across[2] @ data.qvel)
+        data.qfrc_applied[:] = across[2] * -(2e5 * (depth - x) + 600.0 * (speed - v))
+        mujoco.mj_step1(model, data)
+        x = first - float(data.geom_xpos[tip, 2])
+        mujoco.mj_jac(model, data, across, None, data.geom_xpos[tip], body)
+        v = -float(across[2] @ data.qvel)
+        mujoco.mj_step2(model, data)
+        force = 0.0
+        for k in range(data.ncon):
+            if pads & set(data.contact.geom[k].tolist()):
+                mujoco.mj_contactForce(model, data, k, wrench)
+                force += wrench[0]
+        if time > 0.5 and x > 2e-3:
+            measured.append(force)
+            expected.append(float(law.force(x, v)))
+    off = np.subtract(measured, expected)
+    return 100.0 * float(np.linalg.norm(off) / np.linalg.norm(expected))
+
+
+# Ten laws by their names in docs/reference/named-laws.md, at a restitution or time as in use.
+NAMED: dict[str, ForceLaw] = {
+    "Kelvin–Voigt": engines.kelvin_voigt(K=2000.0, B=16.6),
+    "Drake, point contact": engines.drake_point(stiffness=2000.0, dissipation=1.0),
+    "Drake, hydroelastic": engines.drake_hydroelastic(
+        modulus=1e5, radius=0.03, thickness=0.02, dissipation=1.0
+    ),
+    "Simbody, OpenSim": engines.simbody(modulus=1e5, radius=0.03, dissipation=1.0),
+    "Kuwabara–Kono half-space": literature.half_space(K=2e4, n=1.5, retardation_time=0.01),
+    "Hunt & Crossley 1975": literature.hunt_crossley_1975(K=2e4, n=1.5, restitution=0.8, speed=0.1),
+    "Lankarani & Nikravesh": literature.lankarani_nikravesh(
+        K=2e4, n=1.5, restitution=0.8, speed=0.1
+    ),
+    "Flores": literature.flores(K=2e4, n=1.5, restitution=0.8, speed=0.1),
+    "Zener, 1500 + 1500 N/m, τ .4 s": literature.standard_linear_solid(
+        K=1500.0, branch_stiffness=1500.0, branch_damping=600.0
+    ),
+    "Fung, c .1": literature.fung(instantaneous=2e4, n=1.5, c=0.1, shortest=0.01, longest=10.0),
+}
+
+
+def measure_relaxing() -> Section:
+    """A law that relaxes, and which of ten named laws are refused."""
+    if not there("mujoco"):
+        return Section("Laws that relax", [])
+    rows = []
+    motion = exports.ProbeMotion.of_paper()
+    relaxing = NAMED["Zener, 1500 + 1500 N/m, τ .4 s"]
+    noise = 0.02 * np.random.default_rng(1).standard_normal(len(motion))
+    contact = palpate.Contact(
+        motion.time,
+        penetration=motion.penetration,
+        velocity=motion.velocity,
+        force=motion.force_by(relaxing) + noise,
+    )
+    statement = exports.export(palpate.identify(contact), "mujoco", mass=1.0, allow=True).statement
+    refused = "refused" if statement.refusals else "not refused"
+    name = f"a law with τ .4 s, identified: error against palpate's answer ({refused})"
+    limit = None if statement.refusals else Limit(5.0)
+    rows.append(Row(name, statement.compared.percent, "%", limit=limit))
+    count = 0
+    for name, law in NAMED.items():
+        statement = exports.export(law, "mujoco", mass=1.0, allow=True).statement
+        count += bool(statement.refusals)
+        refused = "refused" if statement.refusals else statement.fragment.form
+        rows.append(Row(f"{name} ({refused})", statement.compared.percent, "%"))
+    rows.append(Row("refused of the ten named laws", float(count), "", limit=Limit(3.0)))
+    return Section("Laws that relax, and ten named laws", rows)
+
+
+def measure_answer() -> Section:
+    """Count the lines that ``palpate export`` prints for the examples."""
+    rows = []
+    for name in ("ball", "sponge", "phantom") if there("mujoco") else ():
+        with TemporaryDirectory() as folder:
+            result = Path(folder) / name
+            run_palpate("identify", RECORDINGS / f"{name}.csv", "-o", result)
+            out = run_palpate(
+                "export", result, "--to", "mujoco", "--mass", "1", "-o", Path(folder) / "out"
+            )
+        lines = float(len(out.splitlines()))
+        rows.append(Row(f"lines of the answer, {name}", lines, "", limit=Limit(12.0)))
+    return Section("The answer on the terminal", rows)
+
+
+def run_palpate(*words: str | Path) -> str:
+    """Return what a command of palpate prints."""
+    command = [sys.executable, "-m", "palpate", *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
 def measure_time() -> Section:
     """Time one export of an identified recording with its replay, seconds."""
     rows = []
@@ -424,6 +617,9 @@ SECTIONS: tuple[Callable[[], Section], ...] = (
     measure_training,
     measure_friction,
     measure_logs,
+    measure_check,
+    measure_relaxing,
+    measure_answer,
     measure_time,
 )
 

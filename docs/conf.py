@@ -62,6 +62,8 @@ CHAPTERS = {
             "how-to/controller",
             "how-to/gains",
             "how-to/simulator",
+            "how-to/contact-force",
+            "how-to/solref",
             "how-to/lecturers",
             "how-to/map",
             "how-to/late-force",

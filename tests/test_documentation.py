@@ -104,6 +104,8 @@ SLOW = {
     "fleet.md",
     "engines.md",
     "simulator.md",
+    "contact-force.md",
+    "solref.md",
 }
 
 
@@ -116,7 +118,7 @@ def marked(page: Path):
 # Pages on which a text directly after a command is part of what the command prints.
 SHOWN = {
     "first-answer.md", "which.md", "csv.md", "robot-log.md", "testing-machine.md", "afm.md",
-    "robot-learning.md",
+    "robot-learning.md", "contact-force.md", "solref.md",
 }  # fmt: skip
 
 

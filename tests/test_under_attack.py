@@ -206,7 +206,7 @@ def test_lab_replaces_only_what_it_wrote(tmp_path, run):
 
 def test_a_model_that_no_robot_has_is_refused(tmp_path):
     pytest.importorskip("mujoco")
-    from palpate.exports.mujoco.robot import read
+    from palpate.exports.mujoco.robot import ContactNames, read
 
     for option, size in (("", "1e300"), ('<option timestep="-1"/>', "0.01")):
         path = tmp_path / "model.xml"
@@ -216,7 +216,7 @@ def test_a_model_that_no_robot_has_is_refused(tmp_path):
             "</worldbody></mujoco>"
         )
         with pytest.raises(InvalidParameterError, match=r"model\.xml"):
-            read(path, "tip", 0.01)
+            read(path, "tip", 0.01, ContactNames())
 
 
 LIVE_MEMORY = """

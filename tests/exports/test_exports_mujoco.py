@@ -1,5 +1,6 @@
 """MuJoCo carries a law as predicted: in the engine, in a user's model, and to a file and back."""
 
+import json
 import runpy
 from dataclasses import replace
 from pathlib import Path
@@ -11,13 +12,16 @@ from export_cases import BALL_LAW, HALF_SPACE_LAW, HERTZ_LAW, PVC_LAW, SPONGE_LA
 from export_cases import KELVIN_VOIGT_LAW as KELVIN_VOIGT
 
 import palpate
+from benchmarks import exports as benchmark
 from benchmarks.engine_logs import log_mujoco, read_back
 from benchmarks.sliding import FALL, sliding
 from palpate import GeneralisedHuntCrossley, InvalidParameterError, exports, lab
+from palpate.errors import ExportRefusedError
 from palpate.exports import ExportRequest, ProbeMotion, engine_called, export
 from palpate.exports.mujoco.fitting import PairRow, PairRows
 from palpate.exports.mujoco.robot import Scene
 from palpate.exports.replay_errors import drop_to, force_error
+from palpate.exports.statement import ExportedLaw
 
 MOTION = ProbeMotion.of_paper()
 FIRM = MOTION.firm()
@@ -538,6 +542,146 @@ def test_an_exponent_just_below_one_is_written_as_one():
     assert pair.form == "pair"
     assert any("0.9987 is exported as 1" in words for words in map(str, pair.findings))
     assert force_error(pair.predict_force(SHORT), SHORT.force_by(law), SHORT.judged) < 0.1
+
+
+@pytest.fixture
+def finished(model):
+    """Return a function that writes a model with exports of a law, edited as text."""
+
+    def written(text, *names, edit=("", "")):
+        path = model(text)
+        spec = mujoco.MjSpec.from_file(str(path))
+        for name in names or ("",):
+            folder = path.parent / f"out{name}"
+            export(KELVIN_VOIGT, "mujoco", model=path, geom="tip", name=name).save(folder)
+            spec = mujoco.MjSpec.from_file(str(folder / "robot_scene.xml"))
+            spec.compile()
+            path.write_text(spec.to_xml(), encoding="utf-8")
+        assert edit[0] in path.read_text()
+        path.write_text(path.read_text().replace(*edit, 1), encoding="utf-8")
+        return path
+
+    return written
+
+
+TOOL = SLIDE.replace(
+    'name="tip" size="0.03" mass="2" pos="0.01 0 0"', 'name="tip" size="0.03" mass="2"'
+)
+CARRIAGE = """
+<mujoco><worldbody><body pos="0 0 1"><joint type="slide" axis="0 0 1" armature="0.125"/>
+  <geom size="0.02" mass="0.8" pos="0.1 0 0.1"/><body><geom name="tip" size="0.03" mass="0.4"/>
+  </body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    "text, edit, percent, cause",
+    [
+        (TOOL, ("", ""), 0.0, ""),
+        (TOOL, ('mass="2"', 'mass="3"'), 50.0, "mass 2 kg when exported, 3 kg now"),
+        # One body on one slide: MuJoCo leaves its armature out of body_invweight0.
+        (TOOL, ("<joint", '<joint armature="1"'), 0.0, ""),
+        (CARRIAGE, ('mass="0.4"', 'mass="1.0"'), 45.3, "mass 0.8 0.4 kg when exported"),
+        (CARRIAGE, ("0.125", "0.787"), 50.0, "armature 0.125 when exported, 0.787 now"),
+        (TOOL, ("</worldbody>", '</worldbody><option><flag override="enable"/></option>'), None,
+         'override="enable"'),
+        (TOOL, ("<worldbody>", '<option timestep="0.1"/><worldbody>'), 0.0, ""),
+        (TOOL, ('condim="1"', 'condim="3" friction="0.5 0.5"'), None, "condim of palpate_contact"),
+    ],
+)  # fmt: skip
+def test_the_check_of_a_finished_model_names_what_moves_its_force(
+    finished, text, edit, percent, cause
+):
+    [contact] = exports.check_model(finished(text, edit=edit))
+    if percent is not None:  # K is proportional to 1/Â
+        assert contact.percent == pytest.approx(percent, abs=0.2)
+    assert contact.passes == (percent == 0.0 and "timestep" not in edit[1])
+    assert [cause in what and left < 0.1 for what, left in contact.causes] == [True] * bool(cause)
+    assert any("time step of 100 ms" in each for each in contact.refusals) == (
+        "timestep" in edit[1]
+    )
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("edit", list(benchmark.EDITS))
+def test_the_check_agrees_with_a_simulation_in_time(edit, tmp_path):
+    text, old, new = benchmark.EDITS[edit]
+    path = benchmark.finished_model(tmp_path, text.replace("{height}", "1"), ("ball",))
+    path.write_text(path.read_text().replace(old, new) if old else path.read_text())
+    [contact] = exports.check_model(path)
+    simulated = benchmark.simulate_contact(path, benchmark.LAWS["ball"], "palpate_pad")
+    assert contact.percent == pytest.approx(simulated, abs=0.5)  # percentage points
+    assert (contact.percent > 5.0) == bool(old)
+
+
+def test_several_exports_in_one_model_have_names_of_their_own(finished, model):
+    path = finished(TOOL, "foam", "pvc.2")
+    contacts = exports.check_model(path)
+    assert [each.material for each in contacts] == ["a law (palpate_foam)", "a law (palpate_pvc.2)"]
+    assert all(each.passes for each in contacts)
+    assert contacts[0].overlaps == ("palpate_pvc.2_pad",)  # both are where the tip is
+    # MuJoCo adds a prefix where it attaches a model.
+    outer = mujoco.MjSpec()
+    frame = outer.worldbody.add_frame()
+    outer.attach(mujoco.MjSpec.from_file(str(path)), frame=frame, prefix="left_")
+    outer.compile()
+    path.write_text(outer.to_xml(), encoding="utf-8")
+    assert exports.check_model(path)[0].material == "a law (left_palpate_foam)"
+    for name, words in (("foam", "another --name"), ('a"b', "name must consist of letters")):
+        with pytest.raises(InvalidParameterError, match=words):
+            export(KELVIN_VOIGT, "mujoco", model=finished(TOOL, "foam"), geom="tip", name=name)
+    with pytest.raises(InvalidParameterError, match="does not use name"):
+        export(KELVIN_VOIGT, "usd", name="foam")
+
+
+def test_the_check_finds_a_surface_that_pushes_too_and_a_missing_pair(finished):
+    floor = '<worldbody><geom name="floor" type="plane" size="1 1 1" pos="0 0 0.97"/>'
+    path = finished(TOOL, edit=("<worldbody>", floor))
+    [contact] = exports.check_model(path)
+    assert "geom floor collides with tip" in contact.refusals[0]
+    path.write_text(path.read_text().replace('name="floor"', 'contype="0" conaffinity="0"'))
+    assert exports.check_model(path)[0].passes
+    path.write_text(path.read_text().replace('name="palpate_contact"', 'name="mine"'))
+    assert exports.check_model(path)[0].refusals == ("its pair palpate_contact is missing",)
+
+
+def test_the_command_checks_a_model(run, refused, finished, tmp_path):
+    path = finished(TOOL, edit=('mass="2"', 'mass="3"'))
+    status, out, _ = run("export", "--check", path)
+    assert status == 3
+    assert "the force is 50 % off" in out
+    assert "moved by mass 2 kg when exported, 3 kg now; put back" in out
+    status, out, _ = run("export", "--check", path, "--json")
+    assert (status, json.loads(out)["contacts"][0]["passes"]) == (3, False)
+    path.write_text(path.read_text().replace('mass="3"', 'mass="2"'))
+    assert run("export", "--check", path)[0] == 0
+    other = tmp_path / "other.xml"
+    for text, words in (
+        ("<mujoco", "MuJoCo cannot read it"),
+        (path.read_text().replace('geom2="tip"', 'geom2="top"'), "MuJoCo cannot compile it"),
+        ("<mujoco/>", "no contact that palpate export wrote"),
+        ('<mujoco><custom><text name="palpate_law" data="{}"/></custom></mujoco>', "is damaged"),
+    ):
+        other.write_text(text)
+        assert words in refused("export", "--check", other)
+    assert "does not exist" in refused("export", "--check", tmp_path / "none.xml")
+    assert "omit the rest" in refused("export", tmp_path, "--check", path)
+    assert "needs RESULT" in refused("export")
+    assert "needs --to ENGINE" in refused("export", tmp_path)
+
+
+@pulling
+def test_auto_takes_the_callback_where_a_contact_is_refused():
+    # A micrometre of 20 nN, pressed by 1 kg: the mass that a contact adds is all of its force.
+    law = GeneralisedHuntCrossley(K=2e-2, n=1.0, B=1e-4, p=0.0)
+    small = ProbeMotion.of_paper(1e-4).firm(600)
+    source = ExportedLaw(law, small)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ExportedLaw, "of", lambda *_: source)
+        statement = export(law, "mujoco", mass=1.0).statement
+        with pytest.raises(ExportRefusedError, match="force error of the engine"):
+            export(law, "mujoco", mass=1.0, form="kelvin-voigt")
+    assert statement.fragment.form == "callback"
+    assert any("exported as a callback: as kelvin-voigt" in each for each in statement.warnings)
 
 
 LAW = palpate.HuntCrossley(K=2000.0, B=2000.0, n=1.3)

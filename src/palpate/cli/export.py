@@ -5,14 +5,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cyclopts import Group, Parameter
+from rich.text import Text
 
 from palpate.cli import complain
 from palpate.cli.options import UNTRUSTED, Depth, Duration, Flag, ResultFolder, quantities
-from palpate.cli.printing import AsJson, Terminal, print_json, say, say_path
-from palpate.errors import ExportRefusedError
+from palpate.cli.printing import AsJson, Terminal, as_text, is_verbose, print_json, say, say_path
+from palpate.errors import ExportRefusedError, InvalidParameterError
 
 if TYPE_CHECKING:
     from palpate.exports import Statement
+
+# Columns before the text of a line: the label and its spaces.
+_INDENT = 11
 
 
 @Parameter(name="*", group=Group("Engine", sort_key=1.4))
@@ -34,6 +38,8 @@ class ExportOptions:
     "Coefficient of friction of the contact (default: 0, frictionless)."
     time_step: Duration | None = None
     "Time step of the simulation (default: that of --model, else 1ms)."
+    name: str = ""
+    "Part of the names in the fragment, so that one model can have several exports."
 
     def options(self) -> dict[str, Any]:
         """Return the options as arguments of :func:`palpate.exports.export`, SI."""
@@ -41,10 +47,11 @@ class ExportOptions:
 
 
 def export(
-    result: Path,
+    result: Path | None = None,
     /,
     *,
-    to: str,
+    to: str | None = None,
+    check: Path | None = None,
     output: ResultFolder | None = None,
     allow: Flag = False,
     replay: bool = True,
@@ -55,6 +62,7 @@ def export(
 
     palpate replays the recorded motion in the engine if it is installed. It refuses, with exit
     status 3, to export a result with the verdict do-not-trust or with a force error above 5 %.
+    With --check it replays the exported contacts of your finished MuJoCo model instead.
 
     For example:
 
@@ -62,6 +70,7 @@ def export(
         palpate export ball --to mujoco --mass 1.0 -o ball-in-mujoco
         palpate export ball --to mujoco --model robot.xml --geom tip -o ball-in-mujoco
         palpate export ball --to drake --json
+        palpate export --check robot.xml
 
     Parameters
     ----------
@@ -69,6 +78,9 @@ def export(
         Folder written by palpate identify FILE -o FOLDER, or its result.json.
     to
         Engine: mujoco, mjx, mujoco-warp, drake, opensim, newton, isaaclab or physx.
+    check
+        Your MuJoCo model with contacts of palpate export: compare their force with the law, with
+        the masses, armatures and options that the model has now. Exit status 3 beyond 5 %.
     output
         Write fragment, minimal scene and statement to this folder.
     allow
@@ -82,6 +94,16 @@ def export(
     from palpate.exports.exporting import save_statement
     from palpate.output.results.saved import RESULT, TRACES, load_result
 
+    if check is not None:
+        if not (result is None and to is None and output is None and into == ExportOptions()):
+            raise InvalidParameterError("--check takes a model and --json only: omit the rest")
+        return _check(check, as_json=as_json)
+    if result is None or to is None:
+        missing = "RESULT" if result is None else "--to ENGINE"
+        raise InvalidParameterError(
+            f"palpate export needs {missing}, such as palpate export ball --to mujoco --mass 1.0; "
+            "or --check MODEL.xml"
+        )
     saved = load_result(result)
     inputs = [saved.folder / name for name in (RESULT, *TRACES)]
     try:
@@ -103,12 +125,44 @@ def _print(statement: "Statement", paths: list[Path], *, as_json: bool) -> None:
         print_json({**statement.as_dict(), "files": [str(path) for path in paths]})
         return
     console = Terminal()
-    claim, *lines = statement.describe()
-    say(console, claim, "bold")
-    warned = len(lines) - len(statement.warnings)
-    for k, line in enumerate(lines):
-        say(console, line, "yellow" if k >= warned else "")
-    if statement.refused:
-        say(console, "palpate exported nothing; add --allow to export despite the refusals.")
-    for path in paths:
-        say_path(console, f"wrote {path}", "dim")
+    (title, _), *lines = statement.short_answer()
+    say(console, title, "bold")
+    for label, text in lines:
+        _say_line(console, label, text, "yellow" if label == "warning" else "")
+    if paths:
+        names = ", ".join(path.name for path in paths)
+        say_path(console, f"  {'wrote':<8} {paths[0].parent}: {names}", "dim")
+    if not statement.refused:
+        _say_line(
+            console, "next", statement.fragment.paste if paths else "add -o FOLDER to write it"
+        )
+    if is_verbose():
+        for line in statement.describe():
+            say(console, line)
+
+
+def _say_line(console: Terminal, label: str, text: str, style: str = "") -> None:
+    """Print text behind its label, wrapped beside it."""
+    for part in as_text(text).wrap(console, max(console.width - _INDENT, 1)):
+        part.rstrip()
+        line = Text(f"  {label}".ljust(_INDENT), style).append_text(part)
+        console.print(line, soft_wrap=True)
+        label = ""
+
+
+def _check(model: Path, *, as_json: bool) -> int:
+    """Print the check of a finished model; return the exit status."""
+    from palpate.exports import check_model
+
+    contacts = check_model(model)
+    passes = all(contact.passes for contact in contacts)
+    if as_json:
+        print_json({"passes": passes, "contacts": [each.as_dict() for each in contacts]})
+        return 0 if passes else UNTRUSTED
+    console = Terminal()
+    for contact in contacts:
+        (title, _), *lines = contact.short_answer()
+        say(console, title, "bold" if contact.passes else "bold yellow")
+        for label, text in lines:
+            _say_line(console, label, text)
+    return 0 if passes else UNTRUSTED

@@ -13,6 +13,8 @@ from palpate.exports.exporting import Export as Export
 from palpate.exports.exporting import export as export
 from palpate.exports.motion import ExportRequest as ExportRequest
 from palpate.exports.motion import ProbeMotion as ProbeMotion
+from palpate.exports.mujoco.checking import CheckedContact as CheckedContact
+from palpate.exports.mujoco.checking import check_model as check_model
 from palpate.exports.replay_errors import Drop as Drop
 from palpate.exports.statement import Compared as Compared
 from palpate.exports.statement import Statement as Statement

@@ -1,5 +1,6 @@
 """Base classes of engines, and their registry."""
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -35,9 +36,12 @@ class Replayed:
     how: str
 
 
-def make_warnings(*messages: str) -> tuple[Finding, ...]:
-    """Return messages as warnings."""
-    return tuple(Check.ENGINE.finding(message, severity="with-care") for message in messages)
+def make_warnings(*messages: str, effect: float = 0.0) -> tuple[Finding, ...]:
+    """Return messages as warnings; ``effect`` is their change of force or rebound here, %."""
+    return tuple(
+        Check.ENGINE.finding(message, severity="with-care", moves_percent=(effect, math.nan))
+        for message in messages
+    )
 
 
 def make_refusals(*messages: str) -> tuple[Finding, ...]:
@@ -84,6 +88,11 @@ class Fragment(ABC):
         friction = self.request.friction
         return f"friction {rounded(friction, 3)}" if friction else "frictionless"
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files, in one sentence."""
+        return "paste the first of these files into your model, as the scene does"
+
     @abstractmethod
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return text by file name: the fragment to paste, and a minimal scene.
@@ -129,9 +138,11 @@ class Engine(ABC):
     extra : str
         The extra of palpate that installs it.
     takes : frozenset of str
-        Which of the options model, geom, tip_radius and friction it uses.
+        Which of the options model, geom, tip_radius, friction and name it uses.
     continuous : bool
         Whether it accepts a time step of 0 (continuous time).
+    exact_form : str
+        The form that has every law, to which "auto" falls back. Default: "", none.
     """
 
     name: ClassVar[str]
@@ -141,6 +152,7 @@ class Engine(ABC):
     extra: ClassVar[str] = ""
     takes: ClassVar[frozenset[str]] = frozenset()
     continuous: ClassVar[bool] = False
+    exact_form: ClassVar[str] = ""
 
     @abstractmethod
     def fit(self, request: ExportRequest) -> Fragment:

@@ -1,16 +1,17 @@
 """Export a law: fit the engine's parameters, judge the error, write files."""
 
 import json
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from hashlib import sha256
 from pathlib import Path
 
 from palpate.errors import ExportRefusedError, InvalidParameterError
-from palpate.exports.engine import Engine, Fragment, engine_called
+from palpate.exports.engine import Engine, Fragment, engine_called, make_warnings
 from palpate.exports.motion import ExportRequest
 from palpate.exports.statement import Exportable, ExportedLaw, Statement, compare_errors
-from palpate.validation import frozen, number_in
+from palpate.validation import frozen, number_in, shown
 from palpate.writing import (
     as_json,
     check_own,
@@ -22,6 +23,7 @@ from palpate.writing import (
 )
 
 STATEMENT = ("statement.json", "statement.md")
+_NAME = re.compile(r"[\w.-]{1,100}")
 
 
 @frozen(eq=False)
@@ -75,6 +77,7 @@ def export(
     tip_radius: float | None = None,
     time_step: float | None = None,
     friction: float = 0.0,
+    name: str = "",
     allow: bool = False,
     replay: bool = True,
 ) -> Export:
@@ -102,6 +105,9 @@ def export(
         that of the model, else 1 ms.
     friction : float
         Coefficient of friction of the contact, in [0, 10]. Default: 0, frictionless.
+    name : str
+        Part of the names in the fragment, so that one model can have several exports: letters,
+        digits, ``_``, ``-`` and ``.``. Default: "", for the only one.
     allow : bool
         Export even if refused; the fragment then names the refusals. Default: False.
     replay : bool
@@ -116,7 +122,8 @@ def export(
         An argument is outside its range, or one that the engine needs is missing.
     """
     engine = engine_called(to)
-    source = ExportedLaw.of(result)
+    own_mass = None if mass is None else number_in("mass", mass, 0.0, 1e6, open_low=True)
+    source = ExportedLaw.of(result, own_mass or 1.0)
     nearest = source.nearest()
     radius = source.tip_radius if tip_radius is None else tip_radius
     if radius is not None:
@@ -125,27 +132,36 @@ def export(
     request = ExportRequest(
         law=nearest.law,
         motion=source.motion,
-        mass=None if mass is None else number_in("mass", mass, 0.0, 1e6, open_low=True),
+        mass=own_mass,
         model=None if model is None else Path(model),
         geom=geom,
         tip_radius=radius,
         time_step=number_in("time_step", step, 0.0, 1.0, open_low=not engine.continuous),
         form=form,
         friction=number_in("friction", friction, 0.0, 10.0),
+        name=name,
+        material=source.name,
     )
     if model is not None and time_step is not None:
         raise InvalidParameterError("pass either time_step or model: the model has its own")
     _check(engine, request, given_radius=tip_radius is not None)
-    fragment = engine.fit(request)
-    found = compare_errors(
-        source,
-        nearest,
-        fragment,
-        replay=replay and engine.version() is not None,
-    )
-    statement = Statement(source, nearest, engine, fragment, found, allow)
+    runs = replay and engine.version() is not None
+
+    def state(fragment: Fragment) -> Statement:
+        found = compare_errors(source, nearest, fragment, replay=runs)
+        return Statement(source, nearest, engine, fragment, found, allow)
+
+    statement = state(engine.fit(request))
+    exact_form = engine.exact_form
+    if form == "auto" and exact_form in engine.forms and statement.engine_fails:
+        why = f"exported as a {exact_form}: as {statement.fragment.form}, {statement.refusals[0]}"
+        exact = engine.fit(replace(request, form=exact_form))
+        other = state(replace(exact, findings=(*make_warnings(why), *exact.findings)))
+        if not other.engine_fails or other.compared.percent < statement.compared.percent:
+            statement = other
     if statement.refused:
         raise ExportRefusedError(f"{engine.title}: {statement.claim}", statement)
+    fragment = statement.fragment
     return Export(statement, fragment, fragment.files(statement.notes()))
 
 
@@ -160,11 +176,16 @@ def _check(engine: Engine, request: ExportRequest, *, given_radius: bool) -> Non
         raise InvalidParameterError("pass either mass or model: the model determines the mass")
     if request.geom is not None and request.model is None and "geom" in engine.takes:
         raise InvalidParameterError("geom needs a model that contains it: add --model FILE")
+    if request.name and not _NAME.fullmatch(request.name):
+        raise InvalidParameterError(
+            f"name must consist of letters, digits, _, - and ., not {shown(request.name)}"
+        )
     given = {
         "model": request.model,
         "geom": request.geom,
         "tip_radius": given_radius or None,
         "friction": request.friction or None,
+        "name": request.name or None,
     }
     for name, value in given.items():
         if value is not None and name not in engine.takes:

@@ -1,5 +1,6 @@
 """The motion of a probe that an export replays, and what is asked of an export."""
 
+import math
 from collections.abc import Callable
 from dataclasses import field, replace
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from palpate import lab
+from palpate.digits import rounded
 from palpate.errors import InvalidParameterError, RecordingError
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
 from palpate.identifying import Identification
@@ -18,6 +20,12 @@ from palpate.validation import Floats, Integers, Mask, frozen
 MOST_SAMPLES = 20_000
 #: Depth, m, above which the paper's motion counts for errors.
 FIRM = 2e-3
+#: Standard gravity, m/s².
+GRAVITY = 9.80665
+# Mean depth of the paper's motion, m.
+_PAPER_DEPTH = 10e-3
+# Largest force at that depth, in weights of the body.
+_MOST_WEIGHTS = 100.0
 
 
 @frozen(eq=False)
@@ -48,16 +56,46 @@ class ProbeMotion:
     source: str = "a motion"
 
     @classmethod
-    def of_paper(cls) -> "ProbeMotion":
+    def of_paper(cls, scale: float = 1.0) -> "ProbeMotion":
         """Return that of the paper: an approach, then 10 + sin 4t + 1.8 sin 11t + 1.8 sin 15t mm.
 
-        Samples deeper than 2 mm count for errors.
+        Samples deeper than 2 mm count for errors. ``scale`` multiplies the depths (default: 1).
         """
         time: Floats = 1e-3 * np.arange(6000, dtype=np.float64)
         command = lab.Probing(pause=0.0).at(time)
-        x = command.penetration
-        v = command.velocity
-        return cls(time, x, v, np.gradient(v, time), x > FIRM, source="the paper's motion")
+        x = scale * command.penetration
+        v = scale * command.velocity
+        source = "the paper's motion"
+        if scale != 1.0:
+            source += f", scaled by {rounded(scale, 2)}"
+        return cls(time, x, v, np.gradient(v, time), x > scale * FIRM, source=source)
+
+    @classmethod
+    def for_law(cls, law: ForceLaw, mass: float) -> "ProbeMotion":
+        """Return the paper's motion, or a smaller one at depths that a body's weight reaches.
+
+        On a stiff law, such as that of metal, the paper's 10 mm would take more than 100 times the
+        weight of a body of this mass [kg]. The motion is then about the depth of twice its weight,
+        as 10 mm is for 1 kg on the paper's ball.
+        """
+        resting = law.relaxed() if isinstance(law, GeneralisedHuntCrossley) else law
+        load = mass * GRAVITY
+        if not float(resting.force(_PAPER_DEPTH, 0.0)) > _MOST_WEIGHTS * load:
+            return cls.of_paper()
+        depths = np.geomspace(1e-12, _PAPER_DEPTH, 4000)
+        force = resting.force(depths, np.zeros_like(depths))
+        reached = float(depths[int(np.argmax(force >= 2.0 * load))])
+        return cls.of_paper(reached / _PAPER_DEPTH)
+
+    def faster(self, factor: float) -> "ProbeMotion":
+        """Return the same depths at this multiple of the speed, without a measured force."""
+        return replace(
+            self,
+            time=self.time / factor,
+            velocity=factor * self.velocity,
+            acceleration=factor**2 * self.acceleration,
+            force=None,
+        )
 
     @classmethod
     def recorded(cls, result: Identification | SavedResult) -> "ProbeMotion":
@@ -109,6 +147,13 @@ class ProbeMotion:
         """Largest absolute velocity of the judged samples, m/s."""
         return float(np.abs(self.velocity[self.judged]).max())
 
+    @property
+    def frequency(self) -> float:
+        """Dominant ω of the judged samples, rad/s: rms speed over rms distance from their mean."""
+        speed = float(np.sqrt(np.mean(self.velocity[self.judged] ** 2)))
+        way = float(np.std(self.penetration[self.judged]))
+        return speed / way if way > 0.0 else math.nan
+
     def force_by(self, law: ForceLaw) -> Floats:
         """Return a law's force at every sample, N."""
         if not law.remembers:
@@ -159,6 +204,10 @@ class ExportRequest:
         Form of the contact in the engine. Default: "auto", chosen by the engine.
     friction : float
         Coefficient of friction. Default: 0, frictionless.
+    name : str
+        Part of the names that the export gives in a model. Default: "", the only export there.
+    material : str
+        What the law is of, such as the name of a recording. Default: "".
     """
 
     law: GeneralisedHuntCrossley
@@ -170,6 +219,8 @@ class ExportRequest:
     time_step: float = 1e-3
     form: str = "auto"
     friction: float = 0.0
+    name: str = ""
+    material: str = ""
 
     def __post_init__(self) -> None:
         if not self.law.K > 0.0:

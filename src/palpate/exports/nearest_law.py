@@ -1,16 +1,31 @@
 """The nearest law of an engine's form, along a motion."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
+from palpate.digits import format_hertz
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.replay_errors import force_error
 from palpate.force_laws import ForceLaw, GeneralisedHuntCrossley
-from palpate.method.estimators.least_squares import least_squares
 from palpate.validation import Floats, frozen
 
-_EXPONENTS = (0.5, 3.0)  # a little beyond x and x²
+# n of a law that is sought: a little beyond sqrt(x) and x².
+_EXPONENTS = (0.3, 3.0)
+# Each round narrows the range of n to a tenth: the last is 1e-8 wide.
+_ROUNDS = 8
+_TRIED = 21
+# Hunt and Crossley's p = n is kept unless another p lowers the error by more than this, %: all
+# engines take it, and its restitution is exact in most.
+_PREFERENCE = 0.5
+
+#: The damper's exponent p for an n: Hunt and Crossley's, a half-space's, Kelvin and Voigt's.
+_DAMPERS: tuple[Callable[[float], float], ...] = (
+    lambda n: n,
+    lambda n: max(n - 1.0, 0.0),
+    lambda n: 0.0,
+)
 
 
 def fit_with_exponents(
@@ -28,35 +43,62 @@ def fit_with_exponents(
         same = own.n == n and (own.B == 0.0 or own.p == p)
         if same and own.B >= 0.0:
             return GeneralisedHuntCrossley(K=own.K, n=n, B=own.B, p=p)
-    return _nearest(law, motion, (n, n), p)
+    return _fit_powers(motion.force_by(law), motion, n, p)[0]
 
 
-def _nearest(
-    law: ForceLaw,
+def _fit_powers(
+    force: Floats,
     motion: ProbeMotion,
-    exponents: tuple[float, float],
+    n: float,
     p: float,
-) -> GeneralisedHuntCrossley:
-    """Return K, n within these bounds, and B ≥ 0 by least squares over the judged samples."""
-    firm = motion.judged
+) -> tuple[GeneralisedHuntCrossley, float]:
+    """Return K xⁿ + B xᵖ v, B ≥ 0, by least squares over the judged samples, and its misfit, N²."""
     unit = motion.deepest  # in SI units K and n are correlated
-    x = motion.penetration[firm] / unit
-    v = motion.velocity[firm]
-    force = motion.force_by(law)[firm]
-    damper = x**p * v
-    logarithm = np.log(x)
+    x = motion.penetration[motion.judged] / unit
+    columns = np.column_stack([x**n, x**p * motion.velocity[motion.judged]])
+    target = force[motion.judged]
+    columns = columns if np.any(columns[:, 1]) else columns[:, :1]
+    strengths = np.linalg.lstsq(columns, target, rcond=None)[0]
+    if strengths[-1] < 0.0 or strengths.size == 1:
+        columns = columns[:, :1]
+        strengths = np.linalg.lstsq(columns, target, rcond=None)[0]
+    misfit = target - columns @ strengths
+    stiffness, damping = (*strengths.tolist(), 0.0)[:2]
+    law = GeneralisedHuntCrossley(K=stiffness / unit**n, n=n, B=damping / unit**p, p=p)
+    return law, float(misfit @ misfit)
 
-    def model(parameters: Floats) -> tuple[Floats, Floats]:
-        stiffness, n, damping = parameters
-        power = x**n
-        slopes = np.column_stack([power, stiffness * power * logarithm, damper])
-        slopes[:, 1] *= exponents[0] < exponents[1]
-        return force - stiffness * power - damping * damper, slopes
 
-    bounds = np.array([-np.inf, exponents[0], 0.0]), np.array([np.inf, exponents[1], np.inf])
-    found = least_squares(model, np.array([0.0, 0.5 * sum(exponents), 0.0]), bounds, 1e-12)
-    stiffness, n, damping = found.parameters.tolist()
-    return GeneralisedHuntCrossley(K=stiffness / unit**n, n=n, B=damping / unit**p, p=p)
+def nearest_to_force(
+    force: Floats,
+    motion: ProbeMotion,
+    exponent: float | None = None,
+) -> GeneralisedHuntCrossley:
+    """Return the K xⁿ + B xᵖ v without memory that is nearest to a force [N] along a motion.
+
+    p is n, n − 1 or 0. ``exponent`` fixes n (default: least squares).
+    """
+    fitted = [_best_exponent(force, motion, damper, exponent) for damper in _DAMPERS]
+    errors = [force_error(motion.force_by(law), force, motion.judged) for law in fitted]
+    best = min(range(len(fitted)), key=errors.__getitem__)
+    return fitted[0 if errors[0] <= errors[best] + _PREFERENCE else best]
+
+
+def _best_exponent(
+    force: Floats,
+    motion: ProbeMotion,
+    damper: Callable[[float], float],
+    exponent: float | None = None,
+) -> GeneralisedHuntCrossley:
+    """Return the law of least misfit over n, by narrowing its range; K and B are linear."""
+    low, high = _EXPONENTS if exponent is None else (exponent, exponent)
+    rounds = _ROUNDS if low < high else 1
+    for _ in range(rounds):
+        tried = np.linspace(low, high, _TRIED if low < high else 1).tolist()
+        fits = [_fit_powers(force, motion, n, damper(n)) for n in tried]
+        best = min(range(len(fits)), key=lambda k: fits[k][1])
+        low = tried[max(best - 1, 0)]
+        high = tried[min(best + 1, len(tried) - 1)]
+    return fits[best][0]
 
 
 def fit_with_one_exponent(
@@ -132,29 +174,19 @@ class Nearest:
 
 
 def nearest_without_memory(law: GeneralisedHuntCrossley, motion: ProbeMotion) -> Nearest:
-    """Return the law without relaxation whose force is nearest along a motion.
-
-    The relaxed law, the instantaneous one, or K and B by least squares with the law's exponents.
-    """
+    """Return the law without relaxation whose force is nearest along a motion."""
     if not law.remembers:
         return Nearest(law)
-    fitted = fit_with_exponents(law, motion, law.n, law.p)
-    members = {
-        "the fully relaxed law": law.relaxed(),
-        "the instantaneous (unrelaxed) law": law.instantaneous(),
-        "the law without relaxation nearest along this motion": fitted,
-    }
-    found = [Nearest.of(member, law, motion, which) for which, member in members.items()]
-    # Avoid laws with K ≤ 0 or B < 0.
-    return min(
-        found,
-        key=lambda each: (each.law.K <= 0.0, each.law.B < 0.0, each.error_percent),
+    fitted = nearest_to_force(motion.force_by(law), motion)
+    which = (
+        f"the law without relaxation nearest along this motion of {format_hertz(motion.frequency)}"
     )
+    return Nearest.of(fitted, law, motion, which)
 
 
 def one_power(law: ForceLaw, motion: ProbeMotion) -> Nearest:
     """Return the K xⁿ + B v nearest to the quadratic law K₁ x + K₂ x² + B v."""
-    nearest = _nearest(law, motion, _EXPONENTS, 0.0)
+    nearest = _best_exponent(motion.force_by(law), motion, _DAMPERS[-1])
     return Nearest.of(
         nearest,
         law,

@@ -95,6 +95,11 @@ _HEED = (
 class SphereOnHalfSpace(Fragment):
     """A sphere on a half-space."""
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return "copy the HuntCrossleyForce and both geometries of contact.osim into your model"
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return a model with the force to paste, and a script that simulates an impact."""
         mass = self.request.mass_or_one

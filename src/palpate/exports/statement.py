@@ -6,7 +6,7 @@ to export.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -22,10 +22,11 @@ from palpate.errors import (
     RecordingError,
 )
 from palpate.exports.engine import Engine, Fragment, make_refusals, make_warnings
-from palpate.exports.motion import ProbeMotion
+from palpate.exports.motion import GRAVITY, ProbeMotion
 from palpate.exports.nearest_law import (
     Nearest,
     fit_with_exponents,
+    nearest_to_force,
     nearest_without_memory,
     one_power,
 )
@@ -68,8 +69,8 @@ class ExportedLaw:
         Radius of the recording's tip, m, if it is known and spherical.
     response : tuple of float, optional
         Of an identified law that relaxes: the working depth, m, the motion's frequency ω, rad/s,
-        and K′, N/m, and B′, N·s/m, there. ``law`` is then Hunt and Crossley's by variable
-        projection, the law without memory that is nearest to the recorded force.
+        and K′, N/m, and B′, N·s/m, there. ``law`` is then the law without memory whose force along
+        ``motion`` is nearest to ``answer``.
     answer : numpy.ndarray, shape (k,), optional
         Of an identified law that relaxes: its force along ``motion`` with its memory, N. It has
         the offset of ``law``, which a recording without free air does not tell from the force.
@@ -87,8 +88,10 @@ class ExportedLaw:
     answer: Floats | None = field(default=None, repr=False)
 
     @classmethod
-    def of(cls, result: Exportable) -> "ExportedLaw":
+    def of(cls, result: Exportable, mass: float = 1.0) -> "ExportedLaw":
         """Return the exported law of an identification, a saved result, or a law alone.
+
+        The motion of a law alone is at depths for a body of this mass, kg (default: 1).
 
         Raises
         ------
@@ -104,7 +107,7 @@ class ExportedLaw:
                 "record the time of each sample"
             )
         if isinstance(result, ForceLaw):
-            return cls(result, ProbeMotion.of_paper())
+            return cls(result, ProbeMotion.for_law(result, mass))
         if not isinstance(result, Identification | SavedResult):
             raise InvalidParameterError(
                 "result must be an Identification, a SavedResult or a force law, not "
@@ -124,23 +127,22 @@ class ExportedLaw:
                 radius = float(saved["radius"]) if saved.get("kind") == Sphere.kind else None
                 flags = found["flags"]
             response = _response(result, judged)
-            fitted = result
+            exported: ForceLaw = result.law
+            motion = ProbeMotion.recorded(result)
+            answer = None
             if response is not None:
-                exponent = result.law.n if "n" in result.fixed else None
-                plain = VariableProjection(exponent=exponent)
-                fitted = identify(result.contact, plain, trace=False)
-            motion = ProbeMotion.recorded(fitted)
+                exported, motion, answer = _replace_relaxing_law(result, motion)
             return cls(
-                law=fitted.law,
+                law=exported,
                 motion=motion,
                 name=Path(result.contact.source).name or "a contact",
-                standard_errors=fitted.standard_errors,
+                standard_errors=None if response is not None else result.standard_errors,
                 verdict=judged.verdict,
                 findings=tuple(judged.findings),
                 flags=tuple(map(str, flags)),
                 tip_radius=radius,
                 response=response,
-                answer=None if response is None else _force_of_answer(motion, result),
+                answer=answer,
             )
         except (RecordingError, InvalidParameterError):
             raise
@@ -185,6 +187,31 @@ class ExportedLaw:
 
 # An engine's force and restitution compared with those of the law and of the measurement.
 
+# Speed of the faster replay, in multiples of the recorded speed, and its most states.
+_FASTER = 2.0
+_FASTER_SAMPLES = 2000
+# A resting body is compared at most at this part of the force at the greatest depth, and the
+# engine's depth is sought within these multiples of the law's.
+_REST_LOAD = 0.8
+_REST_DEPTHS = np.linspace(0.6, 1.25, 66)
+
+
+@frozen
+class Rest:
+    """The depths at which the law and the engine carry a weight at rest.
+
+    Attributes
+    ----------
+    load : float
+        Weight of the body, N, or less if the recording was not so deep.
+    law, engine : float
+        Depth, m, by the exported law and in the engine; NaN where the engine does not carry it.
+    """
+
+    load: float
+    law: float
+    engine: float
+
 
 @frozen(eq=False)
 class Compared:
@@ -210,6 +237,11 @@ class Compared:
         Restitution predicted for the engine in that impact.
     replayed_restitution : float, optional
         Restitution of the real engine.
+    rest : Rest
+        Where a body of the mass rests.
+    faster_percent : float
+        Rms error of the engine's force, against the exported law that does not pull, at twice the
+        recorded speed, %.
     """
 
     how: str
@@ -221,6 +253,8 @@ class Compared:
     drop: Drop
     predicted_restitution: float
     replayed_restitution: float | None
+    rest: Rest
+    faster_percent: float
 
     @property
     def replayed(self) -> bool:
@@ -284,7 +318,15 @@ def compare_errors(
         if _is_interrupt(error):
             raise KeyboardInterrupt from None
         fails = " ".join(str(error).split())
-    drop = drop_to(nearest.law, fragment.request.mass_or_one, whole.deepest)
+    mass = fragment.request.mass_or_one
+    drop = drop_to(nearest.law, mass, whole.deepest)
+
+    def engine_force(states: ProbeMotion) -> Floats:
+        again = None if ran is None else fragment.replay(states)
+        return fragment.predict_force(states) if again is None else again.force
+
+    fast = whole.firm(min(fragment.most_samples, _FASTER_SAMPLES)).faster(_FASTER)
+    fast_law = np.maximum(fast.force_by(nearest.law), 0.0)
 
     def off(force: Floats, reference: Floats | None) -> float | None:
         return None if reference is None else force_error(force, reference, motion.judged)
@@ -304,7 +346,26 @@ def compare_errors(
         replayed_restitution=fragment.drop_restitution(drop)
         if ran is not None and stable
         else None,
+        rest=_rest(nearest.law, mass, whole.deepest, engine_force),
+        faster_percent=force_error(engine_force(fast), fast_law, fast.judged),
     )
+
+
+def _rest(
+    law: GeneralisedHuntCrossley,
+    mass: float,
+    deepest: float,
+    engine_force: Callable[[ProbeMotion], Floats],
+) -> Rest:
+    """Return the depths at which a body [kg] rests on the law and in the engine."""
+    load = min(mass * GRAVITY, _REST_LOAD * float(law.force(deepest, 0.0)))
+    depth = (load / law.K) ** (1.0 / law.n)
+    x = depth * _REST_DEPTHS
+    still = np.zeros_like(x)
+    states = ProbeMotion(np.arange(float(x.size)), x, still, still, x > 0.0)
+    force = engine_force(states)
+    inside = np.isfinite(force).all() and force[0] <= load <= force[-1]
+    return Rest(load, depth, float(np.interp(load, force, x)) if inside else math.nan)
 
 
 def _is_interrupt(error: BaseException | None) -> bool:
@@ -322,6 +383,13 @@ MOST_PERCENT = 5.0
 STIFFNESS_OFF = 0.25
 #: Largest error of restitution, %, without a warning; a small force error does not bound it.
 REBOUND_PERCENT = 5.0
+#: Largest error of restitution, %, that is not refused, if it is also larger than _REBOUND_SMALL.
+REBOUND_REFUSED = 50.0
+_REBOUND_SMALL = 0.02
+# Largest restitution that is not refused. Time steps leave an undamped impact within 1 % of 1.
+_MOST_REBOUND = 1.01
+# A mark of *with care* means a standard error above this, %.
+_CARE_PERCENT = 10.0
 # Rounding changes an error by less than this, percentage points.
 _AS_PREDICTED = 1.0
 #: Below this, %, an error is numerical: single precision in an engine leaves 10⁻⁵.
@@ -379,7 +447,8 @@ class Statement:
         elif verdict.overall == "do-not-trust":
             yield from make_refusals(f"the verdict is do-not-trust{_because(self.source)}")
         elif verdict.overall == "with-care":
-            yield from make_warnings(f"the verdict is with-care{_because(self.source)}")
+            text = f"the verdict is with-care{_because(self.source)}"
+            yield from make_warnings(text, effect=_CARE_PERCENT)
         elif verdict.damping != "trust":
             yield from make_warnings(
                 f"the verdict on damping, and thus impacts, is {verdict.damping}"
@@ -403,12 +472,14 @@ class Statement:
             yield from make_warnings(
                 f"engines have no stress relaxation: exported is {which}; it differs by "
                 f"{difference} of force on this motion and by more at other speeds, and "
-                "restitution is that of the exported law"
+                "restitution is that of the exported law",
+                effect=self.nearest.error_percent,
             )
         elif which:
             yield from make_warnings(
                 f"engines do not have this law: exported is {which}; it differs by {difference} of "
-                "force"
+                "force",
+                effect=self.nearest.error_percent,
             )
 
     def _check_errors(self) -> Iterator[Finding]:
@@ -422,11 +493,12 @@ class Statement:
                 f"{MOST_PERCENT:g} %"
                 f"{self._describe_shares()}"
             )
-        if abs(compared.restitution_percent) > REBOUND_PERCENT:
+        yield from self._check_rebound()
+        if compared.faster_percent > MOST_PERCENT:
             yield from make_warnings(
-                f"impacts will be wrong: the engine's restitution is "
-                f"{rounded(compared.drop_restitution, 3)}, that of the law "
-                f"{rounded(compared.drop.restitution, 3)}"
+                f"at twice the recorded speed, {length(_FASTER * fastest, 2)}/s, the engine's "
+                f"force is {percent(compared.faster_percent)} off the law",
+                effect=compared.faster_percent,
             )
         if compared.drop.speed > fastest and self.source.verdict is not None:
             yield from make_warnings(
@@ -434,13 +506,32 @@ class Statement:
                 f"{rounded(compared.drop.speed, 2)} m/s extrapolates it"
             )
 
+    def _check_rebound(self) -> Iterator[Finding]:
+        """Yield what the engine's restitution says against it."""
+        compared = self.compared
+        engine = compared.drop_restitution
+        law = compared.drop.restitution
+        off = abs(compared.restitution_percent)
+        text = (
+            f"the engine's restitution is {rounded(engine, 3)}, that of the law {rounded(law, 3)}"
+        )
+        wrong = off > REBOUND_REFUSED and abs(engine - law) > _REBOUND_SMALL
+        if not self.stable:
+            return
+        if engine > _MOST_REBOUND:
+            yield from make_refusals(f"impacts gain energy: {text}")
+        elif wrong:
+            yield from make_refusals(f"{text}, more than {REBOUND_REFUSED:g} % off")
+        elif off > REBOUND_PERCENT:
+            yield from make_warnings(f"impacts will be wrong: {text}", effect=off)
+
     def _check_time_step(self) -> Iterator[Finding]:
         """Yield what the time step says against the simulation."""
         limit = self.fragment.largest_step
         step = self.fragment.request.time_step
         if limit is None:
             return
-        if step >= limit:
+        if not self.stable:
             yield from make_refusals(
                 f"the simulation is unstable at a time step of {_ms(step)}; choose one below "
                 f"{_ms(limit)}"
@@ -460,6 +551,25 @@ class Statement:
                 f"{percent(compared.predicted_percent)}: this version of the engine may be "
                 "different"
             )
+
+    @property
+    def stable(self) -> bool:
+        """Whether the time step is below the stability limit."""
+        limit = self.fragment.largest_step
+        return limit is None or self.fragment.request.time_step < limit
+
+    @property
+    def engine_fails(self) -> bool:
+        """Whether the engine's form of contact, not the law or its verdict, is refused."""
+        found = (*self.fragment.findings, *self._check_errors())
+        return any(finding.severity == "do-not-trust" for finding in found)
+
+    @property
+    def main_warning(self) -> str:
+        """The warning of the largest effect on this export, else the first; empty if none."""
+        warned = [each for each in self.findings if each.severity != "do-not-trust"]
+        effects = [each.moves_stiffness_percent for each in warned]
+        return warned[int(np.argmax(effects))].message if warned else ""
 
     @property
     def refusals(self) -> tuple[str, ...]:
@@ -491,44 +601,79 @@ class Statement:
         """The claim in one line: exact, within a force error, or refused."""
         if self.refused:
             return f"refused: {'; '.join(self.refusals)}"
-        motion = self.source.motion
-        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
-        where = f"at depths {depths} and speeds up to {length(motion.fastest, 2)}/s"
-        text = f"{self._force()} on {motion.source}, {where}; {self._describe_restitution()}"
+        measured = dict(self._measured())
+        text = f"{measured['force']}, on {measured['motion']}; restitution {measured['rebound']}"
         if not self.refusals:
             return text
         return f"{text}; allowed by the user although {'; '.join(self.refusals)}"
 
+    @property
+    def _title(self) -> str:
+        return " ".join(filter(None, (self.engine.title, self.engine.version())))
+
+    def _measured(self) -> list[tuple[str, str]]:
+        """Return what was measured in the engine, each with its label."""
+        compared = self.compared
+        motion = self.source.motion
+        rest = compared.rest
+        error = self._force()
+        measured = compared.against_measured_percent
+        if measured is not None and compared.law_leaves_percent is not None:
+            error += f"; {percent(measured)} off the recording"
+            error += f" (the law itself: {percent(compared.law_leaves_percent)})"
+        depths = f"{length(motion.shallowest, 2)} to {length(motion.deepest, 3)}"
+        if self.source.response is not None:  # the exported law is for this frequency
+            depths = f"{format_hertz(self.source.response[1])}, {depths}"
+        faster = f"at twice the speed {percent(compared.faster_percent)}"
+        at_rest = length(rest.engine, 3) if math.isfinite(rest.engine) else "elsewhere"
+        return [
+            ("force", error),
+            ("motion", f"{motion.source}, {depths}, up to {length(motion.fastest, 2)}/s; {faster}"),
+            ("rest", f"{at_rest}; law {length(rest.law, 3)}, under {rounded(rest.load, 3)} N"),
+            ("rebound", self._describe_restitution()),
+        ]
+
+    def short_answer(self) -> list[tuple[str, str]]:
+        """Return the answer in lines, each with its label: what a user needs to go on."""
+        refusals = self.refusals
+        title = f"{self.source.name or 'a law'} in {self._title} ({self.fragment.form})"
+        lines = [(title, "")]
+        if refusals:
+            lines.append(("allowed" if self.allowed else "refused", refusals[0]))
+        if refusals[1:]:
+            lines.append(("", f"and {len(refusals) - 1} more reasons: -v"))
+        if self.refused:
+            return [*lines, ("next", "add --allow to export despite that; -v prints all numbers")]
+        warning = [("warning", self.main_warning)] if self.main_warning else []
+        return [*lines, *self._measured(), *warning]
+
     def describe(self) -> list[str]:
-        """Return the statement as lines: claim, force errors, law, engine parameters, warnings."""
-        title = " ".join(filter(None, (self.engine.title, self.engine.version())))
+        """Return the statement as lines: claim, replay, law, engine parameters, warnings."""
+        rest = dict(self._measured())["rest"]
         form = f"{self.fragment.form}, {self.fragment.describe_friction()}"
-        lines = [f"{title}, {form}: {self.claim}.", *self.basis(), *self.law_lines()]
+        lines = [
+            f"{self._title}, {form}: {self.claim}.",
+            self.describe_replay(),
+            f"Depth at rest: {rest}.",
+            *self.law_lines(),
+        ]
         if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
         return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
 
-    def basis(self) -> list[str]:
-        """Return how the errors were obtained, and the three force errors."""
+    def describe_replay(self) -> str:
+        """Return how the errors were obtained."""
         compared = self.compared
         title = self.engine.title
-        measured = compared.against_measured_percent
-        leaves = compared.law_leaves_percent
         if compared.replayed:
-            how = f"Replayed in {title} {self.engine.version() or ''}, {compared.how}".rstrip()
-            how += f" (predicted error {percent(compared.predicted_percent)})."
-        else:
-            why = f"palpate cannot run {title}"
-            if self.engine.distribution is not None:
-                why = f"it does not load: {compared.fails}" if compared.fails else "not requested"
-                if not self.engine.version():
-                    why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
-            how = f"Not replayed ({why}): the errors of the engine are predicted."
-        three = f"Rms force error: {percent(compared.percent)} against {self._reference}"
-        if measured is not None and leaves is not None:
-            three += f", {percent(measured)} against the measured force"
-            three += f" (the law itself: {percent(leaves)})"
-        return [how, three + "."]
+            predicted = f"predicted error {percent(compared.predicted_percent)}"
+            return f"Replayed in {self._title}, {compared.how} ({predicted})."
+        why = f"palpate cannot run {title}"
+        if self.engine.distribution is not None:
+            why = f"it does not load: {compared.fails}" if compared.fails else "not requested"
+            if not self.engine.version():
+                why = f"{title} is not installed: {MissingExtraError.remedy(self.engine.extra)}"
+        return f"Not replayed ({why}): the errors of the engine are predicted."
 
     def _relaxation(self) -> tuple[Finding, ...]:
         """Say what stands in the place of a law that relaxes; refuse another stiffness."""
@@ -538,14 +683,15 @@ class Statement:
         law = self.nearest.law
         given = law.stiffness_at(depth)
         text = (
-            "the material relaxes, and engines have no stress relaxation: exported is the "
-            f"Hunt–Crossley law nearest to this recording, for {format_hertz(omega)}: stiffness "
-            f"{rounded(given, 3)} N/m and damping {rounded(law.damping_at(depth), 3)} N·s/m at "
-            f"{length(depth, 3)}, in place of K′ = {rounded(stiffness, 3)} N/m and B′ = "
-            f"{rounded(damping, 3)} N·s/m; at other frequencies it differs by more"
+            "the material relaxes, and engines do not: exported is the law nearest on this motion "
+            f"of {format_hertz(omega)}: at {length(depth, 3)} {rounded(given, 3)} N/m and "
+            f"{rounded(law.damping_at(depth), 3)} N·s/m, for K′ = {rounded(stiffness, 3)} N/m and "
+            f"B′ = {rounded(damping, 3)} N·s/m; at other frequencies it is off by more"
         )
         apart = abs(given / stiffness - 1.0) if stiffness else math.inf
-        return make_refusals(text) if not apart <= STIFFNESS_OFF else make_warnings(text)
+        if not apart <= STIFFNESS_OFF:
+            return make_refusals(text)
+        return make_warnings(text, effect=max(100.0 * apart, self.compared.percent))
 
     def law_lines(self) -> list[str]:
         """Return lines with the identified law, its standard errors, and the exported law."""
@@ -594,6 +740,8 @@ class Statement:
             "refusals": list(self.refusals),
             "allowed": bool(self.refusals) and self.allowed,
             "warnings": list(self.warnings),
+            "main_warning": self.main_warning or None,
+            "next_step": self.fragment.paste,
             "replayed": compared.replayed,
             "how": compared.how or None,
             "error_percent": {
@@ -602,9 +750,16 @@ class Statement:
                 "against_measured": finite_or_none(compared.against_measured_percent),
                 "law_leaves": finite_or_none(compared.law_leaves_percent),
                 "nearest": finite_or_none(self.nearest.error_percent),
+                "at_twice_the_speed": finite_or_none(compared.faster_percent),
+            },
+            "rest": {
+                "load": finite_or_none(compared.rest.load),
+                "depth_of_law": finite_or_none(compared.rest.law),
+                "depth": finite_or_none(compared.rest.engine),
             },
             "depths": [source.motion.shallowest, source.motion.deepest],
             "fastest": source.motion.fastest,
+            "frequency": finite_or_none(source.motion.frequency),
             "drop": {
                 "mass": drop.mass,
                 "speed": finite_or_none(drop.speed),
@@ -670,17 +825,14 @@ class Statement:
 
     def _describe_restitution(self) -> str:
         compared = self.compared
-        how = "" if compared.replayed_restitution is not None else ", predicted"
         drop = compared.drop
-        mass = rounded(compared.drop.mass, 3)
         if not math.isfinite(compared.restitution_percent):
-            return "no restitution: a free body does not rebound with this law"
+            return "none: a free body does not rebound with this law"
+        how = "" if compared.replayed_restitution is not None else ", predicted"
         assumed = "" if self.fragment.request.mass is not None else " (assumed)"
-        numbers = f"{rounded(compared.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}"
         return (
-            f"restitution within {percent(abs(compared.restitution_percent))} "
-            f"({numbers}{how}) for an impact of {mass} kg{assumed} at {rounded(drop.speed, 2)} m/s "
-            f"to a depth of {length(drop.depth, 3)}"
+            f"{rounded(compared.drop_restitution, 3)}, law {rounded(drop.restitution, 3)}{how}, "
+            f"for an impact of {rounded(drop.mass, 3)} kg{assumed} at {rounded(drop.speed, 2)} m/s"
         )
 
 
@@ -698,6 +850,26 @@ def _response(
         return None
     whole = complex(result.law.dynamic_stiffness(there.depth, omega))
     return there.depth, omega, whole.real, whole.imag / omega
+
+
+def _replace_relaxing_law(
+    result: "Identification | SavedResult",
+    recorded: ProbeMotion,
+) -> tuple[ForceLaw, ProbeMotion, Floats]:
+    """Return the nearest law without memory, its motion, and the identified law's force there, N.
+
+    It is nearest to the identified law, not to the measured force. A recording without free air
+    does not determine surface and offset, so those of the law without memory are tried too.
+    """
+    exponent = result.law.n if "n" in result.fixed else None
+    plain = identify(result.contact, VariableProjection(exponent=exponent), trace=False)
+    tried = []
+    for motion in (ProbeMotion.recorded(plain), recorded):
+        answer = _force_of_answer(motion, result)
+        law = nearest_to_force(answer, motion, exponent)
+        error = force_error(motion.force_by(law), answer, motion.judged)
+        tried.append((law.K <= 0.0, error, law.simplest(), motion, answer))
+    return min(tried, key=lambda each: each[:2])[2:]
 
 
 def _force_of_answer(motion: ProbeMotion, result: "Identification | SavedResult") -> Floats:

@@ -58,6 +58,11 @@ class UsdMaterial(Fragment):
             "solimp": _listed(row.solimp),
         }
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return "reference material.usda in your stage, and bind it to both shapes"
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the material with the parameters of both shapes, and a scene that uses them."""
         comment = hash_comment(notes)

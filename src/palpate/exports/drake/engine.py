@@ -156,6 +156,14 @@ class DrakeContact(Fragment):
     setting: Setting
     heed: tuple[str, ...]
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return (
+            "copy the <drake:proximity_properties> of contact.sdf (or .urdf) into both bodies, and "
+            "set up the plant as its comment says"
+        )
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return both bodies in SDFormat and URDF, and a script that simulates an impact."""
         setting = self.setting

@@ -19,11 +19,12 @@ from palpate.errors import InvalidParameterError
 from palpate.exports.engine import Engine, Fragment, Replayed, make_refusals, make_warnings
 from palpate.exports.motion import ExportRequest, ProbeMotion
 from palpate.exports.mujoco import callback
+from palpate.exports.mujoco.checking import write_law
 from palpate.exports.mujoco.fitting import FITS, MOST_STEPS, PairRows, drop_restitution, misfit_to
 from palpate.exports.mujoco.robot import (
     NOTHING_PASSIVE,
-    PADS,
     TIP,
+    ContactNames,
     Placement,
     PressableModel,
     Robot,
@@ -38,7 +39,7 @@ from palpate.exports.nearest_law import (
     kelvin_voigt,
     stable_step,
 )
-from palpate.exports.replay_errors import Drop, drop_to, force_error
+from palpate.exports.replay_errors import Drop, drop_to, force_error, half_period
 from palpate.exports.texts import law_numbers, length, percent, template, xml_comment
 from palpate.force_laws import GeneralisedHuntCrossley
 from palpate.validation import Floats, above_zero
@@ -63,6 +64,14 @@ class InMuJoCo(Fragment):
     runs: bool = True
 
     @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        begin = "load robot_scene.xml, which includes your model and contact.xml"
+        if self.robot is None:
+            begin = f'include contact.xml in your model, name its geom "{TIP}"'
+        return f"{begin}, put the pads on your surface, which must not collide with the tip itself"
+
+    @property
     def mobility(self) -> float:
         """Â, 1/kg; for the body of the minimal scene 1/mass."""
         return self.rows.mobility
@@ -71,6 +80,11 @@ class InMuJoCo(Fragment):
     def tip(self) -> str:
         """Name of the touching geom."""
         return TIP if self.robot is None else self.robot.geom
+
+    @property
+    def names(self) -> ContactNames:
+        """Names of its surfaces and pairs."""
+        return ContactNames.of(self.request.name)
 
     def scene(self, speed: float, notes: Sequence[str] = ()) -> str:
         """Return the minimal scene, a body that arrives at a speed [m/s]."""
@@ -82,22 +96,24 @@ class InMuJoCo(Fragment):
         ]
         numbers = {"time_step": self.request.time_step, "radius": max(0.03, 2.0 * depth)}
         numbers |= {"mass": 1.0 / self.mobility, "velocity": -speed}
-        both = sections(rows, TIP, Placement())
+        law = write_law(self.request, PairRows(tuple(rows), self.mobility), None)
+        both = sections(rows, TIP, Placement(), self.names, law)
         return template("mujoco_scene.xml", comment=xml_comment(notes), **both, **numbers)
 
     def fragment(self, notes: Sequence[str]) -> str:
         """Return the XML to paste or include into a model; without rows the surface only."""
         place = Placement() if self.robot is None else self.robot.place
-        both = sections(self.rows.rows, self.tip, place)
+        law = write_law(self.request, self.rows, self.robot)
+        both = sections(self.rows.rows, self.tip, place, self.names, law)
         option = f"  <option{both['cone']}/>\n" if both["cone"] else ""
         return template("mujoco_fragment.xml", comment=xml_comment(notes), option=option, **both)
 
     def pressable(self) -> PressableModel:
         """Return the user's model with the fragment, or the minimal scene."""
         if (robot := self.robot) is not None:
-            return pressable(robot.path, robot.geom, self.rows.rows, robot.place)
+            return pressable(robot.path, robot.geom, self.rows.rows, robot.place, self.names)
         model = engine_here().MjModel.from_xml_string(self.scene(0.0))
-        return PressableModel(model, TIP, Placement())
+        return PressableModel(model, TIP, Placement(), self.names.pads)
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Return a context that installs what the XML cannot contain; here nothing."""
@@ -114,8 +130,14 @@ class InMuJoCo(Fragment):
         return Replayed(force, f"by mj_inverse, state by state{where}")
 
     def drop_restitution(self, drop: Drop) -> float | None:
-        """Return the restitution in the minimal scene, for a body of mass 1/Â; 0 if it stays."""
+        """Return the restitution in the minimal scene, for a body of mass 1/Â; 0 if it stays.
+
+        None if the impact would take more steps than palpate simulates.
+        """
         if not self.runs or not math.isclose(drop.mass * self.mobility, 1.0, rel_tol=1e-6):
+            return None
+        duration = half_period(self.request.law, drop.mass, drop.depth)
+        if 4.0 * duration > MOST_STEPS * self.request.time_step:
             return None
         mujoco = engine_here()
         model = mujoco.MjModel.from_xml_string(self.scene(drop.speed))
@@ -149,6 +171,11 @@ class InMuJoCo(Fragment):
 class InRows(InMuJoCo):
     """A law as one contact, or as several coincident ones."""
 
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return f"{super().paste}; then palpate export --check MODEL.xml"
+
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the XML of surfaces and pairs, and scenes that contain it."""
         return self._files({"contact.xml": self.fragment(notes)}, notes)
@@ -158,13 +185,22 @@ class InRows(InMuJoCo):
         return self.rows.force(motion.penetration, motion.velocity, motion.acceleration)
 
     def predict_restitution(self, drop: Drop) -> float:
-        """Return the restitution of the rows at the time step."""
-        return drop_restitution(self.rows, drop, self.request.time_step)
+        """Return the restitution of the rows at the time step, or at a longer one if that is fine.
+
+        A step of a thousandth of an impact has no effect on it.
+        """
+        fine = half_period(self.request.law, drop.mass, drop.depth) / 1000.0
+        return drop_restitution(self.rows, drop, max(self.request.time_step, fine))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AsCallback(InMuJoCo):
     """The exact law as a Python callback, called at every step."""
+
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return f"{super().paste}; step inside palpate_contact.ExactContact(model)"
 
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return the Python module, its parameters as JSON, and a scene."""
@@ -177,7 +213,7 @@ class AsCallback(InMuJoCo):
         return self._files(files, notes)
 
     def _numbers(self, tip: str) -> dict[str, Any]:
-        return {**law_numbers(self.request.law), "tip": tip, "pad": PADS[0]}
+        return {**law_numbers(self.request.law), "tip": tip, "pad": self.names.pads[0]}
 
     def contact(self, model: Any, tip: str) -> AbstractContextManager[Any]:
         """Return a context with the callback installed, which adds a passive force."""
@@ -225,8 +261,9 @@ class MuJoCo(Engine):
     }
     distribution: ClassVar[str | None] = "mujoco"
     extra: ClassVar[str] = "exports"
+    exact_form: ClassVar[str] = "callback"
     rows_class: ClassVar[type[InRows]] = InRows
-    takes: ClassVar[frozenset[str]] = frozenset({"model", "geom", "friction"})
+    takes: ClassVar[frozenset[str]] = frozenset({"model", "geom", "friction", "name"})
 
     def fit(self, request: ExportRequest) -> Fragment:
         """Return the law in MuJoCo's parameters, for one pressing body.
@@ -328,7 +365,8 @@ class MuJoCo(Engine):
 def _effective_mass(request: ExportRequest) -> tuple[ExportRequest, Robot | None, float]:
     """Return the request with effective mass and time step; the user's model; and Â [1/kg]."""
     if request.model is not None:
-        robot = read(request.model, request.geom, request.motion.deepest)
+        names = ContactNames.of(request.name)
+        robot = read(request.model, request.geom, request.motion.deepest, names)
         return replace(request, mass=robot.mass, time_step=robot.time_step), robot, robot.mobility
     if request.mass is None:
         raise InvalidParameterError(

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -22,9 +23,40 @@ from palpate.exports.texts import digits, template, xml_comment
 from palpate.findings import Finding
 from palpate.validation import Floats, frozen
 
-#: Names of the coincident surfaces in the user's model, one per row.
-PADS = ("palpate_pad", "palpate_pad_damper")
 TIP = "tip"
+
+
+@frozen
+class ContactNames:
+    """The names in MJCF of one exported contact; they contain the name of the export.
+
+    Attributes
+    ----------
+    prefix : str
+        What all of them begin with.
+    """
+
+    prefix: str = "palpate"
+
+    @classmethod
+    def of(cls, name: str) -> "ContactNames":
+        """Return the names of an export of this name; "" is the only export of a model."""
+        return cls(f"palpate_{name}" if name else "palpate")
+
+    @property
+    def pads(self) -> tuple[str, str]:
+        """Names of the coincident surfaces, one per row."""
+        return f"{self.prefix}_pad", f"{self.prefix}_pad_damper"
+
+    @property
+    def pairs(self) -> tuple[str, str]:
+        """Names of the pairs, one per row."""
+        return f"{self.prefix}_contact", f"{self.prefix}_contact_damper"
+
+    @property
+    def law(self) -> str:
+        """Name of the text that has the exported law."""
+        return f"{self.prefix}_law"
 
 
 @frozen
@@ -41,10 +73,17 @@ class Placement:
     normal: tuple[float, ...] = (0.0, 0.0, 1.0)
 
 
-def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, str]:
+def sections(
+    rows: Sequence[PairRow],
+    tip: str,
+    place: Placement,
+    names: ContactNames,
+    law: str,
+) -> dict[str, str]:
     """Return the XML of the surfaces, one per row (at least one), of contacts, and of the cone.
 
-    Surfaces are massless and static, and collide only through the pairs.
+    Surfaces are massless and static, and collide only through the pairs. The text ``law``, from
+    which ``palpate export --check`` knows the exported law, follows the ``<contact>`` section.
     """
     # Round to a picometre to remove rounding errors.
     position = _numbers(np.round(place.position, 12).tolist())
@@ -53,12 +92,13 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
     surfaces = (
         f'    <geom name="{name}" type="plane" pos="{position}"{turned} size="0.1 0.1 0.01" '
         'contype="0" conaffinity="0"/>'
-        for name in PADS[: max(len(rows), 1)]
+        for name in names.pads[: max(len(rows), 1)]
     )
     lines = []
     what = ("spring", "damper") if len(rows) > 1 else ("spring and damper",)
-    for row, pad, name in zip(rows, PADS, what, strict=False):
+    for row, pad, pair_name, name in zip(rows, names.pads, names.pairs, what, strict=False):
         attributes = {
+            "name": pair_name,
             "geom1": pad,
             "geom2": tip,
             "condim": "3" if row.friction else "1",
@@ -77,7 +117,14 @@ def sections(rows: Sequence[PairRow], tip: str, place: Placement) -> dict[str, s
         pair = ElementTree.Element("pair", attributes)
         lines.append(f"    <!-- The {name}. -->")
         lines.append(f"    {ElementTree.tostring(pair, encoding='unicode')}")
-    contact = "\n".join(["  <contact>", *lines, "  </contact>"]) if lines else ""
+    text = f"    <text name={quoteattr(names.law)} data={quoteattr(law)}/>"
+    custom = [
+        "  <custom>",
+        "    <!-- For palpate export --check: keep it. -->",
+        text,
+        "  </custom>",
+    ]
+    contact = "\n".join(["  <contact>", *lines, "  </contact>", *custom]) if lines else ""
     rubs = any(row.friction for row in rows)
     cone = f' cone="elliptic" impratio="{digits(IMPRATIO)}"' if rubs else ""
     return {"pads": "\n".join(surfaces), "contact": contact, "cone": cone}
@@ -104,7 +151,7 @@ def engine_here() -> Any:
 class PressableModel:
     """A compiled model in its first pose, whose geom can be pressed into the surfaces.
 
-    The surfaces belong to the world, and are moved instead of the geom.
+    The surfaces are moved instead of the geom.
 
     Parameters
     ----------
@@ -114,9 +161,11 @@ class PressableModel:
         Name of the tip's geom.
     place : Placement
         Placement of the surfaces at first touch.
+    pads : sequence of str
+        Names of the surfaces.
     """
 
-    def __init__(self, model: Any, geom: str, place: Placement) -> None:
+    def __init__(self, model: Any, geom: str, place: Placement, pads: Sequence[str]) -> None:
         self.mujoco = mujoco = engine_here()
         # Inverse dynamics in continuous time, whatever the model's integrator.
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
@@ -125,7 +174,7 @@ class PressableModel:
         self.place = place
         names = {model.geom(k).name: k for k in range(model.ngeom)}
         self.tip = names[geom]
-        self.pads = [names[pad] for pad in PADS if pad in names]
+        self.pads = [names[pad] for pad in pads if pad in names]
         model.geom_sameframe[self.pads] = 0  # else MuJoCo does not move them
         if model.nkey:
             mujoco.mj_resetDataKeyframe(model, self.data, 0)
@@ -135,24 +184,61 @@ class PressableModel:
     def face(self, position: Floats, normal: Floats) -> None:
         """Move the surfaces to another place."""
         self.place = Placement(tuple(position.tolist()), tuple(normal.tolist()))
-        self.model.geom_quat[self.pads] = _turn(normal)
+        turned = np.zeros(4)
+        for pad in self.pads:
+            inverse = self.data.xquat[self.model.geom_bodyid[pad]] * (1.0, -1.0, -1.0, -1.0)
+            self.mujoco.mju_mulQuat(turned, inverse, _turn(normal))
+            self.model.geom_quat[pad] = turned
         self.sink(0.0)
         self.mujoco.mj_forward(self.model, self.data)
 
     def sink(self, penetration: float) -> None:
         """Raise the surfaces to a penetration of the tip, m."""
-        raised = penetration * np.asarray(self.place.normal)
-        self.model.geom_pos[self.pads] = np.asarray(self.place.position) + raised
+        raised = np.asarray(self.place.position) + penetration * np.asarray(self.place.normal)
+        for pad in self.pads:
+            body = self.model.geom_bodyid[pad]
+            rotation = self.data.xmat[body].reshape(3, 3)
+            self.model.geom_pos[pad] = (raised - self.data.xpos[body]) @ rotation
 
     def along(self) -> Floats:
         """Return the joint velocities that move the tip at 1 m/s out of the material."""
-        across = np.zeros((3, self.model.nv))
-        body = self.model.geom_bodyid[self.tip]
         point = np.asarray(self.place.position)
-        self.mujoco.mj_jac(self.model, self.data, across, None, point, body)
-        row = np.asarray(self.place.normal) @ across
+        tip, pad = np.zeros((2, 3, self.model.nv))
+        for across, geom in ((tip, self.tip), (pad, self.pads[0])):
+            body = self.model.geom_bodyid[geom]
+            self.mujoco.mj_jac(self.model, self.data, across, None, point, body)
+        row = np.asarray(self.place.normal) @ (tip - pad)
         size = float(row @ row)
         return row / size if size > 0.0 else np.full(self.model.nv, np.nan)
+
+    @property
+    def shape(self) -> str:
+        """Shape of the tip's geom, such as SPHERE."""
+        kind = self.mujoco.mjtGeom(int(self.model.geom_type[self.tip]))
+        return str(kind.name.removeprefix("mjGEOM_"))
+
+    def touches(self, normals: Floats) -> bool:
+        """Place the surfaces against the geom, with the first normal along which it can move.
+
+        Return False if the geom can move along none of them.
+        """
+        centre = np.array(self.data.geom_xpos[self.tip])
+        line = np.zeros(6)
+        for normal in normals:
+            self.face(centre - _FAR * normal, normal)
+            gap = self.mujoco.mj_geomDistance(
+                self.model,
+                self.data,
+                self.pads[0],
+                self.tip,
+                2.0 * _FAR,
+                line,
+            )
+            self.face(centre + (gap - _FAR) * normal, normal)
+            out = self.along()
+            if out.size and np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
+                return True
+        return False
 
     def mass(self) -> float:
         """Return the effective mass of the model along the normal, kg: 1/(J M⁻¹ Jᵀ)."""
@@ -252,6 +338,8 @@ class Robot:
         Folders of its meshes and textures, relative to its own.
     passive : bool
         Whether passive forces are enabled, which pulling pairs and callbacks need. Default: True.
+    masses, armature : tuple of float
+        Masses [kg] of the bodies, and armatures of the joints, from the world to the geom.
     findings : tuple of Finding
         Warnings and refusals for the geom's shape and the model's options.
     """
@@ -265,6 +353,8 @@ class Robot:
     time_step: float
     asset_folders: tuple[str, str]
     passive: bool = True
+    masses: tuple[float, ...] = ()
+    armature: tuple[float, ...] = ()
     findings: tuple[Finding, ...] = ()
 
     def scene(self, notes: Sequence[str]) -> str:
@@ -279,7 +369,7 @@ class Robot:
         return template("mujoco_robot.xml", comment=comment, model=model, assets=assets)
 
 
-def read(path: Path, geom: str | None, deepest: float) -> Robot:
+def read(path: Path, geom: str | None, deepest: float, names: ContactNames) -> Robot:
     """Return the properties of a model whose geom is pressed to a depth [m].
 
     Raises
@@ -289,12 +379,12 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
     """
     mujoco = engine_here()
     if geom is None:
-        names = _names(_spec(path))
+        known = _geom_names(_spec(path))
         raise InvalidParameterError(
             "the touching geom is missing: add --geom NAME; "
-            f"{path.name} has {', '.join(names) or 'no named geom'}"
+            f"{path.name} has {', '.join(known) or 'no named geom'}"
         )
-    first = pressable(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)))
+    first = pressable(path, geom, (_ANY,), Placement((0.0, 0.0, -_FAR)), names)
     model = first.model
     own = (model.geom_pos[first.tip], model.geom_size[first.tip], model.body_pos)
     reach = max(float(np.abs(each).max()) for each in own)
@@ -307,7 +397,7 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
             f"{path.name} has a time step of {model.opt.timestep:g} s: set its <option timestep>, "
             f"s, above 0 and at most {_LONGEST_STEP:g}"
         )
-    kind = mujoco.mjtGeom(int(model.geom_type[first.tip])).name.removeprefix("mjGEOM_")
+    kind = first.shape
     if kind == "PLANE":
         raise InvalidParameterError(f"geom {geom} is a plane: choose the geom that touches it")
     spec = _spec(path)
@@ -316,7 +406,8 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         raise InvalidParameterError(
             f"geom {geom} of {path.name} is fixed to the world: choose one of a moving body"
         )
-    if not _touches(first, kind):
+    turned = first.data.geom_xmat[first.tip].reshape(3, 3)
+    if not first.touches(normals(kind, turned)):
         raise InvalidParameterError(f"geom {geom} of {path.name} cannot move against a surface")
     counts = first.counts(deepest * np.array([0.05, 0.25, 0.5, 0.75, 1.0]))
     mass = first.mass()
@@ -330,17 +421,30 @@ def read(path: Path, geom: str | None, deepest: float) -> Robot:
         *make_refusals(*_refusals(mujoco, model, kind, geom, counts)),
         *make_warnings(*_warnings(kind, geom, counts, mass, mobility)),
     )
-    return Robot(path, geom, *felt, *own, findings)
+    return Robot(path, geom, *felt, *own, *chain(model, first.tip), findings)
+
+
+def chain(model: Any, geom: int) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the masses of the bodies, and armatures of the joints, from the world to a geom."""
+    bodies, joints = chain_ids(model, geom)
+    return tuple(model.body_mass[bodies].tolist()), tuple(model.dof_armature[joints].tolist())
+
+
+def chain_ids(model: Any, geom: int) -> tuple[list[int], list[int]]:
+    """Return the ids of the moving bodies and of the degrees of freedom that carry a geom."""
+    body = int(model.geom_bodyid[geom])
+    bodies: list[int] = []
+    while body:
+        bodies.insert(0, body)
+        body = int(model.body_parentid[body])
+    first = model.body_dofadr[bodies]
+    count = model.body_dofnum[bodies]
+    joints = [k for at, many in zip(first, count, strict=True) for k in range(at, at + many)]
+    return bodies, joints
 
 
 def _spec(path: Path) -> Any:
-    mujoco = engine_here()
-    if not path.is_file():
-        raise InvalidParameterError(f"model: file {path} does not exist")
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-    except Exception as error:  # the engine's own classes, of several kinds
-        raise InvalidParameterError(f"model: {path.name}: MuJoCo cannot read it: {error}") from None
+    spec = read_spec(path)
     if getattr(spec.default.pair, "adhesion", 0.0):
         # A row that only pushes does not set it, since older versions lack the attribute.
         raise InvalidParameterError(
@@ -350,28 +454,74 @@ def _spec(path: Path) -> Any:
     return spec
 
 
-def _names(spec: Any) -> list[str]:
+# Files that MuJoCo decodes as a model.
+_SUFFIXES = (".xml", ".urdf")
+
+
+def read_spec(path: Path) -> Any:
+    """Return the MjSpec of a file.
+
+    Raises
+    ------
+    InvalidParameterError
+        The file does not exist, or MuJoCo cannot read it.
+    """
+    mujoco = engine_here()
+    if not path.is_file():
+        raise InvalidParameterError(f"model: file {path} does not exist")
+    if path.suffix.lower() not in _SUFFIXES:  # MuJoCo would write a log into the user's folder
+        raise InvalidParameterError(f"model: {path.name} is not called .xml, as a model must be")
+    try:
+        return mujoco.MjSpec.from_file(str(path))
+    except Exception as error:  # the engine's own classes, of several kinds
+        raise InvalidParameterError(f"model: {path.name}: MuJoCo cannot read it: {error}") from None
+
+
+def compile_spec(spec: Any, path: Path) -> Any:
+    """Return the compiled model of a file.
+
+    Raises
+    ------
+    InvalidParameterError
+        MuJoCo cannot compile it.
+    """
+    try:
+        return spec.compile()
+    except Exception as error:
+        raise InvalidParameterError(
+            f"model: {path.name}: MuJoCo cannot compile it: {error}"
+        ) from None
+
+
+def _geom_names(spec: Any) -> list[str]:
     return [geom.name for geom in spec.geoms if geom.name][:20]
 
 
-def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) -> PressableModel:
+def pressable(
+    path: Path,
+    geom: str,
+    rows: Sequence[PairRow],
+    place: Placement,
+    names: ContactNames,
+) -> PressableModel:
     """Compile a model with a surface for each row, and a pair of each with the geom."""
     mujoco = engine_here()
     spec = _spec(path)
     if geom not in [each.name for each in spec.geoms]:
-        names = _names(spec)
+        known = _geom_names(spec)
         raise InvalidParameterError(
-            f"geom: {path.name} has no geom {geom!r}; it has {', '.join(names) or 'no named geom'}"
+            f"geom: {path.name} has no geom {geom!r}; it has {', '.join(known) or 'no named geom'}"
         )
-    if set(PADS) & {each.name for each in spec.geoms}:
+    if set(names.pads) & {each.name for each in spec.geoms}:
         raise InvalidParameterError(
-            f"model: {path.name} already has a geom {PADS[0]}: remove the earlier export"
+            f"model: {path.name} already has a geom {names.pads[0]}: remove the earlier export, or "
+            "give this one another --name"
         )
     where = {"pos": place.position, "quat": _turn(np.asarray(place.normal))}
     plane = {"type": mujoco.mjtGeom.mjGEOM_PLANE, "size": (0.1, 0.1, 0.01)}
-    for pad in PADS[: max(len(rows), 1)]:
+    for pad in names.pads[: max(len(rows), 1)]:
         spec.worldbody.add_geom(name=pad, **plane, **where, contype=0, conaffinity=0)
-    for row, pad in zip(rows, PADS, strict=False):
+    for row, pad in zip(rows, names.pads, strict=False):
         more: dict[str, Any] = {"adhesion": row.adhesion} if row.adhesion else {}
         if row.friction:
             spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -384,40 +534,10 @@ def pressable(path: Path, geom: str, rows: Sequence[PairRow], place: Placement) 
             condim=3 if row.friction else 1,
             margin=-row.inset, gap=0.0, **more,
         )  # fmt: skip
-    try:
-        model = spec.compile()
-    except Exception as error:
-        raise InvalidParameterError(
-            f"model: {path.name}: MuJoCo cannot compile it: {error}"
-        ) from None
-    return PressableModel(model, geom, place)
+    return PressableModel(compile_spec(spec, path), geom, place, names.pads)
 
 
-def _touches(pressable: PressableModel, kind: str) -> bool:
-    """Place the surface against the geom, facing as far up as the geom can move against it.
-
-    Return False if the geom can move against no surface.
-    """
-    centre = np.array(pressable.data.geom_xpos[pressable.tip])
-    line = np.zeros(6)
-    for normal in _normals(kind, pressable.data.geom_xmat[pressable.tip].reshape(3, 3)):
-        pressable.face(centre - _FAR * normal, normal)
-        gap = pressable.mujoco.mj_geomDistance(
-            pressable.model,
-            pressable.data,
-            pressable.pads[0],
-            pressable.tip,
-            2.0 * _FAR,
-            line,
-        )
-        pressable.face(centre + (gap - _FAR) * normal, normal)
-        out = pressable.along()
-        if np.isfinite(out).all() and float(out @ out) < _STUCK**-2:
-            return True
-    return False
-
-
-def _normals(kind: str, turned: Floats) -> Floats:
+def normals(kind: str, turned: Floats) -> Floats:
     """Return normals for a surface, best first: the ends of long shapes before their sides."""
     axes = {"BOX": [turned.T]}.get(kind, [np.eye(3)])
     if kind in _LONG:
@@ -547,9 +667,7 @@ def _read(path: Path) -> PressableModel:
     except Exception as error:  # the engine's own classes, of several kinds
         raise RecordingError(f"{path}: MuJoCo cannot read it: {error}") from None
     names = {model.geom(k).name for k in range(model.ngeom)}
-    pads = [pad for pad in PADS if pad in names]
+    pads = sorted(name for name in names if name.startswith(ContactNames().prefix))
     if TIP not in names or not pads or model.npair != len(pads):
-        raise RecordingError(
-            f"{path}: not a scene of palpate export with pairs of {TIP} and {PADS[0]}"
-        )
-    return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())))
+        raise RecordingError(f"{path}: not a scene of palpate export with pairs of {TIP} and a pad")
+    return PressableModel(model, TIP, Placement(tuple(model.geom(pads[0]).pos.tolist())), pads)
