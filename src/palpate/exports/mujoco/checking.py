@@ -65,6 +65,7 @@ def write_law(request: ExportRequest, rows: PairRows, robot: Robot | None) -> st
             "mobility": rows.mobility,
             "masses": [mass] if robot is None else robot.masses,
             "armature": [0.0] if robot is None else robot.armature,
+            "friction": request.friction,
             "pairs": [
                 [-row.spring, -row.damper, *row.solimp, -row.inset, row.adhesion]
                 for row in rows.rows
@@ -95,6 +96,8 @@ class WrittenLaw:
         Of the bodies, kg, and of the joints, from the world to the tip.
     pairs : tuple of tuple of float
         solref, solimp, margin and adhesion of each pair.
+    friction : float
+        Coefficient of friction of the pairs without adhesion.
     """
 
     names: ContactNames
@@ -106,6 +109,7 @@ class WrittenLaw:
     masses: tuple[float, ...]
     armature: tuple[float, ...]
     pairs: tuple[tuple[float, ...], ...]
+    friction: float
 
     @classmethod
     def read(cls, name: str, text: str) -> "WrittenLaw":
@@ -123,15 +127,17 @@ class WrittenLaw:
             pairs = tuple(tuple(map(float, pair)) for pair in found["pairs"])
             speed = float(found["speed"])
             mobility = float(found["mobility"])
+            friction = float(found["friction"])
             positive = *depths, mobility, k
-            sound = 0.0 < min(positive) and max(*positive, speed) < _HUGE and speed >= 0.0
+            sound = 0.0 < min(positive) and max(*positive, speed, friction) < _HUGE
+            sound = sound and min(speed, friction) >= 0.0
             shaped = len(depths) == 2 and {len(pair) for pair in pairs} == {9}
             if not (sound and shaped and 0.0 < n < _STEEPEST and abs(p) < _STEEPEST):
                 raise ValueError("its numbers are out of range")
             names = ContactNames(name.removesuffix(_SUFFIX))
             law = GeneralisedHuntCrossley(K=k, n=n, B=b, p=p)
             made = names, str(found["material"]), law, speed, mobility
-            return cls(*made, depths, masses, armature, pairs)
+            return cls(*made, depths, masses, armature, pairs, friction)
         except (ValueError, LookupError, TypeError) as error:
             raise InvalidParameterError(
                 f"the text {name} of the model is damaged ({error}): export the law again"
@@ -262,7 +268,7 @@ def _put_back_pairs(model: Any, contact: WrittenLaw, tip: int) -> str:
             "margin": numbers[7:8],
             "gap": (0.0,),
             "adhesion": numbers[8:],
-            "dim": (1.0,),
+            "dim": (3.0 if contact.friction and not numbers[8] else 1.0,),
         }
         for name, values in was.items():
             array = getattr(model, f"pair_{name}", None)
@@ -301,6 +307,10 @@ def _put_back_solver(model: Any, contact: WrittenLaw, tip: int) -> str:
         if now != default:
             found.append(f"{name}={rounded(float(now), 3)} (default: {rounded(float(default), 3)})")
             setattr(model.opt, name, default)
+    elliptic = engine_here().mjtCone.mjCONE_ELLIPTIC
+    if contact.friction and model.opt.cone != elliptic:  # a pyramid multiplies the force
+        found.append("cone=pyramidal (exported: elliptic)")
+        model.opt.cone = elliptic
     return f"<option> {', '.join(found)}" if found else ""
 
 
