@@ -11,7 +11,7 @@ import numpy as np
 
 from palpate import lab
 from palpate.errors import InvalidParameterError, MissingExtraError, RecordingError
-from palpate.live.realtime import end, give_way, show_name, start
+from palpate.live.realtime import end, leave_core, show_name, start
 from palpate.live.sources import Arrival, Counts, EndOfSourceError, SourceOptions
 from palpate.validation import check_choice, shown
 
@@ -48,7 +48,7 @@ def start_bench(
 def press(chosen: dict[str, str], probe: str, step: float, connection: Connection) -> None:
     """Send samples until the other end closes the connection."""
     show_name("lab")
-    give_way(gently=False)
+    leave_core()  # it inherits the loop's first place: it stands for a robot
     with suppress(BrokenPipeError, ConnectionResetError, EOFError):
         _Pressing(chosen, probe, step, connection).run()
 

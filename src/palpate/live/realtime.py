@@ -145,7 +145,7 @@ def stop_preferring_session() -> None:
 def give_way(*, gently: bool = True) -> None:
     """Give this process, one next to the loop, a lower priority than the loop.
 
-    It also leaves one processor core to the loop if it may use two or more.
+    It also leaves a processor core to the loop: :func:`leave_core`.
 
     Parameters
     ----------
@@ -157,6 +157,12 @@ def give_way(*, gently: bool = True) -> None:
         niceness = max(os.getpriority(os.PRIO_PROCESS, 0), 0)
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))
         os.setpriority(os.PRIO_PROCESS, 0, min(niceness + _GENTLY * gently, 19))
+    leave_core()
+
+
+def leave_core() -> None:
+    """Leave one processor core to the loop if this process may use two or more."""
+    with suppress(OSError, AttributeError):
         cores = os.sched_getaffinity(0)
         # The kernel handles interrupts on the first cores, so the loop gets the last.
         os.sched_setaffinity(0, cores - {max(cores)} or cores)
