@@ -13,7 +13,6 @@ from contextlib import contextmanager, suppress
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from pathlib import Path
 from typing import Any
 
 
@@ -66,7 +65,6 @@ _SLICE = 100_000  # ns that the loop runs at a time; the shortest that Linux acc
 # Number of sched_setattr, and its argument: size, policy, flags, niceness, priority, slice.
 _SCHED_SETATTR = {"x86_64": 314, "aarch64": 274}
 _ATTRIBUTES = struct.Struct("=IIQiIQQQ")
-_SESSION = Path("/proc/self/autogroup")
 _SWITCHES = 5e-4  # s for which another thread of the loop's process may keep the interpreter
 
 
@@ -88,7 +86,7 @@ def run_first() -> Iterator[None]:
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_SET_TIMER_SLACK, 1, 0, 0, 0)  # ns
     try:
-        with _prefer_session(), _prefer_thread():
+        with _prefer_thread():
             yield
     finally:
         sys.setswitchinterval(switches)
@@ -117,29 +115,6 @@ def _schedule(niceness: int, slice_ns: int) -> bool:
     size = _ATTRIBUTES.size
     wanted = _ATTRIBUTES.pack(size, os.SCHED_OTHER, 0, niceness, 0, slice_ns, 0, 0)
     return bool(ctypes.CDLL(None).syscall(number, 0, wanted, 0) == 0)
-
-
-@contextmanager
-def _prefer_session() -> Iterator[None]:
-    """Prefer this terminal's programs to those of others, between which Linux shares first."""
-    preferred = False
-    with suppress(OSError):  # there is none, or it is not permitted
-        # Another loop of this terminal may have done so, and then also ends it.
-        if _SESSION.read_text().split()[-1] == "0":
-            _SESSION.write_text(str(_FIRST))
-            preferred = True
-    try:
-        yield
-    finally:
-        if preferred:
-            stop_preferring_session()
-
-
-def stop_preferring_session() -> None:
-    """Undo what the loop did to its terminal's priority; a sink does so if the loop was killed."""
-    with suppress(OSError):
-        if _SESSION.read_text().split()[-1] == str(_FIRST):
-            _SESSION.write_text("0")
 
 
 def give_way(*, gently: bool = True) -> None:

@@ -21,7 +21,6 @@ from palpate.live.realtime import (
     run_first,
     show_name,
     start,
-    stop_preferring_session,
 )
 from palpate.live.ring import ESTIMATE, SharedJson, Writer
 from palpate.live.sinks import Session, Sink, Watching
@@ -231,7 +230,6 @@ def _serve(sink: Sink, session: Session, commands: Connection) -> None:
     with suppress(BrokenPipeError):
         commands.send(_THERE)
         sink.run(watching, commands)
-    stop_preferring_session()
 
 
 @contextmanager
