@@ -10,6 +10,7 @@ import numpy as np
 from palpate.exports.motion import ProbeMotion
 from palpate.exports.mujoco.accelerated import quick_warp
 from palpate.validation import Floats
+from palpate.writing import write_text
 
 # s. The step of one state, in which the body hardly moves; Newton calculates in single precision.
 _SHORT = 1e-4
@@ -39,7 +40,7 @@ class NewtonScene:
             newton.solvers.SolverMuJoCo.register_custom_attributes(builder)
             with TemporaryDirectory() as folder:
                 for name, text in files.items():
-                    Path(folder, name).write_text(text, encoding="utf-8")
+                    write_text(Path(folder, name), text)
                 builder.add_usd(str(Path(folder, "scene.usda")))
             self._model = builder.finalize(device="cpu")
             self._pipeline = newton.CollisionPipeline(self._model)
