@@ -93,6 +93,11 @@ class Fragment(ABC):
         """What to do with the files, in one sentence."""
         return "paste the first of these files into your model, as the scene does"
 
+    @property
+    def snippet(self) -> str:
+        """What to paste, if it is so short that the screen has room for it; else empty."""
+        return ""
+
     @abstractmethod
     def files(self, notes: Sequence[str]) -> Mapping[str, str]:
         """Return text by file name: the fragment to paste, and a minimal scene.

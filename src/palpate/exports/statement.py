@@ -644,8 +644,8 @@ class Statement:
             lines.append(("", f"and {len(refusals) - 1} more reasons: -v"))
         if self.refused:
             return [*lines, ("next", "add --allow to export despite that; -v prints all numbers")]
-        warning = [("warning", self.main_warning)] if self.main_warning else []
-        return [*lines, *self._measured(), *warning]
+        more = {"paste": self.fragment.snippet, "warning": self.main_warning}
+        return [*lines, *self._measured(), *((name, text) for name, text in more.items() if text)]
 
     def describe(self) -> list[str]:
         """Return the statement as lines: claim, replay, law, engine parameters, warnings."""
@@ -659,6 +659,8 @@ class Statement:
         ]
         if numbers := _list_numbers(self.fragment.numbers, 6):
             lines.append(f"Engine parameters: {numbers}.")
+        if snippet := self.fragment.snippet:
+            lines.append(f"To paste: {snippet}.")
         return [*lines, *(f"Warning: {warning}." for warning in self.warnings)]
 
     def describe_replay(self) -> str:

@@ -119,6 +119,18 @@ class InIsaacLab(InNewton):
         )
         return {"isaaclab_material.py": text, **super().files(notes)}
 
+    @property
+    def snippet(self) -> str:
+        """The lines, and what they are for."""
+        material, collider = self.lines()
+        there = "in both assets, Isaac Lab 3.0; replayed in Newton, not in Isaac Lab"
+        return f"{material} and {collider} {there}"
+
+    @property
+    def paste(self) -> str:
+        """What to do with the files."""
+        return "import PHYSICS_MATERIAL and COLLISION_PROPS of the first file for both assets"
+
     def lines(self) -> list[str]:
         """Return the configuration of the material and of the two colliders."""
         return [fill(line, **self.values()) for line in _CONFIGURATION]
@@ -240,16 +252,6 @@ class IsaacLab(Newton):
     name: ClassVar[str] = "isaaclab"
     title: ClassVar[str] = "Newton (for Isaac Lab 3.0)"
     material: ClassVar[type[UsdMaterial]] = InIsaacLab
-
-    def warnings(self, fragment: UsdMaterial) -> tuple[str, ...]:
-        """Return the lines to paste, and the warnings about Newton's solvers."""
-        assert isinstance(fragment, InIsaacLab)
-        material, collider = fragment.lines()
-        return (
-            f"paste into both assets, for Isaac Lab 3.0: {material} and {collider}; replayed in "
-            "Newton, not in Isaac Lab",
-            *super().warnings(fragment),
-        )
 
 
 class PhysX(Newton):
