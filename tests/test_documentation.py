@@ -391,3 +391,15 @@ def test_the_page_of_findings_is_fresh_and_has_one_item_and_one_anchor_for_each_
     pictures = written["PICTURES"]
     drawn = {path.stem for path in (ROOT / "docs" / "images" / "findings").iterdir()}
     assert drawn == {check.anchor + end for check in pictures for end in ("", "-dark")}
+
+
+def test_the_pages_that_people_read_stay_few_and_short():
+    parts = ("start", "how-to", "explain")
+    words = {
+        page: len(page.read_text(encoding="utf-8").split())
+        for part in parts
+        for page in (ROOT / "docs" / part).glob("*.md")
+    }
+    assert len(words) <= 27
+    assert sum(words.values()) <= 23_500
+    assert max(words.values()) <= 1_500, max(words, key=words.__getitem__)
