@@ -655,11 +655,12 @@ def test_the_command_checks_a_model(run, refused, finished, tmp_path):
     path.write_text(path.read_text().replace('mass="3"', 'mass="2"'))
     assert run("export", "--check", path)[0] == 0
     other = tmp_path / "other.xml"
+    laws = '<mujoco><custom><text name="palpate_law" data="%s"/></custom></mujoco>'
     for text, words in (
         ("<mujoco", "MuJoCo cannot read it"),
         (path.read_text().replace('geom2="tip"', 'geom2="top"'), "MuJoCo cannot compile it"),
         ("<mujoco/>", "no contact that palpate export wrote"),
-        ('<mujoco><custom><text name="palpate_law" data="{}"/></custom></mujoco>', "is damaged"),
+        *((laws % data, "is damaged") for data in ("{}", "[" * 100_000)),
     ):
         other.write_text(text)
         assert words in refused("export", "--check", other)

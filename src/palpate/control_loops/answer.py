@@ -16,6 +16,8 @@ Safety: TypeAlias = Literal["safe", "little-margin", "not-safe", "refused"]
 #: 6 dB, which covers what the laws leave out: on 428 poor recordings of materials without memory a
 #: gain this far below the bound neither swung nor bounced, 2 dB below it 2 did.
 SAFETY = 10.0 ** (6.0 / 20.0)
+#: Slowest approach that is tried, m/s.
+SLOWEST = 2e-3
 
 
 class Refusal(enum.StrEnum):
@@ -261,7 +263,9 @@ def _lines(gains: Gains) -> list[str]:
     if gains.gain_margin is None:
         return lines
     lines += [_touch(loop.approach_speed, gains.peak_force, gains.settling_time)]
-    if math.isfinite(gains.bounce_speed):
+    if gains.bounce_speed <= SLOWEST:
+        lines.append("contact is lost at any speed of approach")
+    elif math.isfinite(gains.bounce_speed):
         lines.append(f"contact is first lost at an approach of {_speed(gains.bounce_speed)}")
     else:
         lines.append("contact is not lost up to 1 m/s")

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from palpate.control_loops.answer import SAFETY, GainMargin, Gains, Refusal, Safety
+from palpate.control_loops.answer import SAFETY, SLOWEST, GainMargin, Gains, Refusal, Safety
 from palpate.control_loops.laws import ContactKnowledge, LawDraws
 from palpate.control_loops.loop import ControlLoop
 from palpate.control_loops.response import Onset, find_onset
@@ -26,7 +26,7 @@ _ITERATIONS = 6
 _LEAST_LOSS = 1e-3
 _DELAYS = (0.0, 2e-3, 4e-3, 8e-3)
 # Approach speeds that are tried, m/s, a sixth apart.
-_SPEEDS = np.geomspace(2e-3, 1.0, 40)
+_SPEEDS = np.geomspace(SLOWEST, 1.0, 40)
 # A gain that bounces on a draw is lowered by steps of 2 dB, down to a tenth.
 _LOWERED = 0.8 ** np.arange(1.0, 11.0)
 

@@ -138,7 +138,7 @@ class WrittenLaw:
             law = GeneralisedHuntCrossley(K=k, n=n, B=b, p=p)
             made = names, str(found["material"]), law, speed, mobility
             return cls(*made, depths, masses, armature, pairs, friction)
-        except (ValueError, LookupError, TypeError) as error:
+        except (ValueError, LookupError, TypeError, RecursionError) as error:
             raise InvalidParameterError(
                 f"the text {name} of the model is damaged ({error}): export the law again"
             ) from None
