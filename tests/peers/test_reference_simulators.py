@@ -45,7 +45,7 @@ def relative_error(returned, law) -> np.ndarray:
 
 
 def test_an_absent_engine_is_a_skip_that_says_how_to_get_it() -> None:
-    with pytest.raises(pytest.skip.Exception, match=r"no_such_engine.*'\.\[peers\]'"):
+    with pytest.raises(pytest.skip.Exception, match=r"no_such_engine.*'\.\[peers,engines\]'"):
         installed("no_such_engine")
 
 
