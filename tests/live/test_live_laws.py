@@ -22,7 +22,7 @@ from palpate.live.ring import COLUMNS
 from palpate.live.ros import RosWire
 from palpate.live.running import default_estimator
 from palpate.live.schema import STATUS_TYPE, describe_status, estimates, read_run
-from palpate.live.sinks import why_outdated
+from palpate.live.sinks import diagnosis_fields, why_outdated
 from palpate.live.sources import EndOfSourceError, Replay
 from palpate.live.view import NUMBERS, gain_texts, headline, law_card_texts, verdict_on
 from palpate.live.wires import parse_address
@@ -234,6 +234,8 @@ def test_the_live_verdict_is_that_of_the_library(samples):
     diagnosis = palpate.identify(build_contact(known, 1e-3)).diagnosis
     assert page["verdict"] == diagnosis.verdict.as_dict()
     assert page["said"].startswith("stiffness ")
+    recorded = describe_run({**STATUS, "diagnosis": diagnosis_fields(page, STATUS)})
+    assert recorded["diagnosis"] == page["said"]
     depth = page["working_depths"][0]
     stiffness = MATERIALS["ball"].stiffness_at(depth["depth"])
     bars = depth["stiffness"]

@@ -70,7 +70,7 @@ def describe_run(status: dict[str, Any]) -> dict[str, str]:
     tared = "being measured" if tare is None else f"{tare:.6g} N was subtracted online"
     verdict = verdict_on(status)
     told = {"law": str(verdict.law.candidate)} if verdict and verdict.law.known else {}
-    if said := status.get("diagnosis", {}).get("said"):
+    if said := status.get("diagnosis", {}).get("answer"):
         told["diagnosis"] = str(said)
     return {
         "source": str(status.get("source", "")),
