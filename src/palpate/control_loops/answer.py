@@ -297,4 +297,4 @@ def _touch(speed: float, peak: float, settling: float) -> str:
     text = f"touching at {_speed(speed)}: peak force {rounded(peak, 3)} N"
     if math.isfinite(settling):
         return f"{text}, settled after {rounded(settling, 2)} s"
-    return f"{text}, it does not settle"
+    return f"{text}, and the force does not stay within 5 % of the wanted one"

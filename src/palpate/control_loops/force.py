@@ -5,13 +5,13 @@ from dataclasses import replace
 from math import tau
 from typing import ClassVar, Self
 
-from palpate.control_loops.loop import Complex, ControlLoop, FreePlant
+from palpate.control_loops.loop import Complex, MotorForceLoop
 from palpate.validation import check_field, frozen
 from palpate.writing import MADE
 
 
 @frozen(kw_only=True)
-class ForceControl(ControlLoop):
+class ForceControl(MotorForceLoop):
     """Proportional and integral control of the force, with the wanted force as feedforward.
 
     u = wanted_force + proportional · (wanted_force − F) + integral · ∫ (wanted_force − F) dt
@@ -48,7 +48,6 @@ class ForceControl(ControlLoop):
     proportional: float
     integral: float
     force_filter: float
-    friction: float = 0.0
     name: ClassVar[str] = "force"
     title: ClassVar[str] = "force control"
     number: ClassVar[int] = 2
@@ -56,26 +55,15 @@ class ForceControl(ControlLoop):
     needs_frequency: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
-        ControlLoop.__post_init__(self)
+        MotorForceLoop.__post_init__(self)
         check_field(self, "proportional", 0.0, 1e6, open_low=True)
         check_field(self, "integral", 0.0, 1e6)
         check_field(self, "force_filter", 0.1, 1e4)
-        check_field(self, "friction", 0.0, 1e6)
 
     @property
     def force_corner(self) -> float:
         """Corner of the filter of the force, rad/s."""
         return tau * self.force_filter
-
-    @property
-    def viscous_friction(self) -> float:
-        """Viscous friction of the joints along the normal, N·s/m."""
-        return self.friction
-
-    @property
-    def plant(self) -> FreePlant:
-        """The mass, with its friction."""
-        return FreePlant(0.0, self.friction, 1.0)
 
     def response(self, unit_delay: Complex) -> Complex:
         """Return −u/F."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar, Self
 
-from palpate.control_loops.loop import Complex, ControlLoop, FreePlant
+from palpate.control_loops.loop import Complex, MotorForceLoop
 from palpate.validation import check_field, frozen
 from palpate.writing import MADE
 
@@ -12,7 +12,7 @@ _MOST = 5000.0  # of crisp_controllers
 
 
 @frozen(kw_only=True)
-class ImpedanceControl(ControlLoop):
+class ImpedanceControl(MotorForceLoop):
     """Impedance control by motor forces, with the wanted force as feedforward.
 
     u = stiffness · (x_d − x) + damping · (ẋ_d − ẋ) + wanted_force
@@ -47,7 +47,6 @@ class ImpedanceControl(ControlLoop):
 
     stiffness: float
     damping: float
-    friction: float = 0.0
     name: ClassVar[str] = "impedance"
     title: ClassVar[str] = "impedance control"
     number: ClassVar[int] = 1
@@ -55,20 +54,9 @@ class ImpedanceControl(ControlLoop):
     measures_force: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        ControlLoop.__post_init__(self)
+        MotorForceLoop.__post_init__(self)
         check_field(self, "stiffness", 0.0, 1e9, open_low=True)
         check_field(self, "damping", 0.0, 1e9)
-        check_field(self, "friction", 0.0, 1e6)
-
-    @property
-    def viscous_friction(self) -> float:
-        """Viscous friction of the joints along the normal, N·s/m."""
-        return self.friction
-
-    @property
-    def plant(self) -> FreePlant:
-        """The mass, with its friction."""
-        return FreePlant(0.0, self.friction, 1.0)
 
     def response(self, unit_delay: Complex) -> Complex:
         """Return −u/x."""

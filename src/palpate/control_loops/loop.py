@@ -147,6 +147,33 @@ class ControlLoop(ABC):
         ]  # fmt: skip
 
 
+@frozen(kw_only=True)
+class MotorForceLoop(ControlLoop):
+    """A control loop that commands a motor force, on a robot whose joints have friction.
+
+    Parameters
+    ----------
+    friction : float
+        Viscous friction of the joints along the normal, N·s/m. Default: 0.
+    """
+
+    friction: float = 0.0
+
+    def __post_init__(self) -> None:
+        ControlLoop.__post_init__(self)
+        check_field(self, "friction", 0.0, 1e6)
+
+    @property
+    def viscous_friction(self) -> float:
+        """Viscous friction of the joints along the normal, N·s/m."""
+        return self.friction
+
+    @property
+    def plant(self) -> FreePlant:
+        """The mass, with its friction."""
+        return FreePlant(0.0, self.friction, 1.0)
+
+
 #: Module of each loop, whose ``LOOP`` is its class.
 LOOPS: Mapping[str, str] = MappingProxyType(
     {
