@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import palpate
+from palpate import control_loops
+from palpate.cli.gains import read_loop
 from palpate.control_loops.loop import LOOPS, loop_called
 
 ROBOT = ["--mass", "4", "--rate", "1000", "--wanted-force", "10N", "--speed", "20mm/s"]
@@ -122,3 +124,21 @@ def test_the_picture_has_two_panels_with_their_data(ball):
         assert {"this gain", "recommended", "identified damping"} <= set(labels)
         settled = forces.get_lines()[1].get_ydata()[-1]
         assert settled == pytest.approx(10.0, rel=0.02)
+
+
+def test_the_loop_of_a_live_run_is_read_from_options_of_gains(tmp_path, refused):
+    file = tmp_path / "robot.toml"
+    file.write_text(
+        'controller = "impedance"\nstiffness = 500.0\ndamping = 60.0\nmass = 4.0\nrate = 1000\n'
+        'delay = "2ms"\nwanted-force = "10N"\nspeed = "20mm/s"\n'
+    )
+    assert read_loop(file) == control_loops.ImpedanceControl(
+        stiffness=500.0, damping=60.0, mass=4.0, sample_rate=1000.0, delay=2e-3,
+        wanted_force=10.0, approach_speed=0.02,
+    )  # fmt: skip
+    live = "live", "lab:ball", "--no-page", "--seconds", 1, "--control-loop"
+    assert "omit --no-diagnosis" in refused(*live, file, "--no-diagnosis")
+    file.write_text('controller = "force"\n')
+    assert "needs --proportional" in refused(*live, file)
+    file.write_text('controller = "impedance"\ncolour = 3\n')
+    assert "colour" in refused(*live, file)
